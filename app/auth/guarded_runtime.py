@@ -1,4 +1,4 @@
-"""The runtime as people and integrations reach it: every command is checked and signed, whatever page it came by."""
+"""Wraps the runtime for people and integrations: every command is checked and signed."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextvars import ContextVar
@@ -20,6 +20,7 @@ from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Place, Site
 from harness.contracts.ports import LogHead, Record, StoredEvent
 from harness.contracts.tasks import TaskContract, TaskTemplate
+from harness.goals.understanding import Understood
 from harness.memory.fabric import MemoryFabric
 from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
@@ -28,10 +29,10 @@ from harness.projections.places import Places
 from harness.runtime import AnswerHandoff, FreeResource, Live, Runtime, Start, unobserved
 
 PRINCIPAL: ContextVar[Principal] = ContextVar("principal")
-"""Who the present request comes from. Set by the doorkeeper alone."""
+"""The principal of the present request, set by the security middleware only."""
 
 AuditLog = Callable[[Principal, Actor, str, str, str], object]
-"""Writes (visitor, actor, command, subject, outcome) where people's commands are kept with their source."""
+"""Writes (principal, actor, command, subject, outcome) to the audit log."""
 
 
 class GuardedRuntime:
@@ -52,7 +53,7 @@ class GuardedRuntime:
     # commands -------------------------------------------------------------------------------------------------------
 
     def start(self, start: Start, *, template: TaskTemplate | None = None) -> Accepted[AnyEvent] | Refused:
-        """Create a mission in the visitor's name. Raises as `Runtime.start` does."""
+        """Create a mission in the principal's name. Raises as `Runtime.start` does."""
         actor = _acting(CreateMission)
         _same_robot(start.robot_id)
         decision = self._runtime.start(replace(start, actor=actor), template=template)
@@ -123,9 +124,13 @@ class GuardedRuntime:
         """A place as it shipped, whatever people made of it since."""
         return self._runtime.shipped_place(place_id)
 
-    def draft(self, start: Start) -> TaskContract:
+    def draft(self, start: Start, *, template: TaskTemplate | None = None) -> TaskContract:
         """The contract that `start` would create now; nothing is written."""
-        return self._runtime.draft(start)
+        return self._runtime.draft(start, template=template)
+
+    def understood(self, start: Start) -> Understood:
+        """What the goal of a request means now; nothing is written."""
+        return self._runtime.understood(start)
 
     def current_configuration_id(self, robot_id: ids.RobotId) -> ids.Digest:
         """The version that a new mission of this robot is pinned to."""
@@ -213,7 +218,7 @@ def principal() -> Principal:
 
 
 def _acting(kind: type[Command]) -> Actor:
-    """The visitor in the role that allows this command; raises NotPermitted."""
+    """The principal in the role that allows this command; raises NotPermitted."""
     return principal().acting(asked_permission(kind))
 
 

@@ -14,9 +14,8 @@ from pydantic import SecretStr
 from app.auth.accounts import Accounts
 from app.auth.commit_authority import authority
 from app.background.signals import SignalBroker
-from app.cli.accounts import opened
 from app.cli.api_client import Api
-from app.cli.data_folder import running
+from app.cli.data_folder import opened, running
 from app.cli.output import ProgressPrinter, settings
 from app.cli.owner_api import owner_api
 from app.cli.person import me
@@ -98,7 +97,7 @@ class LocalApi(Api):
         return asyncio.run(self._asked(method, path, body))
 
     async def _asked(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
-        transport = httpx.ASGITransport(app=self._app)
+        transport = httpx.ASGITransport(app=self._app, client=("terminal", 0))
         async with httpx.AsyncClient(transport=transport, base_url=self._base, headers=self._headers) as client:
             return await client.request(method, path, json=body)
 

@@ -18,9 +18,9 @@ from app.background.release_watch import ReleaseWatch
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
 from app.cli import output
-from app.cli.accounts import opened
-from app.cli.data_folder import duplicate_starts
+from app.cli.data_folder import duplicate_starts, opened
 from app.cli.identity import examine_issuer
+from app.cli.person import me
 from app.cli.rsi_shipped import put_in_review
 from app.i18n.reasons.rendering import sentence
 from app.main import bind, create_app, open_accounts, serve
@@ -88,6 +88,7 @@ def up(
                 "speed": chosen.speed,
                 "robots": tuple(harness.robots),
                 "owner_token": SecretStr(harness.token),
+                "owner": console.owner if "owner" in console.model_fields_set else me().name,
             }
         )
         _begin(harness, start, seed=seed, faults=faults)

@@ -1,4 +1,4 @@
-"""/alerts: what a person should know, one row per cause, and what people do about it."""
+"""/alerts: what needs a person's attention, one row per cause, and what people do about it."""
 
 from collections.abc import Callable
 from math import isfinite
@@ -68,7 +68,7 @@ def show(console: ConsoleDep, actor: ActorDep, alert_id: str) -> HTMLResponse:
 
 
 def _route(kind: type[Act]) -> Callable[..., Response]:
-    """The handler of one act of app/acts/alerts.py: 303, 422 not well said, 409 refused and why."""
+    """The handler of one act of app/acts/alerts.py: 303, 422 for invalid input, 409 with the reason of a refusal."""
 
     def act(console: ConsoleDep, actor: ActorDep, alert_id: str, typed: FormDep) -> Response:
         said = kind.from_form(typed)

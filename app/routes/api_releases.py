@@ -1,6 +1,5 @@
 """/api/v1/candidates and /releases: all that the pages can do. Decisions are for people, bound to what they saw."""
 
-from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
@@ -112,9 +111,9 @@ def results(console: ConsoleDep, candidate: str) -> Any:
         schemas.Results(
             pairs=shown.pairs,
             safety_pairs=shown.safety_pairs,
-            pass_to_fail=tuple(schemas.CaseResource(**vars(one)) for one in shown.worse),
+            pass_to_fail=shown.worse,
             pass_to_fail_total=shown.worse_total,
-            fail_to_pass=tuple(schemas.CaseResource(**vars(one)) for one in shown.better),
+            fail_to_pass=shown.better,
             fail_to_pass_total=shown.better_total,
             families=tuple(_family(one) for one in shown.families),
             held_out=whole.held_out,
@@ -134,29 +133,29 @@ def replay(console: ConsoleDep, actor: ActorDep, candidate: str) -> Any:
     return api_requests.plain(schemas.Replay(missions=found.looked, decisions=found.decisions, differing=differing))
 
 
-def _route(kind: type[acts.CandidateAct]) -> Callable[..., Any]:
+def _act() -> api_requests.Handler:
     def act(console: ConsoleDep, candidate: str, body: Any) -> Any:
         name = console.releases.review(_named(candidate)).candidate
         decision = console.releases.ask(name, body)
         return api_requests.refusal(decision) if isinstance(decision, Refused) else sheet(console.releases, name)
 
-    act.__annotations__["body"] = kind
     return act
 
 
-for verb, kind in acts.ACTS.items():
-    described = api_requests.answers(schemas.CandidateResource)
-    path, route = f"/candidates/{{candidate}}/{verb}", _route(kind)
-    router.post(path, name=verb, description=kind.__doc__, responses=described)(route)
-    if "-" in verb:
-        router.post(path.replace("-", "_"), include_in_schema=False)(route)
+api_requests.post_acts(router, "/candidates/{candidate}", acts.ACTS, _act, answered=schemas.CandidateResource)
+
+
+@router.post("/candidates/{candidate}/request_changes", include_in_schema=False)
+def request_changes(console: ConsoleDep, candidate: str, body: acts.RequestChangesAct) -> Any:
+    """The address under which the act was found before."""
+    return _act()(console, candidate, body)
 
 
 @router.get("/releases", responses=api_requests.answers(schemas.Releases))
 def releases(
     console: ConsoleDep,
     at: Annotated[str, Query(max_length=40, description="An instant: what was current then is `current_at`.")] = "",
-    robot: api_requests.Text = "",
+    robot: api_requests.Facet = "",
 ) -> Any:
     """The pointer: where it stands, its history, what is pinned to what, quarantine, looks, uptake and the policy."""
     releases = console.releases

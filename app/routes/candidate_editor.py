@@ -1,4 +1,4 @@
-"""/candidates/new: a person's own candidate, from fields or as JSON, checked before anything runs."""
+"""/candidates/new: a candidate of one's own, from fields or as JSON, checked before anything runs."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -42,7 +42,7 @@ def check(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
 
 @router.post("")
 def propose(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
-    """303 to the new candidate, 422 with what to mend, 409 with why the desk refused."""
+    """303 to the new candidate, 422 with what to correct, 409 with the reason of the refusal."""
     candidate, found = read(console, actor, typed)
     if candidate is None:
         return render("candidates/new.html", page_of(console, actor, typed, found), status=422)

@@ -1,13 +1,12 @@
-"""/candidates: proposed changes to the harness itself; who says what about them, and what follows."""
+"""/candidates: proposed changes to the harness itself, their reviews and releases."""
 
-from collections.abc import Callable
 from itertools import islice
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from app.acts.releases import ACTS, CandidateAct
+from app.acts.releases import ACTS
 from app.background.evaluations import situations
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
@@ -35,7 +34,7 @@ CODEC: Codec[CandidateEvent] = Codec(CandidateEvent)
 
 
 def asked_of(request: Request) -> CandidateListParams:
-    """Search, filters and place from the address. Raises UnknownName or ContractInvalid for what no page ever gave."""
+    """Search, filters and position from the address. Raises UnknownName or ContractInvalid for invalid ones."""
     params = request.query_params
     group, skip = params.get("status", ""), params.get("skip", "0")
     if group not in {value for value, _, _ in candidates.GROUPS}:
@@ -91,24 +90,19 @@ def rolling_back(console: ConsoleDep, actor: ActorDep, candidate: str) -> HTMLRe
     return render("candidates/rollback.html", rollback_of(console, actor, candidate))
 
 
-def _route(kind: type[CandidateAct]) -> Callable[..., Response]:
-    """The handler of one act of app/acts/releases.py: 303, 422 not well said, 409 refused and why."""
-
-    def act(console: ConsoleDep, actor: ActorDep, candidate: str, typed: FormDep) -> Response:
-        name = console.releases.review(candidate).candidate
-        said = kind.from_form(typed)
-        if isinstance(said, tuple):
-            return _again(console, actor, name, typed, refused=" ".join(one.text for one in said), status=422)
-        decision = console.releases.ask(name, said)
-        if isinstance(decision, Refused):
-            return _again(console, actor, name, typed, refused=reasoned(decision.reason), status=409)
-        return RedirectResponse(f"/candidates/{name}", status_code=303)
-
-    return act
-
-
-for verb, kind in ACTS.items():
-    router.post(f"/{{candidate}}/{verb}", name=verb)(_route(kind))
+@router.post("/{candidate}/{verb}")
+def act(console: ConsoleDep, actor: ActorDep, candidate: str, verb: str, typed: FormDep) -> Response:
+    """One act of app/acts/releases.py: 303, 422 not well said, 409 refused and why, with the page as it is now."""
+    if verb not in ACTS:
+        raise UnknownName(f"Nobody can {verb[:40]!r} a candidate", do=N_("use a button of its page"))
+    name = console.releases.review(candidate).candidate
+    said = ACTS[verb].from_form(typed)
+    if isinstance(said, tuple):
+        return _again(console, actor, name, typed, refused=" ".join(one.text for one in said), status=422)
+    decision = console.releases.ask(name, said)
+    if isinstance(decision, Refused):
+        return _again(console, actor, name, typed, refused=reasoned(decision.reason), status=409)
+    return RedirectResponse(f"/candidates/{name}", status_code=303)
 
 
 def _again(

@@ -1,4 +1,4 @@
-"""How one question is put together from what the console knows. Parses nothing and submits nothing."""
+"""Collects what the page of one handoff shows, and checks an answer against the page it was given on."""
 
 from dataclasses import dataclass
 
@@ -30,7 +30,7 @@ EARLIER = 50
 
 @dataclass(frozen=True)
 class SubmittedForm:
-    """A form as it was left: what was typed, why it did not count, and the cycle it was about."""
+    """A form as it was left: what was typed, why it was refused, and the cycle that it answered."""
 
     typed: str = ""
     refused: str = ""
@@ -80,7 +80,7 @@ def question_of(console: Console, handoff_id: ids.HandoffId) -> ShownQuestion:
 
 
 def answered(console: Console, actor: Actor, handoff_id: ids.HandoffId, said: Act) -> Decision[AnyEvent]:
-    """A person's act at a handoff. An approval that names a page counts only if the page stands so now."""
+    """Submit a person's act. An approval that names the page it saw counts only if the page is still the same."""
     if isinstance(said, ApproveHandoffAct) and said.shown is not None:
         unseen = _unlike(console, handoff_id, said)
         if unseen is not None:
@@ -89,7 +89,7 @@ def answered(console: Console, actor: Actor, handoff_id: ids.HandoffId, said: Ac
 
 
 def _unlike(console: Console, handoff_id: ids.HandoffId, said: ApproveHandoffAct) -> Refused | None:
-    """Why what this person saw is not what stands here now, as far as the gate could not tell.
+    """The refusal if this person saw something else than the present page; None if it is the same or the gate decides.
 
     What was seen is kept, so that an auditor sees it again.
     """
@@ -134,7 +134,7 @@ def _earlier(console: Console, opened: HandoffOpened) -> tuple[HandoffItem, ...]
 
 
 def word_of(console: Console, robot_id: str) -> LastReport | None:
-    """What the robot says of itself; None for one that is not connected here."""
+    """The robot's last report; None for one that is not connected here."""
     try:
         return robots.robot_word(console.fleet.word(robot_id), now_s=console.clock())
     except UnknownName:

@@ -65,12 +65,12 @@ def question(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId) -> HTM
 
 @router.get("/{handoff_id}/shown")
 def shown(console: ConsoleDep, handoff_id: HandoffId) -> HTMLResponse:
-    """Subject and evidence as they stand now, and nothing that moves."""
+    """Subject and evidence as they stand now, without live parts."""
     return render("handoffs/_shown.html", question_of(console, handoff_id))
 
 
 def _route(word: str) -> Callable[..., Response]:
-    """The handler of one act of app/acts/handoffs.py: 303, 422 not well said, 409 refused and why."""
+    """The handler of one act of app/acts/handoffs.py: 303, 422 for invalid input, 409 with the reason of a refusal."""
 
     def act(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
         said = handoff_acts.act_of(word, typed).from_form(typed)

@@ -1,4 +1,4 @@
-"""/missions: list them, watch one, start one, stop one."""
+"""/missions: list, watch, start and stop missions."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -20,13 +20,15 @@ from app.views.forms import Again, Before, FormOptions, StopPage, Wrong
 from app.views.list_params import ListParams
 from app.views.missions import Counted, MissionsPage
 from app.views.preview import Preview
+from app.views.readings import goal_words, question_view
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, UnknownName
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.readings import ReadingQuestion
 from harness.contracts.tasks import TaskTemplate
 from harness.extra_templates import begin, draft, offered
 from harness.projections.mission import Mission
@@ -81,6 +83,8 @@ def preview(console: ConsoleDep, principal: PrincipalDep, actor: ActorDep, typed
     """The form with the contract it would be compiled to; nothing is written."""
     principal.acting("drive")
     drafted = _asked(console, actor, typed, lambda order: draft(console.runtime, order))
+    if isinstance(drafted, ReadingQuestion):
+        return _form(console, actor, typed, question=drafted)
     if isinstance(drafted, tuple):
         return _form(console, actor, typed, wrong=drafted)
     return _form(console, actor, typed, shown=previews.preview(drafted, console.runtime.site))
@@ -90,6 +94,8 @@ def preview(console: ConsoleDep, principal: PrincipalDep, actor: ActorDep, typed
 def start(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
     key = typed.get("key", "")
     begun = _asked(console, actor, typed, lambda order: console.keys.once(key, lambda: started(console, order)))
+    if isinstance(begun, ReadingQuestion):
+        return _form(console, actor, typed, question=begun)
     if isinstance(begun, tuple):
         return _form(console, actor, typed, wrong=begun)
     return RedirectResponse(f"/missions/{begun}", status_code=303)
@@ -145,13 +151,17 @@ def _template(console: Console, typed: dict[str, str]) -> TaskTemplate | None:
     return next((one for one in _offered(console, typed) if one.name == typed.get("template")), None)
 
 
-def _asked(console: Console, actor: Actor, typed: dict[str, str], act: Callable[[Start], T]) -> T | tuple[Wrong, ...]:
-    """What comes of the order that the form makes, or what is wrong with the form."""
+def _asked(
+    console: Console, actor: Actor, typed: dict[str, str], act: Callable[[Start], T]
+) -> T | tuple[Wrong, ...] | ReadingQuestion:
+    """What comes of the order that the form makes, what is wrong with the form, or what the person is asked."""
     if typed.get("rerun_of"):
         console.runtime.mission(MissionId(typed["rerun_of"]))
     try:
         said = StartMissionAct.from_form(typed, template=_template(console, typed), robots=console.settings.robots)
         return said if isinstance(said, tuple) else act(ordered(console, actor, said, channel="page"))
+    except GoalNotUnderstood as error:
+        return error.question
     except (UnknownName, ContractInvalid) as error:
         return (_beside(console, typed, error),)
 
@@ -178,7 +188,7 @@ def _again(console: Console, typed: dict[str, str]) -> Again | None:
     done = ("committed", "superseded")
     return Again(
         mission_id=mission.mission_id,
-        goal=mission.goal,
+        goal=goal_words(mission),
         status=mission.status,
         unaccepted=tuple(name for name, node in mission.nodes.items() if node.status not in done),
     )
@@ -191,7 +201,9 @@ def _form(
     *,
     wrong: Sequence[Wrong] = (),
     shown: Preview | None = None,
+    question: ReadingQuestion | None = None,
 ) -> HTMLResponse:
+    """The form again; 422 where something must be corrected, or a reading confirmed."""
     robots = console.settings.robots
     robot_id = typed.get("robot_id") or robots[0]
     page = forms.start_page(
@@ -201,10 +213,11 @@ def _form(
         key=typed.get("key") or console.sessions.key(),
         wrong=wrong,
         again=_again(console, typed),
-        ahead=[Before(one.mission_id, one.goal, one.status) for one in waiting_line(console, robot_id)],
+        ahead=[Before(one.mission_id, goal_words(one), one.status) for one in waiting_line(console, robot_id)],
         preview=shown,
+        reading=question_view(question) if question else None,
     )
-    return render("missions/new.html", page, status=422 if wrong else 200)
+    return render("missions/new.html", page, status=422 if wrong or question else 200)
 
 
 def waiting_line(console: Console, robot_id: str) -> list[Mission]:
@@ -219,7 +232,7 @@ def _stop_page(console: Console, actor: Actor, mission_id: MissionId, *, errors:
         shell=console.shell(lazy_gettext("Stop {robot_id}", robot_id=mission.robot_id), "missions", actor),
         mission_id=mission_id,
         robot_id=mission.robot_id,
-        goal=mission.goal,
+        goal=goal_words(mission),
         status=mission.status,
         robot=word_of(console, mission.robot_id),
         reasons=forms.STOP_REASONS,

@@ -1,4 +1,4 @@
-"""Pure: one accepted fact down to everything it rests on."""
+"""Shapes one committed fact with everything it rests on."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

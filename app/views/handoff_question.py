@@ -78,7 +78,7 @@ def shown_record(opened: HandoffOpened, mission: Mission) -> ShownRecord:
 
 
 def shown_question(opened: HandoffOpened, mission: Mission) -> ShownQuestion:
-    """From the question and the mission's state alone."""
+    """The question as it stands, from the handoff and the mission's state alone."""
     state = mission.nodes.get(opened.node_id)
     return ShownQuestion(
         opened=opened,
@@ -89,7 +89,7 @@ def shown_question(opened: HandoffOpened, mission: Mission) -> ShownQuestion:
 
 
 def action_view(proposal: ProposedAction | None, *, subject: str) -> ActionView | None:
-    """Rows come from the canonical bytes, so that nothing can be shown that is not digested."""
+    """The rows are read from the canonical bytes, so that only what is digested can be shown."""
     if proposal is None:
         return None
     body = encode(proposal)

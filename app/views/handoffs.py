@@ -53,7 +53,7 @@ TAKING_UP = ("HandoffApproved", "HandoffRejected", "HandoffAttested", "HandoffHa
 
 @dataclass(frozen=True)
 class HandoffsPage:
-    """One page of the list; search, filters, order and place stand in the address. `live`: it follows what happens."""
+    """One page of the list; search, filters, order and position are in the address. `live`: it refreshes itself."""
 
     shell: Shell
     rows: tuple[HandoffItem, ...]
@@ -98,7 +98,7 @@ class AlternativeAction:
 
 @dataclass(frozen=True)
 class Holding:
-    """Whose question it is. `mine`: this person's; `token` is theirs, or a fresh one to claim with."""
+    """Who has claimed the question. `mine`: this person; `token` is their claim, or a fresh one to claim with."""
 
     name: str
     mine: bool
@@ -178,7 +178,7 @@ class HandoffPage:
 
 
 def title(handoff: Handoff, mission: Mission | None) -> str:
-    """A sentence that the robot could say."""
+    """The title of the question: which robot asks about which stage."""
     opened = handoff.opened
     if opened is None:
         return lazy_gettext("Handoff {handoff_id}", handoff_id=handoff.handoff_id)
@@ -187,14 +187,14 @@ def title(handoff: Handoff, mission: Mission | None) -> str:
 
 
 def asking(robot: str, stage: str, *, waits: bool) -> str:
-    """The sentence of a question, wherever it is listed."""
+    """The title of a question about a stage."""
     if waits:
         return lazy_gettext("{robot} cannot finish “{stage}” and asks you", robot=robot, stage=stage)
     return lazy_gettext("{robot} asked about “{stage}”", robot=robot, stage=stage)
 
 
 def question(item: HandoffItem) -> str:
-    """The sentence of a question in a list."""
+    """The title of a question in a list."""
     return asking(item.robot_id, item.stage or word(item.node_id), waits=waits(item))
 
 
@@ -311,7 +311,7 @@ def handoffs_page(
     following: ListQuery | None,
     counted: Counted,
 ) -> HandoffsPage:
-    """The rows of one page, in the order they come in."""
+    """One page of the list, with the rows in the given order."""
     chosen = params.given.get("status", "")
     return HandoffsPage(
         shell=shell,
@@ -332,7 +332,7 @@ def handoffs_page(
 
 
 def steps(handoff: Handoff, mission: Mission, told: HandoffEvents) -> tuple[DecisionStep, ...]:
-    """Decided, dispatched, moving, verified: after a decision only. Taken up is not done."""
+    """What followed the decision: dispatched, moved, verified. A dispatched action is not yet a done one."""
     if handoff.waits or handoff.opened is None:
         return ()
     taken = next((position for position, _, event in told if type(event).__name__ in TAKING_UP), None)

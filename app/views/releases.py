@@ -1,4 +1,4 @@
-"""Pure: the one pointer to what new missions run under: where it stands, how it came there, what runs under what."""
+"""Shapes the release pointer: the current version, how it got there, and which missions run under which version."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -135,7 +135,7 @@ def cause_tone(cause: str) -> str:
 def policy_form(
     pointer: Pointer, around: Around, *, may: bool, typed: Mapping[str, str] | None = None, refused: str = ""
 ) -> PolicyForm:
-    """As it stands, or as it was left."""
+    """The policy as it stands, or as the form was left."""
     left = typed or {}
     return PolicyForm(
         kind=left.get("kind", pointer.policy.kind),

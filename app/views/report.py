@@ -1,4 +1,4 @@
-"""Pure: what became of a mission, for people who were not there: for print, with every word labelled by whose it is."""
+"""Shapes a mission's report for people who were not there, with each statement labelled by its source."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

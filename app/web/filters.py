@@ -1,4 +1,4 @@
-"""How values and items look on a page: instants, durations, numbers with their units; an item's words and colour."""
+"""The template filters: instants, durations and numbers with units; the words and colours of items."""
 
 import json
 from collections.abc import Callable, Iterable
@@ -23,6 +23,7 @@ from app.views import (
     preview,
     providers,
     queue,
+    readings,
     releases,
     review,
     robots,
@@ -49,7 +50,7 @@ def iso(at_s: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """2 min 41 s; below ten seconds with one decimal."""
+    """Seconds as "2 min 41 s"; below ten seconds with one decimal."""
     if seconds < 10:
         return lazy_gettext("{seconds} s", seconds=f"{max(seconds, 0.0):.1f}")
     minutes, rest = divmod(round(seconds), 60)
@@ -64,33 +65,33 @@ def duration(seconds: float) -> str:
 
 
 def elapsed(seconds: float) -> str:
-    """02:41.3: a place on the mission's own time."""
+    """Seconds of mission time as "02:41.3"."""
     minutes, rest = divmod(max(seconds, 0.0), 60)
     return f"{int(minutes):02d}:{rest:04.1f}"
 
 
 def short(digest: str) -> str:
-    """The first eight signs of a digest or long identifier."""
+    """The first eight characters of a digest or long identifier."""
     return digest[:8]
 
 
 def words(slug: str) -> str:
-    """awaiting_human reads as awaiting human, in every language that knows the word."""
+    """A slug of the vocabulary as words: awaiting_human reads as "awaiting human", in the reader's language."""
     return word(slug)
 
 
 def named(name: str) -> str:
-    """A name that somebody gave, as it was given: no word of any language."""
+    """A name that somebody gave; it is not translated."""
     return escape(name)
 
 
 def pretty(value: Any) -> str:
-    """JSON for reading."""
+    """A value as indented JSON."""
     return json.dumps(value, indent=2, ensure_ascii=False, sort_keys=True)
 
 
 def compact(value: Any) -> str:
-    """JSON on one line, cut where nobody reads on."""
+    """A value as JSON on one line, cut at a readable length."""
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 320 else f"{text[:320]}… ({len(text)} signs)"
 
@@ -100,12 +101,12 @@ def percent(share: float) -> str:
 
 
 def listed_words(slugs: Iterable[str]) -> str:
-    """Words of the vocabulary, one after the other."""
+    """Slugs of the vocabulary as a list of words."""
     return listed(map(word, slugs))
 
 
 def roles(joined: str) -> str:
-    """Roles as the log keeps them, joined by +."""
+    """Roles, which the log stores joined by +, as a list of words."""
     return listed(joined.split("+"))
 
 
@@ -151,7 +152,11 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "event_tone": sentences.tone,
     "fields": measures.fields,
     "finding": dict(canary.FINDINGS).__getitem__,
+    "clause_verdicts": readings.clause_verdicts,
     "goal_reason": missions.goal_reason,
+    "goal_words": readings.goal_words,
+    "mission_reading": readings.mission_view,
+    "source_words": readings.source_words,
     "labels": missions.labels,
     "leading": measures.leading,
     "length_m": places.length_m,

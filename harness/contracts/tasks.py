@@ -19,6 +19,7 @@ from harness.contracts.effects import (
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import ConditionId, Digest, NodeId, PlaceId, ResourceId
 from harness.contracts.protocol import Parameters
+from harness.contracts.readings import PROFILE, Act, Clause, ObjectKind, Reading, clause_id
 from harness.contracts.rules import FIRST_RULES, RETIRED, Retired, RulesVersion
 from harness.contracts.values import Count, Name, Positive, Value
 
@@ -91,7 +92,11 @@ class Constraints(Value):
 
 
 class TaskContract(Value):
-    """One compiled request. `template` and `site` say what it was compiled from."""
+    """One compiled request. `template` says what it was compiled from, several names joined by `+`.
+
+    `reading` is what the goal was understood as (D40); `confirmed` its digest where a person confirmed a reading that
+    leaves words unread. Contracts of earlier releases, and of templates that take no goal in words, have neither.
+    """
 
     goal: Goal
     nodes: Annotated[tuple[Node, ...], msgspec.Meta(min_length=1)]
@@ -102,6 +107,8 @@ class TaskContract(Value):
     frame: Name
     map_version: Name
     bindings: dict[str, Any] = msgspec.field(default_factory=dict)
+    reading: Reading | msgspec.UnsetType = msgspec.UNSET
+    confirmed: Digest | msgspec.UnsetType = msgspec.UNSET
 
     def node(self, node_id: NodeId) -> Node:
         """Raises UnknownName."""
@@ -120,8 +127,20 @@ class TemplateParameter(Value):
     default: str | float | None = None
 
 
+class Serves(Value):
+    """One kind of clause that a template does: the act, and which parameter takes the place it is about."""
+
+    act: Act
+    object: ObjectKind
+    parameter: str = ""
+
+
 class TaskTemplate(Value):
-    """A task contract with open places. Strings `${name.field}` are bound by planning; the rest is literal."""
+    """A task contract with open places. Strings `${name.field}` are bound by planning; the rest is literal.
+
+    `serves` says for which clauses of a goal it is taken; one without it is started by its name only. `stages` names
+    the stage that answers a further act, such as `return`; a default that a goal declines is left out.
+    """
 
     name: Name
     version: Name
@@ -133,6 +152,8 @@ class TaskTemplate(Value):
     completion_conditions: tuple[dict[str, Any], ...]
     constraints: dict[str, Any]
     recovery_total: Count
+    serves: tuple[Serves, ...] | msgspec.UnsetType = msgspec.UNSET
+    stages: dict[Act, NodeId] | msgspec.UnsetType = msgspec.UNSET
 
 
 def check(contract: TaskContract, *, rules: RulesVersion = FIRST_RULES, retired: Retired = RETIRED) -> None:
@@ -177,6 +198,7 @@ def check(contract: TaskContract, *, rules: RulesVersion = FIRST_RULES, retired:
                 do="name the predicate that replaces it, or declare the condition in the node's evidence policy",
             )
     _check_declared(contract)
+    _check_covered(contract)
 
 
 def _check_declared(contract: TaskContract) -> None:
@@ -227,6 +249,38 @@ def _check_required(contract: TaskContract) -> None:
                 where=f"nodes.{node.node_id}.depends_on",
                 do="mark what it depends on as required, or drop the dependency",
             )
+
+
+def _check_covered(contract: TaskContract) -> None:
+    """Every clause that is to be done has a completion condition, and every condition its clause (D42)."""
+    reading = contract.reading
+    if isinstance(reading, msgspec.UnsetType):
+        return
+    if (reading.unread or not reading.clauses) and contract.confirmed != reading.digest:
+        raise ContractInvalid(
+            "The goal has words that were not read", where="reading", do="confirm the reading, or say it otherwise"
+        )
+    numbers = {clause_id(number) for number, _ in enumerate(reading.clauses, start=1)}
+    defaults = {f"{PROFILE}.{name}" for name in reading.defaults}
+    cited = {condition.clause for condition in contract.completion_conditions}
+    if strange := sorted(str(one) for one in cited - numbers - defaults):
+        raise ContractInvalid(
+            f"A completion condition cites {strange[0]}, which is no clause of the reading",
+            where="completion_conditions",
+            do="cite a clause by its number, or a default of the mission profile",
+        )
+    for number, clause in enumerate(reading.clauses, start=1):
+        if clause_id(number) not in cited and not declines_default(clause):
+            raise ContractInvalid(
+                f"Clause {number} of the goal ({clause.act}) has no completion condition",
+                where="completion_conditions",
+                do="test every clause, or refuse the goal",
+            )
+
+
+def declines_default(clause: Clause) -> bool:
+    """Whether a clause only leaves out a default of the mission profile: nothing is left to test then."""
+    return clause.negated and clause.act in ("return", "report")
 
 
 def order(contract: TaskContract) -> tuple[NodeId, ...]:

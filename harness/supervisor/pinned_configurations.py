@@ -47,7 +47,13 @@ def _again(runtime: Runtime, mission: Mission, current: Digest) -> Accepted[AnyE
 
 
 def _recompiled(runtime: Runtime, mission: Mission, configuration: Configuration) -> TaskContract:
-    """The goal compiled with the version's own template; a template outside the versions is the same in all."""
+    """The goal compiled with the version's own template; a template outside the versions is the same in all.
+
+    A mission with a reading is compiled from it; one of an earlier release as it was begun (D62).
+    """
+    again = runtime.compiled_under(mission, configuration)
+    if again is not None:
+        return again
     contract = required_contract(mission)
     if mission.template not in {template.name for template in runtime.configuration_of(mission).templates}:
         return contract

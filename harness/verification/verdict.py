@@ -98,9 +98,10 @@ def _results(evidence: Evidence) -> tuple[tuple[verdicts.ConditionResult, bool],
         raise ContractInvalid(str(error), where="context", do="compile C3 with its conditions") from error
     results = []
     for condition in conditions:
-        evidence.lineage.levels.clear()
-        finding, broken = _found(condition, evidence)
-        results.append((_result(condition, evidence, finding), broken))
+        own = evidence.within(condition.condition_id)
+        own.lineage.levels.clear()
+        finding, broken = _found(condition, own)
+        results.append((_result(condition, own, finding), broken))
     return tuple(results)
 
 

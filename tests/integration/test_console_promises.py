@@ -142,7 +142,7 @@ def test_a_person_takes_over_drives_and_hands_back_and_the_harness_looks_for_its
         teleoperation = {"device": "tablet", "reason": "round the pallet"}
         assert operator.post("/robots/vbot-1/drive", data=teleoperation).status_code == 303
         pad = operator.get("/robots/vbot-1/drive").text
-        assert f'action="/handoffs/{handoff_id}/claim" data-keep=' in pad
+        assert re.search(rf'action="/handoffs/{handoff_id}/claim"\s+data-keep=', pad)
         assert "Its deadline is paused" in pad
         session = stand.app.state.console.control().wheels["vbot-1"].session
         before = len(stand.harness.starts(mission.mission_id))

@@ -50,13 +50,15 @@ def test_a_route_is_bound_by_its_ends_and_a_missing_one_lists_those_that_exist()
     assert "A-B (anchor_a to office_storage)" in error.value.do
 
 
-def test_the_nearest_passage_is_bound() -> None:
+def test_a_passage_belongs_to_the_place_whose_region_holds_it_and_to_no_other() -> None:
     storage = bind_place("B", site=SITE)
     far = replace(SITE.passages[0], passage_id=PlaceId("far"), floor_m=((90.0, 0.0), (91.0, 0.0), (91.0, 1.0)))
     near = bind_passage(storage, site=replace(SITE, passages=(far, *SITE.passages)))
     assert near.passage_id == "storage_passage"
-    with pytest.raises(UnknownName, match="No passage is known"):
-        bind_passage(storage, site=replace(SITE, passages=()))
+    with pytest.raises(UnknownName, match="No passage lies within office_storage"):
+        bind_passage(storage, site=replace(SITE, passages=(far,)))
+    with pytest.raises(UnknownName, match="No passage lies within anchor_a"):
+        bind_passage(bind_place("dock", site=SITE), site=SITE)
 
 
 def test_a_spot_that_is_the_whole_value_keeps_its_type() -> None:

@@ -59,7 +59,7 @@ def test_a_goal_becomes_goal_graph_conditions_constraints_and_budgets() -> None:
     assert (task.goal.text, task.goal.digest) == (GOAL, sha256(GOAL.encode()))
     assert [node.node_id for node in task.nodes] == STAGES
     assert [condition.condition_id for condition in task.completion_conditions] == [
-        "goal.linked", "goal.in_order", "goal.home", "goal.reported",
+        "goal.linked", "goal.one_subject", "goal.delivered", "goal.in_order", "goal.home", "goal.reported",
     ]  # fmt: skip
     assert task.constraints.speed_cap_mps == 0.5
     assert set(task.constraints.resources) == {"mobile_base", "camera", "outbox", "speaker"}
@@ -142,14 +142,14 @@ def test_the_inspection_asks_for_evidence_of_looking_and_telling_as_well_as_of_m
     assert "receipts" in task.node(NodeId("report")).evidence.mandatory
 
 
-def test_the_return_waits_for_an_acknowledged_delivery_of_four_images() -> None:
+def test_the_return_waits_for_a_delivery_of_four_images_that_was_read_back() -> None:
     task = contract()
     back, delivery = task.node(NodeId("return")), task.node(NodeId("delivery"))
     assert back.depends_on == ("delivery",)
     assert back.runs_after_failure
     effect = delivery.success_conditions[0].effect
     assert isinstance(effect, Symbolic)
-    assert (effect.predicate, effect.arguments["images"]) == ("delivered", "4")
+    assert (effect.predicate, effect.arguments["images"]) == ("message_stored", "4")
 
 
 def test_the_panorama_needs_the_robot_at_the_place_and_static() -> None:
@@ -224,7 +224,7 @@ def test_a_cycle_is_refused_when_the_contract_is_compiled() -> None:
         ({"destination": ""}, ContractInvalid, "is not a place"),
         ({"destination": 4.0}, ContractInvalid, "is not a place"),
         ({"destinaton": "B"}, UnknownName, "did you mean 'destination'"),
-        ({"destination": "A"}, UnknownName, "No route leads from anchor_a to anchor_a"),
+        ({"destination": "A"}, UnknownName, "No passage lies within anchor_a"),
         ({"destination": "x" * 1000}, ContractInvalid, "has 1000 characters"),
     ],
 )
