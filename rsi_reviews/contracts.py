@@ -141,6 +141,7 @@ class CaseResult(values.Value, omit_defaults=True):
     configuration: Digest
     outcome: Literal["finished", "crashed", "timed_out", "truncated"]
     verified_completion: float = 0.0
+    partly_verified: float = 0.0
     contract_false_completion: float = 0.0
     epistemic_false_completion: float = 0.0
     duplicate_starts: float = 0.0

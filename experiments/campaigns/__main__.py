@@ -15,6 +15,7 @@ import msgspec
 
 from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.damage import DamageReport, damages
+from experiments.campaigns.declared import declared_offences
 from experiments.campaigns.hammer import HammerReport, hammer
 from experiments.campaigns.kills import KillReport, kill_campaign
 from experiments.campaigns.mission import played
@@ -209,6 +210,8 @@ def _check(asked: argparse.Namespace) -> None:
         case "hammer":
             hammered = hammer(QUICK_DECISIONS, seed=asked.seed, callers=2, between_s=QUICK_KILLS_S)
             found = next(iter(hammered.offences), "")
+        case "declared":
+            found = next(declared_offences(seed=asked.seed), "")
         case _:
             found = next(iter(suspensions(2).offences), "")
     if found:

@@ -78,6 +78,7 @@ SENTENCES: Mapping[str, str] = {
     "no_samples_of_execution": N_("no samples of this execution are known"),
     "no_transcript_receipt": N_("no transcript receipt names a text"),
     "no_wav": N_("the blob is no WAV"),
+    "picture_read_back": N_("the picture {image} was read back from the archive"),
     "stages_not_accepted": N_("not accepted: {stages}"),
     "not_accepted_yet": N_("not accepted yet: {stages}"),
     "not_at_look": N_("{held}; {ago_s:.2f} s before the end: {reason}"),
