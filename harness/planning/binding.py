@@ -7,7 +7,8 @@ from difflib import get_close_matches
 from typing import Any, Literal
 
 from harness.contracts.errors import ContractInvalid, UnknownName
-from harness.contracts.places import Passage, Place, Route, Site
+from harness.contracts.places import Passage, Place, Route, Site, Zone
+from harness.projections.region import contains
 
 Sigil = Literal["$", "@"]
 """`${name.field}` is bound when a contract is compiled, `@{node.argument}` from committed facts at dispatch."""
@@ -63,6 +64,18 @@ def bind_passage(place: Place, *, site: Site) -> Passage:
             do="add the floor polygon that an inspection of this place looks at",
         )
     return min(site.passages, key=lambda passage: (math.dist(_middle(passage), place.approach_m), passage.passage_id))
+
+
+def bind_zone(place: Place, *, site: Site) -> Zone:
+    """The first zone that holds the place's approach; raises UnknownName if none does."""
+    for zone in site.zones:
+        if contains(zone.region_m, place.approach_m):
+            return zone
+    raise UnknownName(
+        f"No zone holds {place.place_id}",
+        where=f"site {site.name}",
+        do="add the outline of the walls around it as a zone: a turn is checked against them",
+    )
 
 
 def substitute(value: Any, *, bindings: Mapping[str, Any], sigil: Sigil = "$", path: str = "$") -> Any:

@@ -33,7 +33,8 @@ def compile_contract(
     `rules`: the version that the mission will be pinned to.
 
     Besides its parameters a template may refer to `goal`, `site`, and, where it has the places for them, `outbound`
-    (home to destination), `inbound` (back), `circuit` (home to home) and `passage` (nearest to the destination).
+    (home to destination), `inbound` (back), `circuit` (home to home), `home_zone` (around home) and `passage` (nearest
+    to the destination).
     Raises ContractInvalid with the path of what is wrong, UnknownName for a place, route or argument.
     """
     said = goal_of(goal)
@@ -144,6 +145,8 @@ def _journeys(places: Mapping[str, Place], used: frozenset[str], site: Site) -> 
         found["outbound"] = binding.bind_route(home, destination, site=site)
     if home and destination and "inbound" in used:
         found["inbound"] = binding.bind_route(destination, home, site=site)
+    if home and "home_zone" in used:
+        found["home_zone"] = binding.bind_zone(home, site=site)
     if destination and "passage" in used:
         found["passage"] = binding.bind_passage(destination, site=site)
     return found
