@@ -55,6 +55,7 @@ bench: install-test ## every benchmark, beside its peers in .bench/peers (docs/p
 
 campaign: install-test ## every fault campaign: CAMPAIGN_MISSIONS=100000 CAMPAIGN_SEED=1; a smaller one leaves docs/ alone
 	@$(BIN)/python -m experiments.campaigns run
+	@$(BIN)/python -m experiments.campaigns recovery --missions 400 --publish
 
 lock: ## resolve both locks again: universal, with hashes, without any index address
 	@tools/lock.sh

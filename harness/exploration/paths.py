@@ -9,8 +9,8 @@ import numpy as np
 from harness.contracts import exploration
 from harness.contracts.values import Point
 from harness.exploration.grid import cell_of, middle_of
-from harness.exploration.region import contains
 from harness.projections.floor import STEPS, Mask, cells_of, free_floor, widened
+from harness.projections.region import contains
 
 CLEARANCE_M = 0.4
 ROOM_M, NARROW_COST = 0.6, 4.0

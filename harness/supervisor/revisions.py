@@ -24,10 +24,10 @@ from harness.contracts.values import Point, decode, digest
 from harness.exploration.detours import detour
 from harness.exploration.grid import merged, middle_of, unexplored, usable
 from harness.exploration.paths import NARROWEST_CELLS, Cell, Ways
-from harness.exploration.region import contains
 from harness.exploration.viewpoints import Viewpoint, viewpoints
 from harness.planning import views
 from harness.projections.mission import Failure, Mission, required_contract
+from harness.projections.region import contains
 from harness.recovery.state import OBSERVING
 from harness.supervisor.roles import RoleContexts, context_record, record
 

@@ -11,6 +11,7 @@ from harness.verification.predicates.circuit import circuit
 from harness.verification.predicates.covered import covered
 from harness.verification.predicates.delivery import delivered
 from harness.verification.predicates.explored import explored
+from harness.verification.predicates.facing import facing
 from harness.verification.predicates.heard import heard
 from harness.verification.predicates.inside import inside
 from harness.verification.predicates.kept_picture import kept_picture
@@ -41,6 +42,7 @@ def _stable(effect: AnyEffect, evidence: Evidence) -> Finding:
 PREDICATES: dict[tuple[str, str], Predicate] = {
     ("metric", "arrival"): arrival,
     ("metric", "circuit"): circuit,
+    ("metric", "facing"): facing,
     ("relational", "analysis_of"): analysis_of,
     ("relational", "inside"): inside,
     ("relational", "kept_picture"): kept_picture,
