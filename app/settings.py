@@ -8,6 +8,7 @@ from pydantic import Field, SecretStr, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict, SettingsError
 
 from harness.contracts.errors import ContractInvalid
+from harness.contracts.reasons import because
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -47,11 +48,7 @@ def oidc_settings() -> OidcSettings:
         named = "_".join(str(part) for part in error.errors()[0]["loc"][:1])
     except SettingsError as error:
         named = next((one for one in OidcSettings.model_fields if f'"{one}"' in str(error)), "")
-    raise ContractInvalid(
-        "A setting of the identity provider cannot be read",
-        where=f"REGEN_OIDC_{named.upper()}",
-        do='lists are JSON, as in ["openid", "profile"], and roles too: {"robot-operators": ["operator"]}',
-    )
+    raise ContractInvalid(because("identity_setting_unreadable"), where=f"REGEN_OIDC_{named.upper()}")
 
 
 class ConsoleSettings(BaseSettings):

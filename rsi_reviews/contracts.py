@@ -33,6 +33,8 @@ FAMILIES: tuple[Family, ...] = (
 )  # fmt: skip
 
 Sentence = Annotated[str, msgspec.Meta(min_length=1, max_length=2000)]
+Why = Sentence | Reason
+"""Why something was decided: in a person's own words, or by a rule of the canary. Older releases kept sentences."""
 
 
 class Author(values.Value):

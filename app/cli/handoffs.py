@@ -15,6 +15,7 @@ from app.cli.api_client import Api
 from app.cli.local_api import api_with_robots
 from app.i18n.reasons import rendering as reasons
 from harness.contracts.errors import UnknownName
+from harness.contracts.reasons import because
 from harness.contracts.values import encode
 from harness.projections.handoffs import Handoff
 
@@ -236,7 +237,7 @@ def _handoff(api: Api, handoff_id: str) -> Handoff:
 
 def _mission_of(handoff: Handoff) -> str:
     if handoff.opened is None:
-        raise UnknownName(f"There is no handoff {handoff.handoff_id}", do="list them with `regen handoff list`")
+        raise UnknownName(because("unknown_handoff", handoff_id=handoff.handoff_id))
     return handoff.opened.mission_id
 
 

@@ -9,6 +9,7 @@ from starlette.responses import JSONResponse
 from app.acts.base import Act
 from app.acts.missions import ACTS, DisputeCompletionAct, StartMissionAct
 from app.console import ActorDep, Console, ConsoleDep
+from app.i18n.reasons import rendering as reasons
 from app.routes import api_requests
 from app.routes import api_schemas as schemas
 from app.routes.missions import ordered, started
@@ -123,7 +124,7 @@ def summary(one: MissionItem) -> schemas.MissionSummary:
         goal=one.goal,
         template=one.template,
         status=one.status,
-        stage=one.stage,
+        **reasons.stated("stage", one.stage),
         goal_verdict=one.verdict or None,
         state_version=one.k,
         handoff_id=one.handoff_id or None,

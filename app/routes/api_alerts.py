@@ -14,6 +14,7 @@ from app.views import alerts
 from app.views.alerts import AlertListParams
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
+from harness.contracts.reasons import because
 
 router = APIRouter(
     prefix="/api/v1",
@@ -35,9 +36,7 @@ def listed(
 ) -> Any:
     """Alerts, newest occurrence first. `status` is a tab of the page: empty for unacknowledged, all, active, ..."""
     if status not in {value for value, _, _ in alerts.GROUPS}:
-        raise UnknownName(
-            f"There is no group of alerts called {status[:40]}", do="use all, active, shelved, suppressed"
-        )
+        raise UnknownName(because("unknown_alert_status", status=status[:40]))
     asked = AlertListParams(group=status, words=q, priority=priority, robot=robot)
     found = alerts.chosen(console.alerts.all(), asked, now_s=console.clock())[:limit]
     return api_requests.plain([schemas.AlertSummary(**alerts.summary(one)) for one in found])

@@ -21,6 +21,7 @@ from app.web.security import PrincipalDep
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.reasons import because
 from rsi_reviews.candidates import read_candidate
 from rsi_reviews.contracts import ReleasePolicy
 from rsi_reviews.difference import CandidateDifference
@@ -105,7 +106,7 @@ def results(console: ConsoleDep, candidate: str) -> Any:
     name = console.releases.review(_named(candidate)).candidate
     found = console.evaluated.of(name)
     if found is None:
-        raise UnknownName("No case of this candidate was measured yet", do="wait for its evaluation")
+        raise UnknownName(because("candidate_not_measured"))
     whole, shown = found
     return api_requests.plain(
         schemas.Results(
@@ -162,7 +163,7 @@ def releases(
     pointer = releases.pointer()
     instant_s = instant_of(at) if at else None
     if at and instant_s is None:
-        raise ContractInvalid(f"{at!r} is no instant", where="at", do="write it as 2026-11-20T09:30:00Z")
+        raise ContractInvalid(because("instant_invalid", text=at), where="at")
     then = releases.current_at(instant_s, robot_id=RobotId(robot) if robot else None) if instant_s is not None else None
     return api_requests.plain(
         schemas.Releases(
@@ -194,7 +195,7 @@ def policy(console: ConsoleDep, actor: ActorDep, body: acts.SavePolicyAct) -> An
 def _named(candidate: str) -> str:
     """A beginning that somebody chose on purpose. Raises UnknownName for one that is too short to be that."""
     if len(candidate) < 6:
-        raise UnknownName(f"There is no candidate {candidate[:40]}", do="name at least six characters of its digest")
+        raise UnknownName(because("unknown_candidate_prefix", candidate=candidate[:40]))
     return candidate
 
 

@@ -9,15 +9,14 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 
 from app.acts.base import ActModel
 from app.background.lists import Slice
-from app.i18n.languages import CHOICE
-from app.i18n.reasons import rendering as reasons
+from app.i18n import languages
 from app.routes.api_schemas import ProblemDocument
 from app.routes.listing import bookmark
 from app.web.errors import problem
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.read_models import Bookmark, ListOrder
-from harness.contracts.reasons import Reason as TypedReason
+from harness.contracts.reasons import because
 
 Handler = Callable[..., Any]
 Limit = Annotated[int, Query(ge=1, le=500)]
@@ -49,9 +48,8 @@ def known_parameters(request: Request) -> None:
     unknown = sorted(set(request.query_params) - known)
     if unknown:
         raise ContractInvalid(
-            f"There is no parameter {unknown[0][:40]!r} here",
+            because("unknown_parameter", name=unknown[0][:40], known=", ".join(sorted(known)) or "none: it takes none"),
             where=request.url.path,
-            do=f"choose from {', '.join(sorted(known)) or 'none: it takes none'}",
         )
 
 
@@ -106,13 +104,8 @@ def _text(value: Any) -> str:
     raise TypeError(f"{type(value).__name__} is no part of an answer")
 
 
-def in_words(reason: TypedReason) -> str:
-    """A reason as a sentence in the language of the caller."""
-    return reasons.sentence(reason, CHOICE.get().language)
-
-
 def refusal(decision: Refused, *, do: str = "look at it again, then decide") -> Response:
     """A problem whose `code` and `rule` are the gate's rule; `reason` is code and facts, `detail` says it in words."""
-    detail = in_words(decision.reason)
+    detail = languages.in_words(decision.reason)
     more = {"rule": decision.rule, "reason": msgspec.to_builtins(decision.reason)}
     return problem(409, code=decision.rule, title="Refused", detail=detail, do=do, more=more)

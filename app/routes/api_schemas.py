@@ -32,7 +32,7 @@ class ChangedSince(Value):
 class ProblemDocument(Value):
     """RFC 9457. `code` is the slug for machines, `do` what can be done now; `changes` since what was answered.
 
-    A refusal also has its `rule`, and `reason`: code and facts of what `detail` says.
+    `reason` is code and facts of what `detail` says; a refusal also has its `rule`.
     """
 
     type: str
@@ -62,6 +62,8 @@ class MissionSummary(Value):
     template: str
     status: str
     stage: str
+    stage_code: str
+    stage_facts: dict[str, Any]
     goal_verdict: str | None
     state_version: Count
     handoff_id: str | None

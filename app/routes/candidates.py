@@ -10,6 +10,7 @@ from app.acts.releases import ACTS
 from app.background.evaluations import situations
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
+from app.i18n.languages import explained
 from app.i18n.messages import reasoned
 from app.views import candidates
 from app.views.candidates import BoardPage, CandidateListParams
@@ -24,6 +25,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import ConfigurationMissing, ContractInvalid, UnknownName
 from harness.contracts.ids import Digest, MissionId, mission_stream
 from harness.contracts.ports import MISSION_STREAMS
+from harness.contracts.reasons import because
 from rsi_reviews.contracts import Subject
 from rsi_reviews.counterfactual import counterfactual
 from rsi_reviews.events import CandidateEvent, ReviewOpened
@@ -38,9 +40,9 @@ def asked_of(request: Request) -> CandidateListParams:
     params = request.query_params
     group, skip = params.get("status", ""), params.get("skip", "0")
     if group not in {value for value, _, _ in candidates.GROUPS}:
-        raise UnknownName(f"There is no group of candidates called {group[:40]}", do=N_("choose one of the tabs"))
+        raise UnknownName(because("unknown_candidate_tab", group=group[:40]))
     if not skip.isascii() or not skip.isdigit() or len(skip) > 6:
-        raise ContractInvalid(f"{skip[:40]!r} is no place in a list", where="skip", do=N_("begin at the first page"))
+        raise ContractInvalid(because("list_offset_invalid", skip=skip[:40]), where="skip")
     return CandidateListParams(
         words=params.get("q", "")[:200].strip(),
         group=group,
@@ -94,7 +96,7 @@ def rolling_back(console: ConsoleDep, actor: ActorDep, candidate: str) -> HTMLRe
 def act(console: ConsoleDep, actor: ActorDep, candidate: str, verb: str, typed: FormDep) -> Response:
     """One act of app/acts/releases.py: 303, 422 not well said, 409 refused and why, with the page as it is now."""
     if verb not in ACTS:
-        raise UnknownName(f"Nobody can {verb[:40]!r} a candidate", do=N_("use a button of its page"))
+        raise UnknownName(because("unknown_candidate_act", word=verb[:40]))
     name = console.releases.review(candidate).candidate
     said = ACTS[verb].from_form(typed)
     if isinstance(said, tuple):
@@ -158,7 +160,7 @@ def cases_of(console: Console, actor: Actor, candidate: str, *, change: str, fam
     review = console.releases.review(candidate)
     found = console.evaluated.of(review.candidate)
     if found is None or review.manifest is None:
-        raise UnknownName(N_("No case of this candidate was measured yet"), do=N_("wait for its evaluation"))
+        raise UnknownName(because("candidate_not_measured"))
     shell = console.shell(N_("Every case"), "candidates", actor)
     return cases_page(shell, review, found[0], situations(), change=change, family=family, skip=skip)
 
@@ -195,5 +197,5 @@ def _loads(console: Console, configuration: str) -> str:
     try:
         same = console.releases.loads(Digest(configuration)) == configuration
     except ConfigurationMissing as error:
-        return str(error)
+        return explained(error)
     return "" if same else N_("It loads, but not as the same version.")

@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext, listed, word
+from app.i18n.messages import lazy_gettext, listed, reasoned, word
 from app.views.list_params import Filter, Option, Paging, address
 from app.views.shell import Shell
 from harness.contracts.ids import Digest
+from rsi_reviews.clause_reasons import clause_reason
 from rsi_reviews.contracts import ClauseAnswer, Manifest
 from rsi_reviews.difference import NAMES
 from rsi_reviews.pointers import Pointer
@@ -163,9 +164,10 @@ def note_of(review: Review) -> str:
                 needed=needed,
             )
         case "rejected" | "rolled_back" | "withdrawn" | "current":
-            return review.ended_reason
+            return reasoned(review.ended_reason)
         case "inconclusive":
-            return next((one.sentence for one in _clauses(review) if one.answer != "pass"), "")
+            open_clause = next((one for one in _clauses(review) if one.answer != "pass"), None)
+            return reasoned(clause_reason(open_clause, review)) if open_clause else ""
         case _:
             return ""
 
