@@ -9,7 +9,7 @@ WORKERS ?= 2
 MUTANTS ?= 20
 SEED ?= 1
 
-.PHONY: targets install install-test run test check lint format types architecture ledger ledger-mutants bench campaign lock sbom clean
+.PHONY: targets install install-test run test check lint format types architecture ledger ledger-mutants bench campaign goals lock sbom clean
 
 targets: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -52,6 +52,9 @@ bench: install-test ## every benchmark, beside its peers in .bench/peers (docs/p
 	@$(BIN)/python -m experiments.benchmarks
 	@for bench in append analysis_scenes memory_queries; do \
 	    if [ -f experiments/benchmarks/$$bench.py ]; then echo "== $$bench"; PYTHONPATH=. $(BIN)/python experiments/benchmarks/$$bench.py; fi; done
+
+goals: install-test ## read the published goal set and print what starts (docs/goals.md)
+	@$(BIN)/python -m experiments.goals.run --misses all
 
 campaign: install-test ## every fault campaign: CAMPAIGN_MISSIONS=100000 CAMPAIGN_SEED=1; a smaller one leaves docs/ alone
 	@$(BIN)/python -m experiments.campaigns run

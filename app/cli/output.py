@@ -10,11 +10,13 @@ import typer
 from pydantic import ValidationError
 
 from app.i18n.reasons import rendering as reasons
-from app.views.readings import question_lines
+from app.views.readings import question_view
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, HarnessError, UnknownName
+from harness.contracts.readings import ReadingQuestion
 from harness.contracts.reasons import Reason, because
 from harness.projections.mission import Mission
+from harness.projections.readings import reading_in_words, unread_in_words
 from harness.settings import HarnessSettings
 
 Data = Annotated[Path, typer.Option("--data", help="Data folder; one owner at a time.", envvar="REGEN_DATA_FOLDER")]
@@ -69,10 +71,23 @@ def complain(error: HarnessError, *, as_json: bool = False) -> int:
     """Say what happened, where, and what to do; the exit code that goes with it. A refusal is JSON for a program."""
     sys.stderr.write(f"regen: {reasons.explained(error)}\n")
     if isinstance(error, GoalNotUnderstood):
-        sys.stderr.write("".join(f"{line}\n" for line in question_lines(error.question)))
+        sys.stderr.write("".join(f"{line}\n" for line in _question_lines(error.question)))
     if as_json and isinstance(error, ActRefused):
         typer.echo(json.dumps({"refused": error.problem}, ensure_ascii=False))
     return 2 if isinstance(error, WRONG_ASKED) else 1
+
+
+def _question_lines(question: ReadingQuestion) -> list[str]:
+    """The question for a terminal: the text with its unread words in brackets, and how to confirm the reading."""
+    shown = "".join(f"[{part.text}]" if part.kind == "unread" else part.text for part in question_view(question).parts)
+    lines = [f"  {shown}"]
+    for one in question.unread:
+        why = reasons.sentence(unread_in_words(one.why))
+        lines.append(f"    {question.text[one.span.start : one.span.end]!r}: {why}")
+    if question.nearest is not None:
+        lines.append(f"  nearest reading: {reasons.sentence(reading_in_words(question.nearest))}")
+        lines.append(f"  to start that: --confirm-reading {question.nearest.digest}")
+    return lines
 
 
 def exit_code(status: str) -> int:

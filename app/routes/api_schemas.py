@@ -9,7 +9,7 @@ from harness.contracts.control import Autonomy
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
 from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
 from harness.contracts.protocol import RobotStatus
-from harness.contracts.readings import ClauseObject, Span
+from harness.contracts.readings import ClauseObject, TextSpan
 from harness.contracts.reasons import Reason
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Value
@@ -145,7 +145,7 @@ class ReadClauseResource(Value):
     object: ClauseObject | None
     negated: bool
     count: Count
-    spans: tuple[Span, ...]
+    spans: tuple[TextSpan, ...]
     words: str
 
 

@@ -6,16 +6,21 @@ from typing import Any
 
 import msgspec
 
-from app.i18n.catalogues import ENGLISH
 from app.i18n.messages import reasoned
 from app.i18n.reasons.rendering import sentence
 from harness.contracts.effects import Condition
 from harness.contracts.read_models import MissionItem
-from harness.contracts.readings import PROFILE, Reading, ReadingQuestion, Span, Unread
-from harness.contracts.reasons import Reason, because
+from harness.contracts.readings import PROFILE, Reading, ReadingQuestion, TextSpan, Unread
+from harness.contracts.reasons import Reason
 from harness.contracts.verdicts import ConditionResult, strictest
 from harness.projections.mission import Mission
-from harness.projections.readings import cited_in_words, clause_in_words, reading_in_words
+from harness.projections.readings import (
+    cited_in_words,
+    clause_in_words,
+    default_in_words,
+    reading_in_words,
+    unread_in_words,
+)
 
 
 @dataclass(frozen=True)
@@ -171,7 +176,7 @@ def text_parts(text: str, unread: tuple[Unread, ...]) -> tuple[TextPart, ...]:
         if end <= at:
             continue
         parts += [TextPart(text[at:start], "read")] if start > at else []
-        parts.append(TextPart(text[start:end], "unread", reasoned(because(f"unread_{one.why}"))))
+        parts.append(TextPart(text[start:end], "unread", reasoned(unread_in_words(one.why))))
         at = end
     return tuple([*parts, TextPart(text[at:], "read")] if at < len(text) else parts)
 
@@ -204,27 +209,14 @@ def reading_json(text: str, reading: Reading) -> dict[str, Any]:
     }
 
 
-def question_lines(question: ReadingQuestion, language: str = ENGLISH) -> list[str]:
-    """The question for a terminal: the text with its unread words in brackets, and how to confirm the reading."""
-    shown = "".join(f"[{part.text}]" if part.kind == "unread" else part.text for part in question_view(question).parts)
-    lines = [f"  {shown}"]
-    for one in question.unread:
-        why = sentence(because(f"unread_{one.why}"), language)
-        lines.append(f"    {question.text[one.span.start : one.span.end]!r}: {why}")
-    if question.nearest is not None:
-        lines.append(f"  nearest reading: {sentence(reading_in_words(question.nearest), language)}")
-        lines.append(f"  to start that: --confirm-reading {question.nearest.digest}")
-    return lines
-
-
 def _clauses(text: str, reading: Reading) -> Iterator[ReadClause]:
     for number, clause in enumerate(reading.clauses, start=1):
         yield ReadClause(str(number), reasoned(clause_in_words(clause)), _words(text, clause.spans))
     for default in reading.defaults:
-        yield ReadClause(f"{PROFILE}.{default}", reasoned(because(f"default_{default}")), "")
+        yield ReadClause(f"{PROFILE}.{default}", reasoned(default_in_words(default)), "")
 
 
-def _words(text: str, spans: tuple[Span, ...]) -> str:
+def _words(text: str, spans: tuple[TextSpan, ...]) -> str:
     return " … ".join(text[span.start : span.end] for span in spans)
 
 

@@ -14,14 +14,14 @@ ObjectKind = Literal["place", "route", "passage", "region", "site", "here", "fin
 Default = Literal["return", "report"]
 """What the mission profile adds unless the goal says otherwise (R195)."""
 UnreadWhy = Literal[
-    "unknown_words", "unknown_name", "condition", "time", "alternative", "ambiguous", "quoted", "control_character",
+    "unknown_words", "condition", "time", "alternative", "ambiguous", "quoted", "control_character",
     "count", "negation", "no_object", "no_template", "order",
 ]  # fmt: skip
 PROFILE = "profile"
 """How a completion condition cites a default of the mission profile: `profile.return`; a clause is cited by number."""
 
 
-class Span(Value):
+class TextSpan(Value):
     """A part of the goal text: characters from `start` up to, not including, `end`."""
 
     start: Count
@@ -46,13 +46,13 @@ class Clause(Value):
     object: ClauseObject | None = None
     negated: bool = False
     count: Annotated[int, msgspec.Meta(ge=1)] = 1
-    spans: tuple[Span, ...] = ()
+    spans: tuple[TextSpan, ...] = ()
 
 
 class Unread(Value):
     """A part of the text that no clause accounts for, and why it could not be read or cannot be done."""
 
-    span: Span
+    span: TextSpan
     why: UnreadWhy
 
 
@@ -69,7 +69,7 @@ class Reading(Value):
     version: Name
     clauses: tuple[Clause, ...]
     defaults: tuple[Default, ...] = ()
-    fillers: tuple[Span, ...] = ()
+    fillers: tuple[TextSpan, ...] = ()
     unread: tuple[Unread, ...] = ()
 
     @property

@@ -7,9 +7,10 @@ Whatever no rule takes stays unread, with the reason.
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from harness.contracts.readings import Act, Clause, ClauseObject, Span, Unread, UnreadWhy
+from harness.contracts.readings import Act, Clause, ClauseObject, TextSpan, Unread, UnreadWhy
+from harness.goals.lexicon import LOOKING_AROUND
 from harness.goals.tokens import QUOTES, Token
-from harness.goals.words import Item, Phrases, Word
+from harness.goals.words import Item, Meaning, Phrases
 
 CONNECTORS = frozenset({"and", "then", "but", "first", "last", "before", "after", "before_post", "or", "sep"})
 ACCEPTED: dict[Act, tuple[str, ...]] = {
@@ -28,20 +29,26 @@ ACCEPTED: dict[Act, tuple[str, ...]] = {
 NEEDS_OBJECT = frozenset({"go", "inspect", "walk_route"})
 SWALLOWED: dict[str, UnreadWhy] = {"condition": "condition", "time": "time", "or": "alternative"}
 MOST_TIMES = 99
+LOOKING: tuple[Act, ...] = ("photograph", "describe")
+SHOWN: tuple[Act, ...] = ("explore", "describe")
+"""Acts whose outcome is told by the mission's own report: what they show."""
 
 
 @dataclass(frozen=True)
-class Draft:
+class ClauseDraft:
     """A clause as it grows. `asking`: a tail still has to name the state that is asked for."""
 
     act: Act
-    spans: tuple[Span, ...]
+    spans: tuple[TextSpan, ...]
     object: ClauseObject | None = None
     negated: bool = False
     count: int = 1
     counted: bool = False
     asking: bool = False
     passing: bool = False
+    around: bool = False
+    meant: ClauseObject | None = None
+    """The place named last before this verb: what it is about if it names none itself."""
     beside: ClauseObject | None = None
     """A second name that says where the first one is: "the passage *in the storage area*"."""
 
@@ -50,11 +57,13 @@ class Draft:
 class Parse:
     """What has been parsed so far: clauses in order, and what became of the rest of the text."""
 
-    clauses: list[Draft] = field(default_factory=list)
-    fillers: list[Span] = field(default_factory=list)
+    clauses: list[ClauseDraft] = field(default_factory=list)
+    fillers: list[TextSpan] = field(default_factory=list)
     unread: list[Unread] = field(default_factory=list)
     place: ClauseObject | None = None
     """The place or passage named last: what "it" and "there" stand for."""
+    route: ClauseObject | None = None
+    """The route named last: what "it" stands for where something is walked."""
 
 
 def items(found: Sequence[Token], phrases: Phrases) -> list[Item]:
@@ -82,21 +91,21 @@ def parse(found: Sequence[Item]) -> Parse:
     return state
 
 
-def clause_of(draft: Draft) -> Clause:
+def clause_of(draft: ClauseDraft) -> Clause:
     """The clause that a draft has become."""
     return Clause(act=draft.act, object=draft.object, negated=draft.negated, count=draft.count, spans=draft.spans)
 
 
-def _unknown(token: Token) -> Word:
+def _unknown(token: Token) -> Meaning:
     match token.kind:
         case "separator":
-            return Word("sep" if token.text == "," else "stop")
+            return Meaning("sep" if token.text == "," else "stop")
         case "control":
-            return Word("control")
+            return Meaning("control")
         case _ if token.text.isdecimal() and len(token.text) < 4:
-            return Word("number", number=int(token.text))
+            return Meaning("number", number=int(token.text))
         case _:
-            return Word("unknown")
+            return Meaning("unknown")
 
 
 def _quotation(found: Sequence[Token], index: int, phrases: Phrases, made: list[Item]) -> int:
@@ -108,7 +117,7 @@ def _quotation(found: Sequence[Token], index: int, phrases: Phrases, made: list[
     if phrase and phrase[0] == len(inner) and phrase[1].kind == "name":
         made.append(Item(phrase[1], found[index].start, found[end].end, "name"))
     else:
-        made.append(Item(Word("quoted"), found[index].start, found[end].end, "quoted"))
+        made.append(Item(Meaning("quoted"), found[index].start, found[end].end, "quoted"))
     return end + 1
 
 
@@ -119,7 +128,7 @@ def _numbered(made: Sequence[Item]) -> list[Item]:
         before = joined[-1] if joined else None
         if item.kind in ("times", "laps") and before is not None and before.kind == "number":
             kind = "count" if item.kind == "times" else "laps"
-            joined[-1] = Item(Word(kind, number=before.word.number), before.start, item.end, kind)
+            joined[-1] = Item(Meaning(kind, number=before.word.number), before.start, item.end, kind)
         else:
             joined.append(item)
     return joined
@@ -140,17 +149,22 @@ def _sentence(sentence: Sequence[Item], state: Parse) -> None:
     part: list[Item] = []
     began = len(state.clauses)
     ordering = _Ordering(state, began)
-    for item in _swallowed(sentence, state):
-        if item.kind in CONNECTORS and not (item.kind == "and" and _joins_nothing(part)):
+    kept = _swallowed(sentence, state)
+    for index, item in enumerate(kept):
+        following = kept[index + 1].kind if index + 1 < len(kept) else "stop"
+        if item.kind == "and" and part and (_joins_nothing(part) or ordering.names_only(part)):
+            state.fillers.append(_span(item))
+        elif item.kind == "first" and part and following in ("sep", "stop", "then", "and"):
+            links.append(item)
+        elif item.kind in CONNECTORS:
             if part:
                 ordering.part(links, part)
                 links, part = [], []
             links.append(item)
-        elif item.kind in CONNECTORS:
-            state.fillers.append(_span(item))
         else:
             part.append(item)
     ordering.part(links, part)
+    ordering.close(() if part else links)
 
 
 def _joins_nothing(part: Sequence[Item]) -> bool:
@@ -184,10 +198,16 @@ class _Ordering:
         self._held: int | None = None
         """Where what comes next belongs: before the clauses of a leading "before ..."."""
         self._parts = 0
+        self._first: TextSpan | None = None
+        self._relations = 0
+        """How often the sentence says what comes before what: twice may contradict itself."""
 
     def part(self, links: Sequence[Item], part: Sequence[Item]) -> None:
         """One part with the connectors before it."""
         kinds = [link.kind for link in links]
+        relating = [link for link in links if link.kind in ("before", "after", "before_post")]
+        self._relations += len(relating)
+        self._first = self._first or (_span(relating[0]) if relating else None)
         self._state.fillers.extend(_span(link) for link in links)
         if not part:
             self._complain(links)
@@ -199,7 +219,19 @@ class _Ordering:
         self._place(draft, kinds, links)
         self._parts += 1
 
-    def _place(self, drafts: list[Draft], kinds: Sequence[str], links: Sequence[Item]) -> None:
+    def close(self, links: Sequence[Item]) -> None:
+        """The sentence is over: an order that nothing else was said about is no order."""
+        if self._parts == 1 and self._relations and self._first is not None:
+            self._state.unread.append(Unread(span=self._first, why="order"))
+        self._complain(links)
+
+    def names_only(self, part: Sequence[Item]) -> bool:
+        """Whether a part names things whose verb is still to come: "给基站和储物区各拍一张照片"."""
+        begun = len(self._state.clauses) > self._began
+        kinds = {item.kind for item in part}
+        return not begun and "name" in kinds and kinds <= {"name", "preposition", "filler"}
+
+    def _place(self, drafts: list[ClauseDraft], kinds: Sequence[str], links: Sequence[Item]) -> None:
         clauses, began = self._state.clauses, self._began
         if self._unclear(drafts, kinds):
             self._unordered(links)
@@ -218,10 +250,10 @@ class _Ordering:
         else:
             clauses.extend(drafts)
 
-    def _unclear(self, drafts: Sequence[Draft], kinds: Sequence[str]) -> bool:
+    def _unclear(self, drafts: Sequence[ClauseDraft], kinds: Sequence[str]) -> bool:
         """Whether the words leave open what comes first, or how far a "do not" reaches."""
         earlier = self._state.clauses[self._began :]
-        if "before" in kinds and len(drafts) > 1:
+        if ("before" in kinds and len(drafts) > 1) or self._relations > 1:
             return True
         if "after" in kinds and self._parts > 0 and (len(drafts) > 1 or len(earlier) > 1):
             return True
@@ -238,7 +270,7 @@ class _Ordering:
         self._state.unread.extend(Unread(span=_span(link), why="order") for link in said)
 
 
-def parse_part(part: Sequence[Item], state: Parse, *, links: Sequence[str]) -> list[Draft]:
+def parse_part(part: Sequence[Item], state: Parse, *, links: Sequence[str]) -> list[ClauseDraft]:
     """The clauses of one part. A part without a verb names another object for the verb before it."""
     builder = _Builder(state, links)
     for index, item in enumerate(part):
@@ -251,9 +283,9 @@ class _Builder:
 
     def __init__(self, state: Parse, links: Sequence[str]) -> None:
         self._state, self._links = state, links
-        self._made: list[Draft] = []
+        self._made: list[ClauseDraft] = []
         self._named: list[Item] = []
-        self._glue: list[Span] = []
+        self._glue: list[TextSpan] = []
         self._negation: Item | None = None
         self._count: Item | None = None
 
@@ -261,7 +293,9 @@ class _Builder:
         """One item; `after` is the next one of the part."""
         match item.kind:
             case "verb" | "asks" | "passes":
-                self._verb(item, after)
+                self._verb(item)
+            case "done" if "after" in self._links:
+                self._verb(item)
             case "lead":
                 self._lead(item, after)
             case "name" | "site" | "here" | "pronoun":
@@ -279,7 +313,7 @@ class _Builder:
             case _:
                 self._leave(item)
 
-    def done(self) -> list[Draft]:
+    def done(self) -> list[ClauseDraft]:
         """The finished clauses; complains about what never found its place."""
         if self._named and not self._made:
             self._coordinate()
@@ -295,16 +329,37 @@ class _Builder:
             self._made[-1] = _grown(self._made[-1], *self._glue)
         elif self._glue:
             self._state.unread.extend(Unread(span=span, why="unknown_words") for span in self._glue)
-        return [whole for draft in self._made if (whole := self._whole(draft)) is not None]
+        return [whole for draft in self._folded() if (whole := self._whole(draft)) is not None]
 
-    def _verb(self, item: Item, after: Item | None) -> None:
-        act = item.word.act or "inspect"
-        draft = Draft(
-            act=act,
+    def _folded(self) -> list[ClauseDraft]:
+        """The clauses, with what says the same again folded in: "沿环线走一遍", "explore the site and tell me"."""
+        folded: list[ClauseDraft] = []
+        for draft in self._made:
+            before = folded[-1] if folded else self._state.clauses[-1] if self._state.clauses else None
+            if folded and before is not None and _repeats(before, draft):
+                folded[-1] = replace(draft, spans=(*before.spans, *draft.spans))
+                continue
+            if before is None or not _folds(before, draft, together=bool(folded)):
+                folded.append(draft)
+                continue
+            grown = _grown(before, *draft.spans)
+            if draft.counted and not before.counted:
+                grown = replace(grown, count=draft.count, counted=True)
+            if folded:
+                folded[-1] = grown
+            else:
+                self._state.clauses[-1] = grown
+        return folded
+
+    def _verb(self, item: Item) -> None:
+        draft = ClauseDraft(
+            act=item.word.act or "inspect",
             spans=(*self._glue, _span(item)),
             negated=self._negation is not None,
             asking=item.kind == "asks",
             passing=item.kind == "passes",
+            around=item.word.number == LOOKING_AROUND,
+            meant=self._state.place,
         )
         self._glue = []
         if self._negation is not None:
@@ -313,11 +368,20 @@ class _Builder:
         if draft.passing and not draft.negated:
             self._leave(item)
             return
-        self._made.append(draft)
-        if self._named:
-            waiting, self._named = self._named, []
-            for one in waiting:
-                self._name(one)
+        self._made.append(self._led(draft))
+        waiting, self._named = self._named, []
+        for number, one in enumerate(waiting):
+            if number and one.kind == "name":
+                self._made.append(replace(draft, spans=()))
+            self._name(one)
+
+    def _led(self, draft: ClauseDraft) -> ClauseDraft:
+        """ "go" without a place before another verb is only the way there: what forbids it forbids what follows."""
+        before = self._made[-1] if self._made else None
+        if before is None or before.object is not None or before.act != "go" or before.counted:
+            return draft
+        self._made.pop()
+        return replace(draft, spans=(*before.spans, *draft.spans), negated=draft.negated or before.negated)
 
     def _lead(self, item: Item, after: Item | None) -> None:
         """ "go and" before another verb adds nothing; "go" that nothing follows asks for no place."""
@@ -337,6 +401,8 @@ class _Builder:
         draft = self._made[-1]
         if draft.act == "inspect" and meant.kind == "route" and draft.object is None:
             draft = replace(draft, act="walk_route")
+        if draft.around and meant.kind in ("place", "passage"):
+            draft = replace(draft, act="inspect")
         if draft.act == "photograph" and meant.kind == "site":
             meant = ClauseObject(kind="here")
         accepted = (*ACCEPTED[draft.act], *(("region",) if draft.negated else ()))
@@ -353,6 +419,8 @@ class _Builder:
             self._leave(item, "ambiguous")
         if meant.kind in ("place", "passage"):
             self._state.place = meant
+        if meant.kind == "route":
+            self._state.route = meant
 
     def _meant(self, item: Item) -> ClauseObject | None:
         match item.kind:
@@ -361,14 +429,21 @@ class _Builder:
             case "here":
                 return ClauseObject(kind="here")
             case "pronoun":
-                looking = bool(self._made) and self._made[-1].act in ("photograph", "describe")
-                return self._state.place or (ClauseObject(kind="here") if looking else None)
+                if self._made and self._made[-1].act == "walk_route":
+                    return self._state.route
+                return self._state.place or (ClauseObject(kind="here") if self._pictured() else None)
             case _:
                 return item.word.object
 
+    def _pictured(self) -> bool:
+        """Whether "it" may be what was photographed or described before, where no place was named."""
+        earlier = [*self._state.clauses, *self._made[:-1]]
+        looking = bool(self._made) and self._made[-1].act in LOOKING
+        return looking and bool(earlier) and earlier[-1].act in LOOKING
+
     def _negate(self, item: Item) -> None:
         if item.kind == "avoid":
-            self._made.append(Draft(act="go", spans=(*self._glue, _span(item)), negated=True))
+            self._made.append(ClauseDraft(act="go", spans=(*self._glue, _span(item)), negated=True))
             self._glue = []
         elif self._negation is not None:
             self._leave(item, "negation")
@@ -400,10 +475,10 @@ class _Builder:
     def _tail(self, item: Item) -> None:
         draft = self._made[-1] if self._made else None
         if item.kind == "tail" and draft is not None and draft.act == "inspect" and draft.object is not None:
-            self._made[-1] = replace(_grown(draft, _span(item)), asking=False)
+            self._made[-1] = replace(_grown(draft, _span(item)), asking=False, act=item.word.act or draft.act)
         elif item.kind == "tail" and draft is None and self._named:
-            self._verb(Item(Word("verb", act="inspect"), item.start, item.end, item.text), None)
-        elif item.kind == "attached" and draft is not None and draft.act == item.word.act and not draft.negated:
+            self._verb(Item(Meaning("verb", act="inspect"), item.start, item.end, item.text))
+        elif item.kind == "attached" and draft is not None and draft.act == item.word.act:
             self._made[-1] = _grown(draft, _span(item))
         elif item.kind == "attached" and draft is None and self._before(item.word.act):
             self._state.clauses[-1] = _grown(self._state.clauses[-1], _span(item))
@@ -419,16 +494,16 @@ class _Builder:
         if before is None or before.object is None or before.negated or not {"and", "sep"} >= set(self._links):
             return
         waiting, self._named = self._named, []
-        self._made.append(Draft(act=before.act, spans=tuple(self._glue)))
+        self._made.append(ClauseDraft(act=before.act, spans=tuple(self._glue)))
         self._glue = []
         for one in waiting:
             self._name(one)
 
-    def _whole(self, draft: Draft) -> Draft | None:
+    def _whole(self, draft: ClauseDraft) -> ClauseDraft | None:
         """The clause with all that it must name; None where that is missing, and its words are then unread."""
         lacking = draft.object is None and draft.act in NEEDS_OBJECT
-        if lacking and draft.act == "inspect" and not draft.asking and self._state.place is not None:
-            return replace(draft, object=self._state.place)
+        if lacking and draft.act == "inspect" and not draft.asking and draft.meant is not None:
+            return replace(draft, object=draft.meant)
         if lacking or draft.asking:
             self._state.unread.extend(Unread(span=span, why="no_object") for span in draft.spans)
             return None
@@ -439,14 +514,28 @@ class _Builder:
         self._state.unread.append(Unread(span=_span(item), why=why or reasons.get(item.kind, "unknown_words")))
 
 
+def _folds(before: ClauseDraft, draft: ClauseDraft, *, together: bool) -> bool:
+    """Whether a clause without an object adds nothing to the one before; `together`: both stand in one part."""
+    if draft.object is not None or draft.negated or before.negated:
+        return False
+    shown = before.act in SHOWN and (draft.act == "report" or (draft.act == "inspect" and not together))
+    return shown or (together and before.act == draft.act)
+
+
+def _repeats(before: ClauseDraft, draft: ClauseDraft) -> bool:
+    """Whether a verb without an object stands before the same verb with one: "去看，看看储物区"."""
+    alike = (before.act, before.negated) == (draft.act, draft.negated)
+    return alike and before.object is None and not before.counted and draft.object is not None
+
+
 def _same_subject(one: ClauseObject, other: ClauseObject) -> bool:
     """Whether a second name may only tell more about the first: the passage *in the storage area*. The site decides."""
     return one == other or {one.kind, other.kind} == {"place", "passage"}
 
 
-def _grown(draft: Draft, *spans: Span) -> Draft:
+def _grown(draft: ClauseDraft, *spans: TextSpan) -> ClauseDraft:
     return replace(draft, spans=(*draft.spans, *spans))
 
 
-def _span(item: Item) -> Span:
-    return Span(start=item.start, end=item.end)
+def _span(item: Item) -> TextSpan:
+    return TextSpan(start=item.start, end=item.end)

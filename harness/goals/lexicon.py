@@ -9,9 +9,11 @@ import yaml
 
 from harness.contracts.readings import Act
 from harness.contracts.values import Value
-from harness.goals.words import Word
+from harness.goals.words import Meaning
 
 LANGUAGES = ("en", "zh")
+LOOKING_AROUND = 2
+"""The `number` of a verb that explores where nothing is named, and inspects a place that is."""
 
 
 class Lexicon(Value):
@@ -25,6 +27,9 @@ class Lexicon(Value):
     laps: str
     counts: dict[str, int] = msgspec.field(default_factory=dict)
     passes: str = ""
+    looks: str = ""
+    appearances: str = ""
+    done: dict[Act, str] = msgspec.field(default_factory=dict)
     asks: str = ""
     attached: dict[Act, str] = msgspec.field(default_factory=dict)
 
@@ -37,33 +42,38 @@ def lexicons() -> tuple[Lexicon, ...]:
     return tuple(msgspec.convert(yaml.safe_load(text), Lexicon, strict=True) for text in texts)
 
 
-def meanings() -> Iterator[tuple[str, Word]]:
+def meanings() -> Iterator[tuple[str, Meaning]]:
     """Every phrase with its meaning; of equal phrases the first one counts."""
     for lexicon in lexicons():
         yield from _counting(lexicon)
         for act, text in lexicon.verbs.items():
-            yield from _listed(text, Word("verb", act=act))
-        yield from _listed(lexicon.passes, Word("passes", act="go"))
-        yield from _listed(lexicon.asks, Word("asks"))
-        yield from _listed(lexicon.tails, Word("tail"))
+            yield from _listed(text, Meaning("verb", act=act))
+        for act, text in lexicon.done.items():
+            yield from _listed(text, Meaning("done", act=act))
+        yield from _listed(lexicon.looks, Meaning("verb", act="explore", number=LOOKING_AROUND))
+        yield from _listed(lexicon.passes, Meaning("passes", act="go"))
+        yield from _listed(lexicon.asks, Meaning("asks"))
+        yield from _listed(lexicon.appearances, Meaning("tail", act="describe"))
+        yield from _listed(lexicon.tails, Meaning("tail"))
         for act, text in lexicon.attached.items():
-            yield from _listed(text, Word("attached", act=act))
+            yield from _listed(text, Meaning("attached", act=act))
         for kind, text in lexicon.words.items():
-            yield from _listed(text, Word(kind))
+            yield from _listed(text, Meaning(kind))
+        yield from _listed(lexicon.times, Meaning("times"))
+        yield from _listed(lexicon.laps, Meaning("laps"))
 
 
-def _counting(lexicon: Lexicon) -> Iterator[tuple[str, Word]]:
-    """Numbers, counts and laps; a number and its unit may be written as one, as Chinese does."""
+def _counting(lexicon: Lexicon) -> Iterator[tuple[str, Meaning]]:
+    """Numbers and counts; a number and its unit may be written as one, as Chinese does. Units alone come last."""
     for phrase, number in lexicon.counts.items():
-        yield phrase, Word("count", number=number)
-    times, laps = _listed(lexicon.times, Word("times")), _listed(lexicon.laps, Word("laps"))
+        yield phrase, Meaning("count", number=number)
+    times, laps = _listed(lexicon.times, Meaning("times")), _listed(lexicon.laps, Meaning("laps"))
     units = [("count", unit) for unit, _ in times] + [("laps", unit) for unit, _ in laps]
     for name, number in lexicon.numbers.items():
-        yield name, Word("number", number=number)
+        yield name, Meaning("number", number=number)
         if not name.isascii():
-            yield from ((f"{name}{unit}", Word(kind, number=number)) for kind, unit in units)
-    yield from ((unit, Word("times" if kind == "count" else "laps")) for kind, unit in units)
+            yield from ((f"{name}{unit}", Meaning(kind, number=number)) for kind, unit in units)
 
 
-def _listed(text: str, word: Word) -> list[tuple[str, Word]]:
+def _listed(text: str, word: Meaning) -> list[tuple[str, Meaning]]:
     return [(phrase.strip(), word) for phrase in text.split(";") if phrase.strip()]

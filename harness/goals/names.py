@@ -6,7 +6,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.places import Place, Route, Site
 from harness.contracts.readings import ClauseObject, ObjectKind
 from harness.goals.tokens import folded
-from harness.goals.words import Word
+from harness.goals.words import Meaning
 
 
 def check_names(site: Site) -> None:
@@ -23,7 +23,7 @@ def check_names(site: Site) -> None:
             )
 
 
-def site_names(site: Site) -> Iterator[tuple[str, Word]]:
+def site_names(site: Site) -> Iterator[tuple[str, Meaning]]:
     """Every name as a phrase of the grammar; a zone gives way to a place, route or passage of the same name.
 
     Raises as `check_names` does.
@@ -57,8 +57,8 @@ def known_object(meant: ClauseObject, site: Site) -> bool:
     return meant.id in ids[meant.kind] if meant.kind in ids else not meant.id
 
 
-def _forms(text: str, meant: ClauseObject) -> Iterator[tuple[str, Word]]:
-    word = Word("name", object=meant)
+def _forms(text: str, meant: ClauseObject) -> Iterator[tuple[str, Meaning]]:
+    word = Meaning("name", object=meant)
     bare = " ".join(_key(text))
     if not bare:
         return

@@ -13,8 +13,8 @@ from msgspec.structs import replace
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import sha256
 from harness.contracts.places import Site
-from harness.contracts.readings import Clause, ClauseObject, Reading, Span, Unread
-from harness.goals.grammar import Draft, clause_of, items, parse
+from harness.contracts.readings import Clause, ClauseObject, Reading, TextSpan, Unread
+from harness.goals.grammar import ClauseDraft, clause_of, items, parse
 from harness.goals.lexicon import meanings
 from harness.goals.names import known_object, object_of_route, site_names
 from harness.goals.tokens import tokens
@@ -91,13 +91,13 @@ def check_reading(reading: Reading, *, text: str, site: Site) -> None:
         raise ContractInvalid(f"{len(gaps)} parts of the text are in no clause", where="reading", do="mark them unread")
 
 
-def uncovered(reading: Reading, text: str) -> tuple[Span, ...]:
+def uncovered(reading: Reading, text: str) -> tuple[TextSpan, ...]:
     """The parts of the text, spaces and joining hyphens aside, that the reading does not account for."""
     covered = set[int]()
     for span in _spans(reading):
         covered.update(range(span.start, span.end))
     missed = [token for token in tokens(text) if not covered.issuperset(range(token.start, token.end))]
-    return tuple(Span(start=token.start, end=token.end) for token in missed)
+    return tuple(TextSpan(start=token.start, end=token.end) for token in missed)
 
 
 def site_version(site: Site) -> str:
@@ -122,7 +122,7 @@ def _bound(clause: Clause, site: Site) -> Clause:
     return replace(clause, object=object_of_route(loops[0])) if len(loops) == 1 else clause
 
 
-def _tied(draft: Draft, site: Site) -> bool:
+def _tied(draft: ClauseDraft, site: Site) -> bool:
     """Whether a second name of a clause is where the first one is, by the site's own geometry (D43)."""
     if draft.beside is None or draft.object is None:
         return True
@@ -181,13 +181,13 @@ def _tidy(clause: Clause, text: str) -> Clause:
     return replace(clause, spans=_merged(clause.spans, text))
 
 
-def _merged(spans: Sequence[Span], text: str) -> tuple[Span, ...]:
+def _merged(spans: Sequence[TextSpan], text: str) -> tuple[TextSpan, ...]:
     """Spans in the order of the text; neighbours with only spaces or hyphens between them are one."""
-    merged: list[Span] = []
+    merged: list[TextSpan] = []
     for span in sorted(spans, key=lambda one: (one.start, one.end)):
         before = merged[-1] if merged else None
         if before is not None and not text[before.end : span.start].strip(" \t\r-_\u3000\u00a0"):
-            merged[-1] = Span(start=before.start, end=max(before.end, span.end))
+            merged[-1] = TextSpan(start=before.start, end=max(before.end, span.end))
         else:
             merged.append(span)
     return tuple(merged)
@@ -205,6 +205,6 @@ def _merged_unread(found: Sequence[Unread], text: str) -> tuple[Unread, ...]:
     return tuple(merged)
 
 
-def _spans(reading: Reading) -> list[Span]:
+def _spans(reading: Reading) -> list[TextSpan]:
     of_clauses = [span for clause in reading.clauses for span in clause.spans]
     return [*of_clauses, *reading.fillers, *(one.span for one in reading.unread)]

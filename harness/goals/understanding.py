@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, ReadingStale
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.places import Site
-from harness.contracts.readings import Clause, ClauseObject, Reading, ReadingQuestion, Span, Unread
+from harness.contracts.readings import Clause, ClauseObject, Reading, ReadingQuestion, TextSpan, Unread
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.goals.names import object_of_place, object_of_route
@@ -16,7 +16,7 @@ from harness.goals.reader import GRAMMAR, GoalReader, admitted, site_version
 from harness.goals.satisfiable import check_satisfiable
 from harness.goals.tokens import folded
 from harness.planning.binding import bind_place
-from harness.planning.clauses import Plan, plan_reading
+from harness.planning.clauses import GoalPlan, plan_reading
 from harness.planning.compile import Argument, compile_contract
 from harness.planning.composition import compile_plan
 from harness.planning.templates import LONGEST_GOAL, by_name, goal_of
@@ -42,7 +42,7 @@ class Understood:
     """What will run: the plan of a reading, or a template that takes no goal in words; `text` is the goal's source."""
 
     text: str
-    plan: Plan | None
+    plan: GoalPlan | None
     template: TaskTemplate | None
     confirmed: Digest | None = None
 
@@ -126,7 +126,7 @@ def read_again(
     return compiled(found, templates=templates, site=site, arguments=_chosen(contract, plan), rules=rules)
 
 
-def _chosen(contract: TaskContract, plan: Plan) -> dict[str, Argument]:
+def _chosen(contract: TaskContract, plan: GoalPlan) -> dict[str, Argument]:
     """What a person had chosen beside the text, as the bindings of a goal of one part hold it."""
     names = {parameter.name for part in plan.parts for parameter in part.template.parameters}
     found = {name: value for name, value in contract.bindings.items() if name in names}
@@ -182,7 +182,7 @@ def _own_reading(named: TaskTemplate, request: GoalRequest, text: str, site: Sit
     elif serves.object == "route":
         loops = [route for route in site.routes if route.start == route.end]
         meant = object_of_route(loops[0]) if loops else meant
-    whole = Span(start=0, end=len(text))
+    whole = TextSpan(start=0, end=len(text))
     return Reading(
         text=sha256(text.encode()),
         site=site_version(site),
@@ -193,17 +193,17 @@ def _own_reading(named: TaskTemplate, request: GoalRequest, text: str, site: Sit
 
 
 def _instead(
-    named: TaskTemplate, plan: Plan, request: GoalRequest, templates: Sequence[TaskTemplate], site: Site
-) -> Plan:
+    named: TaskTemplate, plan: GoalPlan, request: GoalRequest, templates: Sequence[TaskTemplate], site: Site
+) -> GoalPlan:
     """Nothing of the text can be done: the nearest reading is what the chosen template declares, all words unread."""
     declared = _own_reading(named, request, request.text, site)
-    whole = Span(start=0, end=len(request.text))
+    whole = TextSpan(start=0, end=len(request.text))
     unread = plan.reading.unread or (Unread(span=whole, why="unknown_words"),)
     reading = replace(declared, unread=unread, fillers=plan.reading.fillers)
     return plan_reading(reading, templates=_preferred(named, templates), site=site)
 
 
-def _nothing_to_do(text: str, plan: Plan) -> GoalNotUnderstood:
+def _nothing_to_do(text: str, plan: GoalPlan) -> GoalNotUnderstood:
     """A goal that only says what not to do is refused: it would be met by standing still."""
     question = ReadingQuestion(text=text, nearest=None, unread=plan.reading.unread)
     return GoalNotUnderstood(
@@ -211,7 +211,7 @@ def _nothing_to_do(text: str, plan: Plan) -> GoalNotUnderstood:
     )
 
 
-def _not_understood(text: str, plan: Plan, chosen: TaskTemplate | None) -> GoalNotUnderstood:
+def _not_understood(text: str, plan: GoalPlan, chosen: TaskTemplate | None) -> GoalNotUnderstood:
     reading = plan.reading
     question = ReadingQuestion(
         text=text,

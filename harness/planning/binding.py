@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from typing import Any, Literal
 
+from msgspec.structs import replace
+
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.places import Passage, Place, Route, Site, Zone
 from harness.projections.region import contains
@@ -56,10 +58,13 @@ def bind_route(start: Place, end: Place, *, site: Site) -> Route:
 
 
 def bind_way(place: Place, *, site: Site) -> Route:
-    """The first reference route that leads to a place from another one; raises UnknownName if the site has none."""
+    """How a leg ends at a place, wherever the body is before: the last stretch of a route that leads there.
+
+    Raises UnknownName if the site has none.
+    """
     for route in site.routes:
         if route.end == place.place_id != route.start:
-            return route
+            return replace(route, waypoints_m=route.waypoints_m[-2:])
     raise UnknownName(f"No route leads to {place.place_id}", where=f"site {site.name}", do="survey one that ends there")
 
 

@@ -37,7 +37,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Plan:
+class GoalPlan:
     """How a reading is done. `reading` holds the clauses that are done or kept; the rest of it is unread.
 
     `declined` are the defaults that the goal leaves out, `ends_at` where an explicit return leads.
@@ -68,7 +68,7 @@ def removable(template: TaskTemplate, act: Act) -> NodeId | None:
     return stage if stage and others else None
 
 
-def plan_reading(reading: Reading, *, templates: Sequence[TaskTemplate], site: Site) -> Plan:
+def plan_reading(reading: Reading, *, templates: Sequence[TaskTemplate], site: Site) -> GoalPlan:
     """The plan of a reading under these templates, tried in their order. Raises nothing."""
     return _Planning(reading, templates, site).plan()
 
@@ -84,7 +84,7 @@ class _Planning:
         self._keep_out: list[tuple[Clause, str]] = []
         self._returning: Clause | None = None
 
-    def plan(self) -> Plan:
+    def plan(self) -> GoalPlan:
         clauses = self._reading.clauses
         for index, clause in enumerate(clauses):
             if not clause.negated:
@@ -98,7 +98,7 @@ class _Planning:
         found = replace(
             self._reading, clauses=kept, defaults=defaults, unread=_in_order([*self._reading.unread, *self._left])
         )
-        return Plan(found, tuple(self._parts), tuple(self._keep_out), self._declined, self._returning)
+        return GoalPlan(found, tuple(self._parts), tuple(self._keep_out), self._declined, self._returning)
 
     def _settle(self, clause: Clause, why: UnreadWhy | None) -> None:
         if why is None:

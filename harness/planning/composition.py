@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from msgspec import UnsetType
 from msgspec.structs import replace
 
 from harness.contracts import tasks
@@ -19,7 +20,7 @@ from harness.contracts.places import Place, Site
 from harness.contracts.readings import PROFILE, Act, Clause, clause_id
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.planning.binding import bind_place
-from harness.planning.clauses import LOOKING, Part, Plan, home_of, region_of, removable
+from harness.planning.clauses import LOOKING, GoalPlan, Part, home_of, region_of, removable
 from harness.planning.compile import Argument, compile_contract, ground_m
 
 MISSION_BUDGET = 8
@@ -63,7 +64,7 @@ class _Mission:
 
 
 def compile_plan(
-    plan: Plan,
+    plan: GoalPlan,
     *,
     text: str,
     arguments: Mapping[str, Argument],
@@ -82,7 +83,7 @@ def compile_plan(
 class _Composition:
     def __init__(
         self,
-        plan: Plan,
+        plan: GoalPlan,
         text: str,
         arguments: Mapping[str, Argument],
         templates: Sequence[tasks.TaskTemplate],
@@ -203,6 +204,7 @@ class _Composition:
             depends_on=tuple(depends),
             parameters={name: _rescoped(value, compiled) for name, value in node.parameters.items()},
             success_conditions=tuple(_renamed(one, compiled) for one in node.success_conditions),
+            evidence=_declaring(node.evidence, compiled),
         )
         if made.node_id == REQUEST and mission.nodes:
             first = mission.nodes[0]
@@ -441,6 +443,12 @@ def _renamed(condition: Condition, compiled: Compiled) -> Condition:
     if compiled.request and condition.condition_id.startswith(f"{compiled.request}."):
         name = condition.condition_id
     return replace(condition, condition_id=ConditionId(name), effect=_of_nodes(condition.effect, compiled))
+
+
+def _declaring(policy: tasks.EvidencePolicy, compiled: Compiled) -> tasks.EvidencePolicy:
+    if isinstance(policy.declared, UnsetType):
+        return policy
+    return replace(policy, declared=tuple(ConditionId(f"{compiled.scope}{name}") for name in policy.declared))
 
 
 def _of_nodes(effect: AnyEffect, compiled: Compiled) -> AnyEffect:

@@ -6,7 +6,7 @@ from msgspec.structs import replace
 from harness.baseline.load import site
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.places import Site
-from harness.contracts.readings import Clause, Reading, Span
+from harness.contracts.readings import Clause, Reading, TextSpan
 from harness.goals.names import check_names
 from harness.goals.reader import GoalReader, admitted, check_reading, read_goal, uncovered
 from tests.saying import raises_saying
@@ -69,7 +69,7 @@ def test_a_goal_is_read_clause_by_clause_with_nothing_left_over(text: str, claus
         ("Check the storage area every hour", "time"),
         ("Check the storage area or the dock", "alternative"),
         ("Do not walk the circuit and check the storage area", "ambiguous"),
-        ("Before checking the storage area walk the circuit", "ambiguous"),
+        ("Before checking the storage area walk the circuit", "order"),
         ('Somebody wrote "check the storage area"', "quoted"),
         ("<b>Check the storage area</b>", "unknown_words"),
         ("Check the storage area\u202e", "control_character"),
@@ -141,7 +141,7 @@ def broken_readings() -> list[Reading]:
     clause = whole.clauses[0]
     assert clause.object is not None
     invented = replace(clause, object=replace(clause.object, id="moon"))
-    beyond = replace(clause, spans=(Span(start=0, end=4000),))
+    beyond = replace(clause, spans=(TextSpan(start=0, end=4000),))
     return [
         replace(whole, clauses=(invented,)),
         replace(whole, clauses=(beyond,)),
