@@ -17,7 +17,7 @@ from app.auth.accounts import Accounts
 from app.auth.exposure import check_exposure
 from app.auth.guarded_releases import GuardedReleaseService
 from app.auth.guarded_runtime import GuardedRuntime
-from app.auth.oidc_settings import issuer_door
+from app.auth.oidc_settings import oidc_login
 from app.auth.rate_limits import Buckets
 from app.auth.sessions import SessionService
 from app.background.alert_watch import AlertWatch, Watched
@@ -38,6 +38,7 @@ from app.routes import (
     api_alerts,
     api_events,
     api_handoffs,
+    api_leases,
     api_maps,
     api_people,
     api_places,
@@ -83,7 +84,7 @@ from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId
 from harness.contracts.reasons import because
 from harness.dossiers import export_dossier
-from harness.runtime import AnswerHandoff, Runtime, unsupervised
+from harness.runtime import AnswerHandoff, FreeResource, Runtime, unobserved, unsupervised
 
 GRACE_S = 3
 
@@ -96,6 +97,7 @@ def create_app(
     *,
     accounts: Accounts,
     answer: AnswerHandoff = unsupervised,
+    free: FreeResource = unobserved,
     starts: Starts = no_journal,
     cards: Cards = no_cards,
     folder: Path | None = None,
@@ -105,7 +107,7 @@ def create_app(
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
     The runtime's gate was built with the authority of these `accounts`; the console closes them when it ends. `answer`
-    takes what people answer at handoffs: a supervisor's.
+    takes what people answer at handoffs and `free` frees resources in quarantine: a supervisor's.
 
     `fleet` shows what robots say of themselves, `wheel` lets people drive them; both are ended with the console.
 
@@ -139,7 +141,7 @@ def create_app(
     app.state.alert_watch = alert_watch
     app.state.notices = notices
     app.state.console = Console(
-        runtime=GuardedRuntime(runtime, answer=answer, audit_log=accounts.told),
+        runtime=GuardedRuntime(runtime, answer=answer, free=free, audit_log=accounts.told),
         settings=settings,
         broker=broker,
         scenes=scenes,
@@ -156,7 +158,7 @@ def create_app(
         fleet=fleet or no_fleet(),
         teleoperation=teleoperation,
         dossier=_dossiers(runtime, folder),
-        issuer=issuer_door(settings, sessions, clock=time.time, fresh=_fresh),
+        issuer=oidc_login(settings, sessions, clock=time.time, fresh=_fresh),
     )
     app.mount("/static", StampedFiles(directory=settings.static), name="static")
     for room in (
@@ -189,6 +191,7 @@ def create_app(
     for room in (
         api,
         api_handoffs,
+        api_leases,
         api_alerts,
         api_maps,
         api_places,
@@ -214,7 +217,7 @@ def _free(folder: Path | None) -> Callable[[], int | None]:
 
 
 def _dossiers(runtime: Runtime, folder: Path | None) -> Dossier | None:
-    """Signed with the key of the data folder; without one there is no key."""
+    """Writes dossiers signed with the key of the data folder; None without a folder."""
     if folder is None:
         return None
 
@@ -225,7 +228,7 @@ def _dossiers(runtime: Runtime, folder: Path | None) -> Dossier | None:
 
 
 def open_accounts(settings: ConsoleSettings, folder: Path | None = None) -> Accounts:
-    """Who may use the console: kept in `folder`, or in memory without one."""
+    """The accounts of the console, stored in `folder`, or in memory without one."""
     store = SqlAccounts(folder / "accounts.db" if folder else None)
     hasher = PasswordHasher(memory_cost=settings.password_memory_kib)
     return Accounts(store, clock=time.time, fresh=_fresh, hasher=hasher)
@@ -274,7 +277,7 @@ def bind(port: int, host: str = "127.0.0.1") -> socket.socket:
 
 
 class _Server(uvicorn.Server):
-    """Ends the live streams as soon as a stop is asked for, so that no open page delays it."""
+    """A server that ends the live streams as soon as it is asked to stop, so that no open page delays it."""
 
     def __init__(self, config: uvicorn.Config, broker: SignalBroker) -> None:
         super().__init__(config)

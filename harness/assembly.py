@@ -5,30 +5,34 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, get_args
 
 from harness.adapters.failpoints import parse, provider_with_failpoint
 from harness.adapters.providers.archive import EvidenceArchiver
 from harness.adapters.providers.intake import TextIntake
+from harness.adapters.providers.lidar import PassageSweep
 from harness.adapters.providers.messaging.delivery import OutboxDelivery
 from harness.adapters.providers.messaging.folder import FolderOutbox
 from harness.adapters.providers.messaging.memory import MemoryOutbox
+from harness.adapters.providers.messaging.read_back import FolderReader, MemoryReader, MessageReadBack
 from harness.adapters.providers.models.analysis import OpenCvAnalysis
 from harness.adapters.providers.models.description import OpenCvDescription
-from harness.adapters.providers.speech.speaker import PacedSpeaker
+from harness.adapters.providers.speech.microphone import RoomMicrophone
+from harness.adapters.providers.speech.speaker import PacedSpeaker, RoomSpeaker
 from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.configurations import StoredConfigurations
 from harness.adapters.stores.memory_index import VolatileMemoryIndex
-from harness.baseline.load import baseline
+from harness.baseline.load import baseline, earlier, further
 from harness.baseline.load import site as shipped_site
 from harness.contracts import ports
 from harness.contracts.configuration import Configuration
 from harness.contracts.decider import Decider
 from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.ids import Digest, MissionId, ProviderId, RobotId
-from harness.contracts.observations import Camera
+from harness.contracts.observations import Camera, Source
 from harness.contracts.places import Site
 from harness.contracts.protocol import PhysicalStart
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.exploration.targets import NEAREST_EDGE, Proposer
 from harness.gate.alerts import DECIDER as ALERT
 from harness.gate.commit import Gate
@@ -38,6 +42,7 @@ from harness.gate.handoffs import DECIDER as HANDOFF
 from harness.gate.leases import DECIDER as LEASE
 from harness.gate.maps import DECIDER as MAP
 from harness.gate.places import DECIDER as PLACE
+from harness.goals.reader import GRAMMAR, GoalReader
 from harness.memory.fabric import MemoryFabric
 from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.projections.mission import Mission
@@ -53,6 +58,9 @@ Deciders = Mapping[str, Decider[Any, Any, Any]]
 Select = Callable[[Runtime, RobotId], Digest | None]
 Trial = Callable[[Runtime, Digest], bool]
 """Which configuration version a new mission of a robot is pinned to; None: the one the harness was opened with."""
+
+HARNESS = "harness"
+"""The origin of what runs in this process."""
 
 DECIDERS: dict[str, Decider[Any, Any, Any]] = {
     "mission": MISSION,
@@ -123,6 +131,7 @@ class Parts:
     snapshots: ports.Snapshots | None = None
     verifier: Verifier = verify
     planner: Planner = GRAPH_ORDER
+    reader: GoalReader = GRAMMAR
     proposer: Proposer = NEAREST_EDGE
     deciders: Deciders = field(default_factory=dict)
     authority: Authority = unquestioned
@@ -130,11 +139,15 @@ class Parts:
     trial: Trial = nothing_on_trial
     configuration: Configuration = field(default_factory=baseline)
     site: Site = field(default_factory=shipped_site)
+    rules: RulesVersion = CURRENT_RULES
 
 
 @dataclass(frozen=True)
 class Member:
-    """One robot to be connected: its port, its clock, the providers beside it, and what people may use of it."""
+    """One robot to be connected: its port, its clock, the providers beside it, and what people may use of it.
+
+    `origin`: the process or address behind the robot, its providers and its samples; its name where none is given.
+    """
 
     robot_id: RobotId
     robot: ports.Robot
@@ -144,6 +157,32 @@ class Member:
     revive: Callable[[], bool] = lambda: False
     camera: ports.LiveCamera | None = None
     hand: ports.Teleoperable | None = None
+    origin: str = ""
+    sources: Sequence[ports.IndependentSource] = ()
+
+
+@dataclass(frozen=True)
+class MessageChannel:
+    """A channel's two ends: the one that sends, and the harness's own that reads back."""
+
+    outbox: ports.MessageOutbox
+    reader: ports.MessageReadPath
+
+
+def message_channel(parts: Parts, folder: Path | None) -> MessageChannel:
+    """Messages as files in the data folder; in memory where there is none."""
+    if folder:
+        return MessageChannel(FolderOutbox(folder / "outbox", blobs=parts.blobs), FolderReader(folder / "outbox"))
+    held = MemoryOutbox()
+    return MessageChannel(held, MemoryReader(held))
+
+
+@dataclass(frozen=True)
+class LocalServices:
+    """What runs beside the harness for one robot: providers, and the sources that measure without them."""
+
+    providers: Sequence[ports.Provider]
+    sources: Sequence[ports.IndependentSource]
 
 
 def assemble(
@@ -155,9 +194,10 @@ def assemble(
     local: Sequence[ports.Provider],
     configure: Callable[[Mission], None],
     revive: Callable[[], bool] = lambda: False,
+    sources: Sequence[ports.IndependentSource] = (),
 ) -> Harness:
     """One connected robot under one supervisor. The stack closes the supervisor."""
-    member = Member(RobotId(settings.robot_id), robot, parts.clock, local, configure, revive)
+    member = Member(RobotId(settings.robot_id), robot, parts.clock, local, configure, revive, sources=sources)
     return joined(stack, settings, parts, [member])
 
 
@@ -201,7 +241,20 @@ def _connection(settings: HarnessSettings, parts: Parts, member: Member) -> Robo
         proposer=parts.proposer,
         camera=member.camera,
         hand=member.hand,
+        origins=_origins(member),
+        sources=tuple(member.sources),
     )
+
+
+def _origins(member: Member) -> dict[str, str]:
+    """All samples of a robot come from one place, and so do its own providers; those beside the harness are in its
+    own process."""
+    robot = member.origin or f"robot {member.robot_id}"
+    return {
+        **dict.fromkeys(get_args(Source), robot),
+        **{provider.card.provider_id: robot for provider in member.robot.providers()},
+        **{provider.card.provider_id: HARNESS for provider in member.local},
+    }
 
 
 def runtime_on(parts: Parts, clocks: Mapping[RobotId, ports.Clock] = MappingProxyType({})) -> Runtime:
@@ -227,29 +280,52 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, ports.Clock] = MappingProx
         ids=parts.ids,
         signals=parts.signals,
         configurations=StoredConfigurations(
-            parts.store, first=parts.configuration, shipped=(baseline(),), selected=selected, on_trial=on_trial
+            parts.store,
+            first=parts.configuration,
+            shipped=(baseline(), *earlier()),
+            selected=selected,
+            on_trial=on_trial,
         ),
         site=parts.site,
         memory=MemoryFabric(store=parts.store, index=parts.index),
+        beside=further(),
+        reader=parts.reader,
+        rules=parts.rules,
     )
     return runtime
 
 
-def local_providers(
-    parts: Parts, *, camera: Camera, folder: Path | None, robot_id: str = ""
-) -> Sequence[ports.Provider]:
-    """Providers that run beside the harness for one robot: intake, analysis, delivery, voice, archive, description."""
+def local_services(
+    parts: Parts,
+    *,
+    camera: Camera,
+    folder: Path | None,
+    robot_id: str = "",
+    room: ports.Room | None = None,
+    channel: MessageChannel | None = None,
+) -> LocalServices:
+    """What runs beside the harness for one robot: intake, analysis, delivery, voice, archive and description, and the
+    sources that measure what they did: the channel's read path, the robot's lidar and the microphone of its `room`.
+    `channel` is the data folder's own where none is given.
+    """
 
     def journal(name: str) -> Path | None:
         return folder / "providers" / robot_id / f"{name}.jsonl" if folder else None
 
     clock, blobs = parts.clock, parts.blobs
-    outbox = FolderOutbox(folder / "outbox", blobs=blobs) if folder else MemoryOutbox()
-    return (
+    messages = channel or message_channel(parts, folder)
+    speaker = RoomSpeaker(room) if room else PacedSpeaker()
+    providers = (
         TextIntake(clock=clock, blobs=blobs, journal=journal("text-intake")),
         OpenCvAnalysis(camera, clock=clock, blobs=blobs, journal=journal("opencv-analysis")),
-        OutboxDelivery(outbox, clock=clock, blobs=blobs, journal=journal("message-outbox")),
-        EspeakVoice(PacedSpeaker(), clock=clock, blobs=blobs, journal=journal("espeak-voice")),
+        OutboxDelivery(messages.outbox, clock=clock, blobs=blobs, journal=journal("message-outbox")),
+        EspeakVoice(speaker, clock=clock, blobs=blobs, journal=journal("espeak-voice")),
         EvidenceArchiver(clock=clock, blobs=blobs, journal=journal("evidence-keeper")),
         OpenCvDescription(clock=clock, blobs=blobs, journal=journal("opencv-description")),
     )
+    sources = (
+        MessageReadBack(messages.reader, keep=blobs.put),
+        PassageSweep(keep=blobs.put),
+        RoomMicrophone(room, keep=blobs.put, read=blobs.get),
+    )
+    return LocalServices(providers, sources)

@@ -35,7 +35,7 @@ from harness.assembly import (
     assemble,
     directly,
     joined,
-    local_providers,
+    local_services,
     nothing_on_trial,
     nothing_selected,
     runtime_on,
@@ -51,6 +51,7 @@ from harness.contracts.observations import Camera
 from harness.contracts.places import Site
 from harness.contracts.reasons import because
 from harness.contracts.regularities import HiddenSite
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.simulation import InProcessRobot, Simulator
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
@@ -68,7 +69,7 @@ __all__ = [
     "camera_of",
     "directly",
     "edit_harness",
-    "local_providers",
+    "local_services",
     "move_log",
     "nothing_on_trial",
     "nothing_selected",
@@ -195,12 +196,14 @@ def simulated(
     authority: Authority = unquestioned,
     select: Select = nothing_selected,
     trial: Trial = nothing_on_trial,
+    rules: RulesVersion = CURRENT_RULES,
 ) -> Iterator[Harness]:
     """Everything in this process and in virtual time: robots of `simulator`, stores in memory. For suites and tests.
 
     `configuration` is what missions are pinned to, H_0 without one; `site` the places they name, the shipped ones
     without one; `hidden` the recurring disturbances of the simulated site; `wire` wraps the connection between the
-    harness and the robot; `deciders`, `authority`, `select` and `trial` as in `open_harness`.
+    harness and the robot; `deciders`, `authority`, `select` and `trial` as in `open_harness`. `rules` are the ones that
+    new missions are judged by.
     """
     with ExitStack() as stack:
         robots = [
@@ -221,6 +224,7 @@ def simulated(
             authority=authority,
             select=select,
             trial=trial,
+            rules=rules,
         )
 
         joining = [_simulated_member(parts, *pair) for pair in zip(robots, clocks, strict=True)]
@@ -233,11 +237,13 @@ def _simulated_member(parts: Parts, simulated_robot: InProcessRobot, clock: port
         simulated_robot.configure(mission.mission_id, mission.seed, _faults(mission))
 
     own = replace(parts, clock=clock)
+    beside = local_services(own, camera=camera_of(simulated_robot.robot), folder=None, room=simulated_robot.room)
     return Member(
         robot_id=RobotId(simulated_robot.robot_id),
         robot=simulated_robot.robot,
         clock=clock,
-        local=local_providers(own, camera=camera_of(simulated_robot.robot), folder=None),
+        local=beside.providers,
+        sources=beside.sources,
         configure=configure,
         camera=simulated_robot.camera,
         hand=simulated_robot.hand,
@@ -249,11 +255,15 @@ def _kept_member(parts: Parts, kept: SupervisedProcess, folder: DataFolder) -> M
         kept.configure(mission.mission_id, mission.seed, _faults(mission))
 
     own = replace(parts, clock=kept.clock)
+    beside = local_services(
+        own, camera=camera_of(kept.robot), folder=folder.root, robot_id=kept.robot_id, room=kept.robot
+    )
     return Member(
         robot_id=RobotId(kept.robot_id),
         robot=kept.robot,
         clock=kept.clock,
-        local=local_providers(own, camera=camera_of(kept.robot), folder=folder.root, robot_id=kept.robot_id),
+        local=beside.providers,
+        sources=beside.sources,
         configure=configure,
         revive=kept.revive,
         camera=kept.robot,

@@ -22,6 +22,7 @@ from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
 from harness.adapters.stores.opening import open_log
 from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.spool import FileSpool
+from harness.baseline.load import site as shipped_site
 from harness.bootstrap import Harness, NullSignals, Parts, assemble
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
@@ -29,11 +30,17 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.observations import AnySample, Image, Trajectory
+from harness.contracts.place_events import place_stream
+from harness.contracts.places import Site
+from harness.contracts.ports import EventStore
 from harness.contracts.reasons import because
 from harness.contracts.tasks import Node, TaskTemplate
 from harness.contracts.values import Point, decode
+from harness.gate.places import DECIDER as PLACE
+from harness.planning.binding import bind_place
 from harness.planning.templates import by_name
 from harness.projections.mission import Mission, NodeState, required_contract
+from harness.projections.places import changed_site
 from harness.runtime import Runtime, Start
 from harness.settings import HarnessSettings
 from harness.verification.geometry import path_length
@@ -54,10 +61,9 @@ class Replayer:
         """Run the navigation mission on the recording, and what the harness measured on its own (D38)."""
         templates = self.harness.runtime.current_configuration(RobotId("recording")).templates
         template = drive_template(by_name("recording", templates), self.robot.segments)
-        last = self.robot.segments[-1]
+        target = self.robot.segments[-1].target_m
         arguments: dict[str, str | float] = {
-            "target_x_m": last.target_m[0],
-            "target_y_m": last.target_m[1],
+            **({"target_x_m": target[0], "target_y_m": target[1]} if target else {}),
             "frame": self.recording.frame,
             "map_version": self.recording.map_version,
             "tolerance_m": TOLERANCE_M,
@@ -78,14 +84,16 @@ class Replayer:
         return mission, self.facts(mission)
 
     def facts(self, mission: Mission) -> dict[str, Any]:
-        """Path length over the whole recording, the target's source, and every leg's figures.
+        """Path length and duration of the whole recording, the target and its source, and every leg's figures.
 
         What the recorded supervisor declared comes from the recording; what was measured, from the gate's verdicts.
         """
         judged = [_measured(node) for node in mission.nodes.values()]
         return {
             "path_length_m": path_length(point for _, point in self.recording.track()),
+            "duration_s": self.recording.duration_s,
             "target_source": self.target_source,
+            "target_m": self.robot.segments[-1].target_m,
             "recording": self.recording.sha256,
             "segments": [
                 {
@@ -102,23 +110,31 @@ class Replayer:
 
 @contextmanager
 def replayed(
-    settings: HarnessSettings, path: Path, *, target: Point | None, topics: Sequence[str]
+    settings: HarnessSettings,
+    path: Path,
+    *,
+    target: Point | None,
+    topics: Sequence[str],
+    place: str = "",
 ) -> Iterator[Replayer]:
     """The harness on this data folder with a recording in place of a robot.
 
-    Raises RecordingInvalid for a recording that cannot be read, before anything is written.
+    The arrival is tested at `target`, or at the approach of `place`, or where the recording's own goals and routes
+    lead. Raises RecordingInvalid for a recording that cannot be read, before anything is written, UnknownName for a
+    place and ContractInvalid for one on another map, before a mission is created.
     """
     with ExitStack() as stack:
         recording = open_recording(path, _topics(topics))
         stack.callback(recording.close)
-        robot = RecordedRobot(recording, target=target)
-        stack.callback(robot.close)
         folder = prepare(settings.data_folder)
         lock = stack.enter_context(OwnerLock(folder.root))
         ids = SystemIds()
         lock.take(token=ids.token())
         store = open_log(settings.database or folder.log_url)
         stack.callback(store.close)
+        wanted = _approach(place, _site(store), recording) if place else target
+        robot = RecordedRobot(recording, target=wanted)
+        stack.callback(robot.close)
         parts = Parts(
             store=store,
             blobs=owned_blobs(folder.blobs),
@@ -130,8 +146,29 @@ def replayed(
         )
         recorded = settings.model_copy(update={"robot_id": "recording", "speed": 0.0})
         harness = assemble(stack, recorded, parts, robot=robot, local=(), configure=lambda _: None)
-        source = "--target" if target is not None else robot.segments[-1].target_source
+        given = f"--place {place}" if place else "--target" if target is not None else ""
+        source = given or robot.segments[-1].target_source
         yield Replayer(harness=harness, recording=recording, robot=robot, target_source=source)
+
+
+def _site(store: EventStore) -> Site:
+    """The shipped places with the changes that people made in this data folder."""
+    shipped = shipped_site()
+    changes = [PLACE.codec.decode(one) for one in store.load(place_stream(shipped.name))]
+    return changed_site(shipped, PLACE.fold(PLACE.initial, changes))
+
+
+def _approach(name: str, site: Site, recording: Recording) -> Point:
+    """Where a place is entered, if its map is the recording's."""
+    place = bind_place(name, site=site)
+    if (recording.frame, recording.map_version) == (site.frame, site.map_version):
+        return place.approach_m
+    raise ContractInvalid(
+        f"Place {place.place_id} lies on map {site.map_version} in frame {site.frame}; the recording is on "
+        f"{recording.map_version} in frame {recording.frame}",
+        where="--place",
+        do=f"give --target X,Y, or --topic map_version={site.map_version} if it was recorded on that map",
+    )
 
 
 def _measured(node: NodeState) -> dict[str, float]:
@@ -140,7 +177,11 @@ def _measured(node: NodeState) -> dict[str, float]:
 
 
 def drive_template(template: TaskTemplate, segments: Sequence[Segment]) -> TaskTemplate:
-    """One node per recorded leg, in order; the template's single node is the pattern."""
+    """One node per recorded leg, in order; the template's single node is the pattern.
+
+    Without a target nothing can be tested but that there is none: every condition is then ambiguous (D38).
+    """
+    template = template if segments[-1].target_m else _untargeted(template)
     (pattern,) = template.nodes
     names = [pattern["node_id"] if len(segments) == 1 else f"leg-{index + 1}" for index in range(len(segments))]
     nodes = tuple(
@@ -158,7 +199,28 @@ def drive_template(template: TaskTemplate, segments: Sequence[Segment]) -> TaskT
     )
 
 
+def _untargeted(template: TaskTemplate) -> TaskTemplate:
+    """The template without its target: what it would test there becomes `arrival_without_target`."""
+    effect = {"type": "symbolic", "predicate": "arrival_without_target", "arguments": {}}
+
+    def said(condition: dict[str, Any]) -> dict[str, Any]:
+        return condition | {"text": "The body is at its target, which nobody named", "effect": effect}
+
+    (pattern,) = template.nodes
+    parameters = {name: value for name, value in pattern["parameters"].items() if name != "target"}
+    conditions = [said(one) for one in pattern["success_conditions"]]
+    node = pattern | {"parameters": parameters, "success_conditions": conditions}
+    return msgspec.structs.replace(
+        template,
+        nodes=(node,),
+        parameters=tuple(one for one in template.parameters if not one.name.startswith("target_")),
+        completion_conditions=tuple(said(one) for one in template.completion_conditions),
+    )
+
+
 def _leg_node(pattern: dict[str, Any], name: str, segment: Segment, *, after: list[str]) -> dict[str, Any]:
+    if segment.target_m is None:
+        return pattern
     target = list(segment.target_m)
     route = {"route": [list(point) for point in segment.route_m]} if segment.route_m else {}
     conditions = [

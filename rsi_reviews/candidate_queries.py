@@ -126,8 +126,9 @@ class CandidateQueries:
     def versions(self) -> dict[Digest, pointers.Draining]:
         """Every known version, and whether anything runs under it."""
         pinned = self.pins()
-        known = {self.current(), *(review.configuration for review in self.reviews()), *pinned}
-        return pointers.versions(self.pointer(), sorted(known), pinned)
+        current = self.current()
+        known = {current, *(review.configuration for review in self.reviews()), *pinned}
+        return pointers.versions(self.pointer(), sorted(known), pinned, current=current)
 
     def loads(self, configuration: Digest) -> Digest:
         """Load a version and encode it again: the result is its own id if a rollback to it is possible. Raises

@@ -118,15 +118,17 @@ def pins(missions: Iterable[Mission]) -> dict[Digest, tuple[MissionId, ...]]:
 
 
 def versions(
-    pointer: Pointer, known: Iterable[Digest], pinned: dict[Digest, tuple[MissionId, ...]]
+    pointer: Pointer, known: Iterable[Digest], pinned: dict[Digest, tuple[MissionId, ...]], *, current: Digest
 ) -> dict[Digest, Draining]:
     """Active: new missions get it. Draining: only older missions still run under it. Drained: no mission does
     any more.
+
+    `current` is what new missions get; before the pointer's first move that is the shipped version.
     """
     seen = {digest for move in pointer.history for digest in (move.configuration, move.canary) if digest is not None}
     states: dict[Digest, Draining] = {}
     for digest in (*seen, *known):
-        if digest in (pointer.configuration, pointer.canary):
+        if digest in (current, pointer.canary):
             states[digest] = "active"
         elif pinned.get(digest):
             states[digest] = "draining"

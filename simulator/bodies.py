@@ -191,11 +191,11 @@ class MujocoBody:
 
 
 def _sweep() -> Floats:
-    around, rings = np.linspace(-np.pi, np.pi, 180, endpoint=False), np.radians(np.linspace(-22, 16, 16))
+    around, rings = np.linspace(-np.pi, np.pi, 360, endpoint=False), np.radians(np.linspace(-22, 16, 16))
     azimuth, elevation = np.meshgrid(around, rings)
     across = np.cos(elevation)
     return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), np.sin(elevation)], axis=2).reshape(-1, 3)
 
 
 _SWEEP = _sweep()
-_FLAT = np.linspace(-np.pi, np.pi, 90, endpoint=False)
+_FLAT = np.linspace(-np.pi, np.pi, 360, endpoint=False)

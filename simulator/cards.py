@@ -2,6 +2,7 @@
 
 from harness.contracts import capabilities
 from harness.contracts.ids import ProviderId, ResourceId
+from harness.contracts.protocol import PROTOCOL
 
 BASE, CAMERA = ResourceId("mobile_base"), ResourceId("camera")
 SOFTWARE = "harness.adapters.providers.simulation"
@@ -13,8 +14,11 @@ _NAVIGATION = (
     capabilities.Parameter(name="speed_cap_mps", type="number", unit="m/s", minimum=0.05, maximum=0.5),
     capabilities.Parameter(name="lookahead_m", type="number", required=False, unit="m", minimum=0.2, maximum=2.0),
     capabilities.Parameter(name="replan", type="boolean", required=False),
+    capabilities.Parameter(
+        name="heading_rad", type="number", required=False, unit="rad", minimum=-3.1416, maximum=3.1416
+    ),
 )
-_NAVIGATION_FAILURES = ("no_progress", "interrupted", "timeout", "robot_restarted")
+_NAVIGATION_FAILURES = ("no_progress", "route_not_reachable", "interrupted", "timeout", "robot_restarted")
 _NAVIGATION_EVIDENCE = ("pose", "odometry", "imu", "scan", "receipt:arrival", "receipt:disarm")
 _SOURCES = ("localiser", "odometry", "lidar")
 
@@ -38,6 +42,7 @@ ROUTE_FOLLOWER = capabilities.CapabilityCard(
     reattach="by_request",
     resumable=True,
     software=SOFTWARE,
+    protocol=PROTOCOL,
 )
 CAREFUL_PLANNER = capabilities.CapabilityCard(
     provider_id=ProviderId("careful-local-planner"),
@@ -59,6 +64,7 @@ CAREFUL_PLANNER = capabilities.CapabilityCard(
     reattach="by_request",
     resumable=True,
     software=SOFTWARE,
+    protocol=PROTOCOL,
 )
 PANORAMA_CAMERA = capabilities.CapabilityCard(
     provider_id=ProviderId("panorama-camera"),
@@ -83,6 +89,7 @@ PANORAMA_CAMERA = capabilities.CapabilityCard(
     reattach="by_request",
     resumable=True,
     software=SOFTWARE,
+    protocol=PROTOCOL,
 )
 OBSERVER = capabilities.CapabilityCard(
     provider_id=ProviderId("observer"),
@@ -106,5 +113,6 @@ OBSERVER = capabilities.CapabilityCard(
     sources=("localiser", "odometry", "lidar", "camera"),
     reattach="by_request",
     software=SOFTWARE,
+    protocol=PROTOCOL,
 )
 CARDS: tuple[capabilities.CapabilityCard, ...] = (ROUTE_FOLLOWER, CAREFUL_PLANNER, PANORAMA_CAMERA, OBSERVER)

@@ -2,6 +2,8 @@
 
 A transient fault affects the mission's first navigation only, and its effect on the sensors ends when another
 invocation starts or CLEARED_AFTER_S after that one ended. A persistent one affects every navigation and stays.
+`hidden-passage` puts a trolley before the passage from the start on; a transient one is rolled away after the first
+panorama.
 """
 
 from collections.abc import Sequence
@@ -14,11 +16,12 @@ from simulator.sensors import LocaliserMode
 
 FaultName = Literal[
     "stale-pose", "missing-pose", "frozen-localiser", "early-success", "duplicate-request", "interrupted",
-    "blocked-passage", "lost-localisation", "biased-localiser",
+    "blocked-passage", "lost-localisation", "biased-localiser", "follower-gives-up",
+    "hidden-passage",
 ]  # fmt: skip
 FAULT_NAMES: tuple[FaultName, ...] = get_args(FaultName)
 IN_MOTION: frozenset[FaultName] = frozenset(
-    {"biased-localiser", "stale-pose", "frozen-localiser", "early-success", "interrupted"}
+    {"biased-localiser", "stale-pose", "frozen-localiser", "early-success", "interrupted", "follower-gives-up"}
 )
 """Faults that wait for a navigation to come to a certain place."""
 CLEARED_AFTER_S = 10.0
@@ -28,6 +31,8 @@ MID_LEG = 0.5
 FROZEN_BEFORE_M = 1.5
 EARLY_BEFORE_M = 2.5
 DUPLICATE_AFTER_S = 1.0
+FOLLOWER = "route-follower"
+"""The one provider whose controller gives up under `follower-gives-up`; every other one drives on."""
 
 
 class Fault(Value):
@@ -67,8 +72,9 @@ class FaultPlan:
         self._mode_fault: Fault | None = None
         self._terminal_s: float | None = None
         self._once: set[FaultName] = set()
-        if "lost-localisation" in self._faults:
-            self._count("lost-localisation")
+        for name in ("lost-localisation", "hidden-passage"):
+            if name in self._faults:
+                self._count(name)
 
     def mode(self, at_s: float) -> LocaliserMode:
         """The localiser's mode now."""
@@ -109,9 +115,11 @@ class FaultPlan:
         """Whether success is declared now, metres before the goal."""
         return remaining_m <= EARLY_BEFORE_M and self.strikes("early-success")
 
-    def interrupts(self, share: float) -> bool:
+    def interrupts(self, share: float, provider_id: str) -> bool:
         """Whether the controller gives up now, in the middle of the leg."""
-        return share >= MID_LEG and self.strikes("interrupted")
+        if share < MID_LEG:
+            return False
+        return self.strikes("interrupted") or (provider_id == FOLLOWER and self.strikes("follower-gives-up"))
 
     def strikes(self, name: FaultName) -> bool:
         """Whether a fault affects the running navigation; counts it once per navigation."""
@@ -123,6 +131,11 @@ class FaultPlan:
         self._once.add(name)
         self._count(name)
         return True
+
+    @property
+    def hides_passage(self) -> bool:
+        """Whether something stands between the approach and the passage when the mission begins."""
+        return "hidden-passage" in self._faults
 
     def persistent(self, name: FaultName) -> bool:
         return self._faults[name].persistent

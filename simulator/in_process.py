@@ -35,6 +35,7 @@ class InProcessSimulator:
             configure=configure,
             camera=robot,
             hand=SimulatedTeleoperation(robot),
+            room=robot.room,
         )
 
     def check_faults(self, names: Sequence[str]) -> None:

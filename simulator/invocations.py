@@ -7,8 +7,10 @@ import msgspec
 from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import Digest
+from harness.provider_protocol.proposals import intended
 from simulator import skill_interface
 from simulator.bodies import Velocity
+from simulator.proposals import Belief, believed
 
 DEAD_MAN_S = 1.4
 STILL_S = 0.2
@@ -37,6 +39,7 @@ class RunningSkill:
         self._receipts: list[protocol.Receipt] = []
         self._samples: list[int] = []
         self._blobs: list[Digest] = []
+        self._proposed: protocol.ProposedFacts = ()
 
     @property
     def terminal(self) -> bool:
@@ -84,7 +87,7 @@ class RunningSkill:
             self._stand(perception)
             return Velocity()
         step = self.skill.step(perception)
-        self._take(step)
+        self._take(step, perception)
         return step.command
 
     def report(self) -> protocol.InvocationReport:
@@ -104,6 +107,7 @@ class RunningSkill:
             receipts=tuple(self._receipts),
             samples=tuple(self._samples),
             blobs=tuple(self._blobs),
+            proposed_facts=self._proposed,
         )
 
     def _watch(self, at_s: float) -> None:
@@ -127,21 +131,45 @@ class RunningSkill:
         elif self._hold == "stop":
             self._status, self._text = "cancelled", "Stopped on request."
         else:
-            self._take(self._last)
+            self._take(self._last, perception)
 
-    def _take(self, step: skill_interface.Step) -> None:
+    def _take(self, step: skill_interface.Step, perception: skill_interface.Perception) -> None:
         for draft in step.drafts:
-            self._receipts.append(self._receipt(draft))
+            self._receipts.append(self._receipt(draft, blob=perception.keep(draft.body) if draft.body else draft.blob))
         for shot in step.shots:
             self._samples.append(shot.seq)
             self._blobs.append(shot.blob)
         if step.outcome is not None:
             self._outcome, self._status, self._text = step.outcome, step.outcome.status, step.outcome.message
+            if step.outcome.status == "succeeded":
+                self._proposed = self._believed(step.outcome, perception)
             return
         self._status = "blocked" if step.blocked else "running"
         self._text = step.blocked or "under way"
 
-    def _receipt(self, draft: skill_interface.Draft) -> protocol.Receipt:
+    def _believed(
+        self, outcome: skill_interface.Outcome, perception: skill_interface.Perception
+    ) -> protocol.ProposedFacts:
+        """What the robot proposes at the end of a success, of the effects that it was asked for."""
+        belief = Belief(
+            frame=perception.frame,
+            map_version=perception.map_version,
+            at_m=(perception.x_m, perception.y_m),
+            still=perception.still,
+        )
+        made = (
+            believed(
+                one,
+                capability=self.card.capability,
+                outcome=outcome,
+                belief=belief,
+                images=tuple(self._blobs),
+            )
+            for one in intended(self.request)
+        )
+        return tuple(one for one in made if one is not None)
+
+    def _receipt(self, draft: skill_interface.Draft, *, blob: Digest | None) -> protocol.Receipt:
         request = self.request.identity.request_id
         return protocol.Receipt(
             receipt_id=f"{draft.kind}-{request[:16]}-{len(self._receipts)}",
@@ -150,7 +178,7 @@ class RunningSkill:
             source=self.card.provider_id,
             request_id=request,
             text=draft.text,
-            blob=draft.blob,
+            blob=blob,
             values=draft.values,
         )
 

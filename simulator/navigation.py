@@ -5,11 +5,13 @@ round an obstacle that its lidar shows, where a gap is wide enough.
 """
 
 import math
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
+from msgspec.structs import replace
 
-from harness.contracts.values import Point, Value
+from harness.contracts.values import Point, Value, encode
 from simulator.bodies import BRAKING_MPS2, LIDAR_REACH_M, Floats, Velocity
 from simulator.local_map import LocalMap
 from simulator.routes import RouteLine
@@ -22,6 +24,11 @@ DEPARTURE_M = 0.8
 SEARCH_M = 1.5
 SWATH_M = 0.3
 LOOK_S = 0.4
+APPROACH_TOLERANCE_M = 0.3
+AIM_RAD, FACING_RAD = 0.012, 0.035
+"""A turn ends within AIM_RAD of the heading; one that is off by less than FACING_RAD is not begun."""
+TURN_WITHIN_S = 20.0
+LAST_SEEN = 40
 REJOIN_M = tuple(np.arange(0.6, 3.5, 0.2).tolist())
 """Where a detour may rejoin the route, metres ahead: early where it is clear, else as far on as the map shows."""
 AHEAD = np.radians(np.linspace(-75.0, 75.0, 51))
@@ -29,7 +36,11 @@ AROUND = np.radians(np.linspace(-180.0, 180.0, 120, endpoint=False))
 
 
 class Leg(Value):
-    """What a navigation request asks for: a route in the map frame, where on it to begin, and limits."""
+    """What a navigation request asks for: a route in the map frame, where on it to begin, and limits.
+
+    `approach_m` is the way from the body to where the leg begins, empty where it stands there. `reachable` is false
+    where no way leads to the route. `heading_rad`: the heading to turn to at the target, if one is wanted.
+    """
 
     route_m: tuple[Point, ...]
     target_m: Point
@@ -37,13 +48,25 @@ class Leg(Value):
     speed_cap_mps: float
     lookahead_m: float
     begin_m: float
+    approach_m: tuple[Point, ...] = ()
+    reachable: bool = True
+    heading_rad: float | None = None
+
+
+class ArrivalEstimate(Value):
+    """What an arrival is declared by: the target, and the last estimates as (at_s, x_m, y_m, yaw_rad) in the map."""
+
+    target_m: Point
+    distance_m: float
+    poses: tuple[tuple[float, float, float, float], ...]
 
 
 class RouteFollower:
-    """The cheap navigator: along the route or not at all."""
+    """The cheap navigator: first to the route on the way planned on its map, then along the route or not at all."""
 
     def __init__(self, leg: Leg) -> None:
         self._leg = leg
+        self._approach = self._follower_to(leg.approach_m) if len(leg.approach_m) > 1 else None
         self.route = RouteLine(leg.route_m)
         self._at_m = self._marked_m = leg.begin_m
         self._marked_s: float | None = None
@@ -52,6 +75,8 @@ class RouteFollower:
         self._departed_s: float | None = None
         self._looked_s = -math.inf
         self._held = ""
+        self._turning = False
+        self._seen: deque[tuple[float, float, float, float]] = deque(maxlen=LAST_SEEN)
 
     @property
     def begin_m(self) -> float:
@@ -73,9 +98,16 @@ class RouteFollower:
 
     def resume(self, at_s: float) -> None:
         self._marked_s = at_s
+        if self._approach is not None:
+            self._approach.resume(at_s)
 
     def step(self, perception: Perception) -> Step:
         """Steer, stop in front of an obstacle, settle at the goal, give up after NO_PROGRESS_S."""
+        self._seen.append((perception.at_s, perception.x_m, perception.y_m, perception.yaw_rad))
+        if not self._leg.reachable:
+            return Step(outcome=self._failed("route_not_reachable", "No way on the map leads to the route."))
+        if self._approach is not None:
+            return self._come_near(self._approach, perception)
         self._follow(perception)
         if self._arrived_s is not None:
             return self._settle(perception, self._arrived_s)
@@ -87,11 +119,40 @@ class RouteFollower:
             self._held = self._look(perception)
         if self._stuck(perception.at_s):
             message = f"No {PROGRESS_M} m of progress in {NO_PROGRESS_S:.0f} s. {self._held}".strip()
-            declared = {"distance_m": self._off_m, "route_progress": self.share, "remaining_m": self.remaining_m}
-            return Step(outcome=Outcome(status="failed", failure="no_progress", message=message, declared=declared))
+            return Step(outcome=self._failed("no_progress", message))
         if self._held:
             return Step(blocked=self._held)
         return Step(command=self._steer(perception, self._aim(), self._stretch_m(perception)))
+
+    def _follower_to(self, approach_m: tuple[Point, ...]) -> "RouteFollower":
+        """The same navigator on the way to the route."""
+        return type(self)(
+            replace(
+                self._leg,
+                route_m=approach_m,
+                target_m=approach_m[-1],
+                tolerance_m=APPROACH_TOLERANCE_M,
+                begin_m=0.0,
+                approach_m=(),
+                heading_rad=None,
+            )
+        )
+
+    def _come_near(self, approach: "RouteFollower", perception: Perception) -> Step:
+        """One tick on the way to the route; its end is where the leg begins."""
+        step = approach.step(perception)
+        if step.outcome is None:
+            return step
+        if step.outcome.status == "failed":
+            message = f"On the way to the route: {step.outcome.message}"
+            return Step(outcome=self._failed(step.outcome.failure, message))
+        self._approach = None
+        return Step()
+
+    def _failed(self, failure: str, message: str) -> Outcome:
+        distance = {} if math.isinf(self._off_m) else {"distance_m": self._off_m}
+        declared = {**distance, "route_progress": self.share, "remaining_m": self.remaining_m}
+        return Outcome(status="failed", failure=failure, message=message, declared=declared)
 
     def _look(self, perception: Perception) -> str:
         """Why the route ahead is blocked; empty if it is free."""
@@ -148,6 +209,16 @@ class RouteFollower:
         return Velocity(v_mps=v, w_radps=max(-TURN_CAP_RADPS, min(TURN_CAP_RADPS, w)))
 
     def _settle(self, perception: Perception, arrived_s: float) -> Step:
+        """Turn to the wanted heading, come to rest, declare arrival."""
+        wanted_rad = self._leg.heading_rad
+        error = 0.0 if wanted_rad is None else math.remainder(wanted_rad - perception.yaw_rad, math.tau)
+        if abs(error) > (AIM_RAD if self._turning else FACING_RAD):
+            self._turning = True
+            if perception.at_s - arrived_s > TURN_WITHIN_S:
+                return Step(outcome=self._failed("no_progress", "The turn at the target was not completed."))
+            speed = min(TURN_CAP_RADPS, math.sqrt(2.0 * 1.2 * abs(error)), 4.0 * abs(error) + 0.02)
+            return Step(command=Velocity(w_radps=math.copysign(speed, error)))
+        self._turning = False
         if not perception.still or perception.at_s - arrived_s < 0.3:
             return Step()
         return self.claim(perception.at_s, distance_m=self._off_m)
@@ -158,11 +229,21 @@ class RouteFollower:
             "distance_m": round(distance_m, 4),
             "route_progress": round(self.share, 4),
             "remaining_m": round(distance_m, 4),
+            "approach_m": round(RouteLine(self._leg.approach_m).length_m, 4) if self._leg.approach_m else 0.0,
         }
         if self._departed_s is not None:
             declared["departed_at_s"] = self._departed_s
         text = f"GOAL REACHED within {distance_m:.2f} m"
-        arrival = Draft(kind="arrival", at_s=at_s, text=text, values={"distance_m": declared["distance_m"]})
+        rests_on = ArrivalEstimate(
+            target_m=self._leg.target_m, distance_m=declared["distance_m"], poses=tuple(self._seen)
+        )
+        arrival = Draft(
+            kind="arrival",
+            at_s=at_s,
+            text=text,
+            values={"distance_m": declared["distance_m"]},
+            body=encode(rests_on),
+        )
         disarm = Draft(kind="disarm", at_s=at_s, text="velocity interface disarmed")
         return Step(drafts=(arrival, disarm), outcome=Outcome(status="succeeded", message=text, declared=declared))
 

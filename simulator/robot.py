@@ -16,6 +16,8 @@ from simulator.faults import DUPLICATE_AFTER_S, Fault
 from simulator.invocations import RunningSkill, restarted
 from simulator.journals import StartJournal
 from simulator.picture_cache import LIVE, live_frame
+from simulator.room import SimulatedRoom
+from simulator.site_map import map_of
 from simulator.skills import skill_for
 from simulator.world import World, WorldSettings
 
@@ -34,6 +36,8 @@ class SimulatedRobot:
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
         self.world = World(settings, folder)
+        self.room = SimulatedRoom()
+        self._map = map_of(self.world.site)
         self._journal = RequestJournal(folder and folder / "requests.jsonl")
         self._starts = StartJournal(folder and folder / "starts.jsonl")
         self._running: dict[RequestId, RunningSkill] = {}
@@ -124,7 +128,12 @@ class SimulatedRobot:
         self.lying = self.lying and not card.moves
         world = self.world
         skill = skill_for(
-            card, request, frame=world.site.frame, here=world.believed, reached_m=world.reached_m.get(_way(request))
+            card,
+            request,
+            frame=world.site.frame,
+            here=world.believed,
+            site_map=self._map,
+            reached_m=world.reached_m.get(_way(request)),
         )
         invocation = RunningSkill(card, request, skill, at_s=world.at_s)
         self.take_up(invocation, JournalEntry(report=invocation.report(), request=request))

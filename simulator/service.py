@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from fastapi import FastAPI
 
 from harness.contracts.errors import ProviderFailed, ProviderUnreachable
+from harness.contracts.measurements import Sound
 from harness.contracts.protocol import Picture
 from harness.provider_protocol import wire
 from harness.provider_protocol.operations import Names, Operation, provider_operations
@@ -145,6 +146,13 @@ def simulation_operations(pace: Pace) -> tuple[Operation, ...]:
         robot.press_hardware_stop(engaged=body.engaged)
         return wire.Done(at_s=robot.at_s)
 
+    def play(names: Names, body: Sound) -> wire.Done:
+        robot.room.play(body)
+        return wire.Done(at_s=robot.at_s)
+
+    def recording(names: Names, body: None) -> bytes:
+        return robot.room.recording(_seconds(names, "from_s"), _seconds(names, "until_s"))
+
     def struck(names: Names, body: None) -> dict[str, int]:
         return robot.struck()
 
@@ -158,8 +166,18 @@ def simulation_operations(pace: Pace) -> tuple[Operation, ...]:
         Operation(
             "POST", "/simulation/hardware-stop", "Press the red button", wire.Done, press, body=wire.HardwareStop
         ),
+        Operation("POST", "/simulation/room/sound", "A loudspeaker plays in the room", wire.Done, play, body=Sound),
+        Operation("GET", "/simulation/room/recording", "What the room's microphone heard", bytes, recording),
         Operation("GET", "/simulation/struck", "Faults that struck", dict[str, int], struck),
     )
+
+
+def _seconds(names: Names, name: str) -> float:
+    """An instant in a query. Raises ProviderFailed for what is no number."""
+    try:
+        return float(names[name])
+    except (KeyError, ValueError) as error:
+        raise ProviderFailed(f"{name} is no instant", where="/simulation/room", do="pass mission seconds") from error
 
 
 def robot_service(pace: Pace, token: str) -> FastAPI:

@@ -5,19 +5,20 @@ from typing import Literal, Protocol
 
 import msgspec
 
-from harness.contracts.ids import Digest, RequestId
+from harness.contracts.ids import Digest, RequestId, sha256
 from harness.contracts.values import Value
 from simulator.bodies import Floats, Velocity
 
 
 class Draft(Value):
-    """A receipt without the identity that the invocation gives it."""
+    """A receipt without the identity that the invocation gives it. `body` are bytes that it rests on, if any."""
 
     kind: Literal["rotation", "capture", "arrival", "disarm"]
     at_s: float
     text: str
     blob: Digest | None = None
     values: dict[str, float] = msgspec.field(default_factory=dict)
+    body: bytes = b""
 
 
 class Shot(Value):
@@ -38,7 +39,7 @@ class Outcome(Value):
 
 
 class Perception(msgspec.Struct):
-    """The robot's own view this tick: mission time, estimated pose in the map, odometry's twist, lidar, camera."""
+    """The robot's own view this tick: mission time, estimated pose in its map, odometry's twist, lidar, camera."""
 
     at_s: float
     x_m: float
@@ -47,6 +48,9 @@ class Perception(msgspec.Struct):
     still: bool
     ranges: Callable[[Floats, float], Floats]
     capture: Callable[[float, RequestId], Shot]
+    keep: Callable[[bytes], Digest] = sha256
+    frame: str = ""
+    map_version: str = ""
 
 
 class Step(msgspec.Struct, frozen=True):

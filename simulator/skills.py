@@ -11,6 +11,7 @@ from simulator.cards import CAREFUL_PLANNER, OBSERVER, PANORAMA_CAMERA
 from simulator.navigation import CarefulPlanner, Leg, RouteFollower
 from simulator.photographing import Observer, Panorama
 from simulator.routes import RouteLine
+from simulator.site_map import SiteMap, joining
 from simulator.skill_interface import Skill
 
 CAREFUL_SPEED_MPS = 0.3
@@ -20,9 +21,17 @@ BACK_M = 1.0
 
 
 def skill_for(
-    card: CapabilityCard, request: StartRequest, *, frame: str, here: Point, reached_m: float | None
+    card: CapabilityCard,
+    request: StartRequest,
+    *,
+    frame: str,
+    here: Point,
+    site_map: SiteMap,
+    reached_m: float | None,
 ) -> Skill:
     """The skill, ready for its first tick. `reached_m` is how far an earlier attempt of the same node came.
+
+    A leg begins wherever the body stands: the way from there to its route is planned on `site_map`.
 
     Raises ProviderFailed for a route in another frame or without two points.
     """
@@ -41,24 +50,48 @@ def skill_for(
         )
     careful = card is CAREFUL_PLANNER
     cap = _number(parameters, "speed_cap_mps", 0.5)
+    begin_m, approach_m = _approach(RouteLine(route), here, site_map, reached_m)
+    heading = parameters.get("heading_rad")
     leg = Leg(
         route_m=route,
         target_m=cast(Point, parameters["target"]),
         tolerance_m=_number(parameters, "tolerance_m", 0.4),
         speed_cap_mps=min(cap, CAREFUL_SPEED_MPS) if careful else cap,
         lookahead_m=_number(parameters, "lookahead_m", LOOKAHEAD_M),
-        begin_m=_begin(RouteLine(route), here, reached_m),
+        begin_m=begin_m or 0.0,
+        approach_m=approach_m,
+        reachable=begin_m is not None,
+        heading_rad=None if heading is None else float(cast(float, heading)),
     )
     return CarefulPlanner(leg) if careful else RouteFollower(leg)
 
 
-def _begin(route: RouteLine, here: Point, reached_m: float | None) -> float:
-    """Where on the route to begin: at its start when standing there, else at the nearest point ahead."""
-    if reached_m is not None and reached_m > AT_START_M:
-        return route.nearest(*here, low_m=max(reached_m - BACK_M, 0.0))
-    if math.dist(here, route.point(0.0)) < AT_START_M:
-        return 0.0
-    return route.nearest(*here)
+def _approach(
+    route: RouteLine, here: Point, site_map: SiteMap, reached_m: float | None
+) -> tuple[float | None, tuple[Point, ...]]:
+    """Where on the route to begin, and the way there; nothing of either where the map has no way.
+
+    A circuit begins at its start, unless an earlier attempt covered part of it; any other route where it is nearest.
+    """
+    again = reached_m is not None and reached_m > AT_START_M
+    low_m = max((reached_m or 0.0) - BACK_M, 0.0) if again else 0.0
+    begin_m: float | None = route.nearest(*here, low_m=low_m) if again else 0.0
+    if _stands_at(route.point(begin_m or 0.0), here, site_map):
+        return begin_m, ()
+    ways = site_map.ways(here)
+    closed = math.dist(route.point(0.0), route.point(route.length_m)) < AT_START_M
+    if again or not closed:
+        begin_m = joining(ways, route, low_m=low_m)
+    start = None if begin_m is None else route.point(begin_m)
+    if start is None or _stands_at(start, here, site_map):
+        return begin_m, ()
+    path = ways.path(start)
+    return (begin_m, path) if path else (None, ())
+
+
+def _stands_at(place: Point, here: Point, site_map: SiteMap) -> bool:
+    """Whether the body is so near to a place, with nothing of the map between, that it may go there straight."""
+    return math.dist(here, place) < AT_START_M and site_map.fits(here, place)
 
 
 def _number(parameters: Parameters, name: str, default: float) -> float:

@@ -1,33 +1,100 @@
-"""Acts on missions: start, stop, pause, resume, withdraw, dispute, and how far they decide alone."""
+"""Acts on missions: start, stop, pause, resume, withdraw, dispute, and set the level of autonomy."""
 
-from typing import Annotated, Any
+from collections.abc import Collection, Mapping
+from math import isfinite
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field
 
 from app.acts import base
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext
+from app.views import forms
+from app.views.forms import Wrong
 from harness.contracts import commands, control, revision_commands
 from harness.contracts.actors import Actor
 from harness.contracts.control import Autonomy
 from harness.contracts.ids import RobotId
+from harness.contracts.tasks import TaskTemplate, TemplateParameter
 from harness.runtime import Start
 
 
 class StartMissionAct(base.Act):
-    """A mission to start: a template by name, or a goal that one matches. No robot named: the console's first."""
+    """A mission to start: a template by name, a goal in words, or both. No robot named: the console's first.
+
+    `confirm_reading`: the digest of the reading that the person confirmed, where words were left unread.
+    """
 
     becomes = commands.CreateMission
+    sentences: ClassVar[Mapping[str, str]] = {
+        "template": N_("Choose what to do: there is no such template."),
+        "robot_id": N_("Choose a robot that this installation has."),
+        "goal": N_("Say the goal in your own words."),
+    }
     robot_id: base.Text = ""
     template: base.Text = ""
-    goal: Annotated[str, Field(max_length=2000)] = ""
+    goal: Annotated[str, Field(max_length=forms.GOAL_SIGNS)] = ""
     arguments: dict[base.Slug, Annotated[str, Field(max_length=2000)] | float] = Field(default_factory=dict)
     seed: base.Count = 0
     autonomy: Autonomy = "autonomous"
     labels: dict[base.Slug, base.Text] = Field(default_factory=dict)
+    confirm_reading: Annotated[str, Field(pattern="^([0-9a-f]{64})?$")] = ""
 
-    def to_command(self, actor: Actor) -> Start:
+    @classmethod
+    def from_form(
+        cls, typed: Mapping[str, str], *, template: TaskTemplate | None = None, robots: Collection[str] = ()
+    ) -> Self | tuple[Wrong, ...]:
+        """A page asks for every choice, and the template's parameters stand beside the act's own fields.
+
+        `template` and `robots` are what can be chosen now. Raises ContractInvalid for a parameter that is too long.
+        """
+        robot_id, again = typed.get("robot_id", ""), typed.get("rerun_of", "")
+        by_goal = typed.get("template") == forms.BY_GOAL
+        chosen = {
+            "template": template.name if template else forms.BY_GOAL if by_goal else "",
+            "robot_id": robot_id if robot_id in robots else "",
+            "goal": typed.get("goal", "").strip(),
+        }
+        parameters = template.parameters if template else ()
+        given = [(one, typed.get(one.name, "").strip()) for one in parameters]
+        said = super().from_form(chosen)
+        wrong = [Wrong(name, cls.sentences[name]) for name, text in chosen.items() if not text]
+        wrong += said if isinstance(said, tuple) else ()
+        wrong += [Wrong(one.name, sentence) for one, text in given for sentence in _wrong_argument(one, text)]
+        if wrong or isinstance(said, tuple):
+            return tuple(wrong)
+        arguments = {one.name: float(text) if one.type == "number" else text for one, text in given if text}
+        more = {"arguments": arguments, "confirm_reading": typed.get("confirm_reading", "")}
+        more |= {"labels": {"rerun_of": again}} if again else {}
+        return cls.of(**dict(said) | more | ({"template": ""} if by_goal else {}))
+
+    @classmethod
+    def _told(cls, name: str, value: Any) -> list[str]:
+        if name == "goal":
+            return [lazy_gettext("Keep the goal below {count} characters.", count=forms.GOAL_SIGNS)]
+        return super()._told(name, value)
+
+    def to_command(self, actor: Actor, **named: Any) -> Start:
         """What the runtime compiles to a CreateMission with its contract."""
         fields = self.fields() | {"robot_id": RobotId(self.robot_id)}
         return Start(actor=actor, **fields)
+
+
+def _wrong_argument(parameter: TemplateParameter, text: str) -> list[str]:
+    """What a person is told of a parameter before a mission can be compiled."""
+    if not text:
+        missing = lazy_gettext("{title} is missing.", title=parameter.title)
+        return [missing] if parameter.default is None else []
+    if parameter.type == "number" and not _is_number(text):
+        return [lazy_gettext("{title} must be a number, not “{value}”.", title=parameter.title, value=text[:40])]
+    return []
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return isfinite(float(text))
+    except ValueError:
+        return False
 
 
 class _ReasonAct(base.Act):
@@ -64,11 +131,6 @@ class DisputeCompletionAct(_ReasonAct):
     """Say that an accepted completion is wrong: it counts as false, and nothing is deleted. The address names it."""
 
     becomes = revision_commands.DisputeCompletion
-    condition_id: base.Slug
-
-    def body(self) -> dict[str, Any]:
-        """The reason alone: the condition stands in the address."""
-        return {"reason": self.reason}
 
 
 class SetAutonomyAct(_ReasonAct):
@@ -83,3 +145,12 @@ class LimitAutonomyAct(_ReasonAct):
 
     becomes = control.LimitAutonomy
     autonomy: Autonomy
+
+
+ACTS: Mapping[str, type[base.Act]] = {
+    "stop": StopMissionAct,
+    "withdraw": WithdrawMissionAct,
+    "pause": PauseMissionAct,
+    "resume": ResumeMissionAct,
+}
+"""By the word in the address, where the answer is the mission."""

@@ -1,4 +1,4 @@
-"""People and their passwords, tokens of integrations, and how often a wrong password may be tried."""
+"""Stores people with their passwords and the tokens of integrations, and limits wrong passwords."""
 
 import re
 from collections.abc import Callable, Collection, Sequence
@@ -10,6 +10,7 @@ from argon2.exceptions import InvalidHashError, VerificationError
 from msgspec.structs import replace
 
 from app.auth.permissions import ROLES, SCOPES, Principal
+from app.i18n.catalogues import N_
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.adapters.stores.accounts_rows import Account, AuditEntry, Token
 from harness.contracts.actors import Actor
@@ -18,6 +19,7 @@ from harness.contracts.ids import sha256
 from harness.contracts.reasons import Reason, because
 
 SHORTEST, LONGEST = 12, 256
+PASSWORD_RULE = N_("A password has 12 to 256 characters, at least five different ones, and not the name in it.")
 NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,39}")
 FREE_TRIES, ADDRESS_TRIES, LONGEST_WAIT_S, REMEMBERED_S = 5, 20, 300.0, 3600.0
 RECENT_S = 30.0
@@ -40,7 +42,7 @@ class Issued:
 
 
 class Accounts:
-    """Everybody who may come in by name. `by` is who asks: changes need the permission `people`.
+    """The accounts of this installation. `by` is who asks: changes need the permission `people`.
 
     `clock` gives wall seconds, `fresh` an unguessable string.
     """
@@ -83,7 +85,7 @@ class Accounts:
     def change(
         self, name: str, *, roles: Collection[str] | None = None, disabled: bool | None = None, by: Principal
     ) -> None:
-        """Other roles, or off and on again; ends that person's sessions. The last admin stays."""
+        """Change a person's roles, or disable or enable them; ends their sessions. The last admin cannot be removed."""
         by.acting("people")
         old = self.known(name)
         if roles is not None:
@@ -103,14 +105,14 @@ class Accounts:
         self.note(by, "account.changed", subject=name, detail=f"{' '.join(new.roles)}, {state}")
 
     def set_password(self, name: str, *, old: str, new: str, by: Principal, but: str = "") -> None:
-        """A person's own, with the old one; ends their other sessions, all but the one whose digest is `but`."""
+        """Change one's own password, given the old one; ends one's other sessions, except the one with digest `but`."""
         if by.name != name or not self._matches(self.known(name), old):
             self.note(by, "password.refused", subject=name)
             raise ContractInvalid(because("password_wrong"), where="the present password")
         self._store_password(name, new, by=by, but=but)
 
     def reset_password(self, name: str, *, new: str, by: Principal) -> None:
-        """An admin's way in for somebody who forgot theirs."""
+        """Set the password of another person, as an admin."""
         by.acting("people")
         self._store_password(name, new, by=by)
 
@@ -230,7 +232,7 @@ class Accounts:
     # the trail ------------------------------------------------------------------------------------------------------
 
     def note(self, by: Principal, kind: str, *, subject: str, detail: str = "") -> AuditEntry:
-        """One line of the trail about what `by` did."""
+        """Write one line to the audit log about what `by` did."""
         return self.store.record(
             at_s=self._clock(),
             kind=kind,
@@ -242,7 +244,7 @@ class Accounts:
         )
 
     def told(self, by: Principal, actor: Actor, command: str, subject: str, outcome: str) -> None:
-        """A person's command and what came of it, with the address it came from."""
+        """Write a person's command to the audit log, with its outcome and the address it came from."""
         self.store.record(
             at_s=self._clock(),
             kind=f"command.{command}",

@@ -1,4 +1,4 @@
-"""Pure: which permission each command needs, by its class. A command that no table names is refused, not allowed."""
+"""Maps each command class to the permission it needs; a command that is not listed is refused."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -119,6 +119,7 @@ HARNESS_COMMANDS: frozenset[type[Command]] = frozenset(
         commands.SupersedeHandoff,
         commands.RecordEffect,
         revision_commands.ReviseContract,
+        revision_commands.ReviseToRecover,
         handoff_commands.Escalate,
         handoff_commands.VoidApproval,
         handoff_commands.RecordNoAnswer,

@@ -1,4 +1,4 @@
-"""Where the console may listen: on loopback, or elsewhere once there are accounts and an encrypted way in."""
+"""Checks where the console may listen: on loopback, or elsewhere once there are accounts and TLS."""
 
 from ipaddress import ip_address
 
@@ -8,7 +8,7 @@ from harness.contracts.reasons import because
 
 
 class ExposureRefused(HarnessError):
-    """The console would be reachable by others without a lock on its door."""
+    """The console would be reachable by others without accounts or without TLS."""
 
     code = "exposure_refused"
 

@@ -1,4 +1,4 @@
-"""The runtime as people and integrations reach it: every command is checked and signed, whatever page it came by."""
+"""Wraps the runtime for people and integrations: every command is checked and signed."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextvars import ContextVar
@@ -12,7 +12,7 @@ from app.auth.permissions import NotPermitted, Principal
 from harness.contracts import ids
 from harness.contracts.actors import Actor, Command
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import CreateMission, MissionCommand
+from harness.contracts.commands import CreateMission, FreeLease, MissionCommand
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.events import MissionCreated
@@ -21,17 +21,19 @@ from harness.contracts.places import Place, Site
 from harness.contracts.ports import LogHead, Record, StoredEvent
 from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskContract, TaskTemplate
+from harness.goals.understanding import Understood
 from harness.memory.fabric import MemoryFabric
 from harness.projections.handoffs import Handoff
+from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 from harness.projections.places import Places
-from harness.runtime import AnswerHandoff, Live, Runtime, Start
+from harness.runtime import AnswerHandoff, FreeResource, Live, Runtime, Start, unobserved
 
 PRINCIPAL: ContextVar[Principal] = ContextVar("principal")
-"""Who the present request comes from. Set by the doorkeeper alone."""
+"""The principal of the present request, set by the security middleware only."""
 
 AuditLog = Callable[[Principal, Actor, str, str, str], object]
-"""Writes (visitor, actor, command, subject, outcome) where people's commands are kept with their source."""
+"""Writes (principal, actor, command, subject, outcome) to the audit log."""
 
 
 class GuardedRuntime:
@@ -41,15 +43,18 @@ class GuardedRuntime:
     raises NotPermitted before anything is observed or decided.
     """
 
-    def __init__(self, runtime: Runtime, *, answer: AnswerHandoff, audit_log: AuditLog) -> None:
+    def __init__(
+        self, runtime: Runtime, *, answer: AnswerHandoff, audit_log: AuditLog, free: FreeResource = unobserved
+    ) -> None:
         self._runtime = runtime
         self._answer = answer
+        self._free = free
         self._audit_log = audit_log
 
     # commands -------------------------------------------------------------------------------------------------------
 
     def start(self, start: Start, *, template: TaskTemplate | None = None) -> Accepted[AnyEvent] | Refused:
-        """Create a mission in the visitor's name. Raises as `Runtime.start` does."""
+        """Create a mission in the principal's name. Raises as `Runtime.start` does."""
         actor = _acting(CreateMission)
         _same_robot(start.robot_id)
         decision = self._runtime.start(replace(start, actor=actor), template=template)
@@ -84,6 +89,14 @@ class GuardedRuntime:
         self._told(actor, type(command), f"handoff/{handoff_id}", decision)
         return decision
 
+    def free(self, resource: ids.ResourceId, *, reason: str) -> Decision[AnyEvent]:
+        """Free a quarantined resource on a new look at its robot. Raises UnknownName for one that was never leased."""
+        actor = _acting(FreeLease)
+        _same_robot(resource.partition("/")[0])
+        decision = self._free(resource, actor=actor, reason=reason)
+        self._told(actor, FreeLease, f"lease/{resource}", decision)
+        return decision
+
     def keep(self, body: bytes) -> ids.Digest:
         """Store bytes that a command or a page refers to; returns their digest."""
         return self._runtime.keep(body)
@@ -112,9 +125,13 @@ class GuardedRuntime:
         """A place as it shipped, whatever people made of it since."""
         return self._runtime.shipped_place(place_id)
 
-    def draft(self, start: Start) -> TaskContract:
+    def draft(self, start: Start, *, template: TaskTemplate | None = None) -> TaskContract:
         """The contract that `start` would create now; nothing is written."""
-        return self._runtime.draft(start)
+        return self._runtime.draft(start, template=template)
+
+    def understood(self, start: Start) -> Understood:
+        """What the goal of a request means now; nothing is written."""
+        return self._runtime.understood(start)
 
     def current_configuration_id(self, robot_id: ids.RobotId) -> ids.Digest:
         """The version that a new mission of this robot is pinned to."""
@@ -147,6 +164,10 @@ class GuardedRuntime:
     def handoff(self, handoff_id: ids.HandoffId) -> Handoff:
         """Raises UnknownName."""
         return self._runtime.handoff(handoff_id)
+
+    def lease(self, resource: ids.ResourceId) -> Lease:
+        """Who holds a resource now; version 0 for one that was never leased."""
+        return self._runtime.lease(resource)
 
     def observations(self, mission_id: ids.MissionId) -> Live | None:
         """What is observed of a running mission now; None where nothing is."""
@@ -198,7 +219,7 @@ def principal() -> Principal:
 
 
 def _acting(kind: type[Command]) -> Actor:
-    """The visitor in the role that allows this command; raises NotPermitted."""
+    """The principal in the role that allows this command; raises NotPermitted."""
     return principal().acting(asked_permission(kind))
 
 

@@ -1,4 +1,4 @@
-"""Whose account a person of the identity provider has, and in which roles: by (issuer, subject), never by a name."""
+"""Links people of the identity provider, by (issuer, subject) and never by name, to accounts and roles."""
 
 import re
 from collections.abc import Callable, Collection, Mapping
@@ -59,7 +59,7 @@ class Identities:
         return made
 
     def unlink(self, name: str, *, by: Principal) -> int:
-        """Nobody signs in to this account at the issuer any more; how many could. Ends its sessions."""
+        """Unlink this account from the identity provider and end its sessions; returns the number of links."""
         by.acting("people")
         linked = self._accounts.store.identities(self._accounts.known(name).name)
         if not linked:
@@ -97,7 +97,7 @@ class Identities:
         return account
 
     def _kept(self, account: Account, claims: Claims, *, source: str) -> Account:
-        """With the roles that their groups have now. Who lost them all is out in every browser."""
+        """Give the account the roles of the person's groups; a person without a role is signed out everywhere."""
         try:
             roles = self._mapped(claims)
         except RoleMissing:

@@ -1,4 +1,4 @@
-"""The way in by the identity provider: sign-ins under way, each bound to one browser and used once, and their end.
+"""Signs people in at the identity provider: each attempt is bound to one browser and used once.
 
 What is under way is kept in this process, like invitations: ten minutes, and the newest thousand.
 """
@@ -36,7 +36,7 @@ class Begun:
 
 @dataclass(frozen=True)
 class Entered:
-    """A new session's cookie, and the page that was wanted."""
+    """The cookie of the new session, and the page to go to."""
 
     cookie: str
     page: str
@@ -53,7 +53,7 @@ class _UnderWay:
 
 
 class OidcLogin:
-    """Who comes in by the identity provider. Times are wall seconds from `clock`; `fresh` makes unguessable strings."""
+    """Signs people in at the identity provider. `clock` gives wall seconds; `fresh` makes unguessable strings."""
 
     def __init__(
         self,
@@ -84,7 +84,7 @@ class OidcLogin:
         return Begun(url, cookie)
 
     def finish(self, cookie: str, answer: Mapping[str, str], origin: Origin) -> Entered:
-        """What the issuer sent the browser back with. Raises SignInRefused; the trail says why, if anything began."""
+        """Finish a sign-in with the parameters of the redirect. Raises SignInRefused; the audit log says why."""
         with self._lock:
             begun = self._under_way.pop(sha256(cookie.encode()), None)
         if begun is None:

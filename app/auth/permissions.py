@@ -1,4 +1,4 @@
-"""Pure: who may do what. The one table of roles and permissions, and the one question that is asked of it."""
+"""The one table of roles and permissions, and the one function that reads it."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ GRANTS: Mapping[Permission, tuple[Role, ...]] = {
     "people": ("admin",),
 }
 SCOPES: frozenset[Permission] = frozenset({"read", "drive", "stop", "observe"})
-"""What a token may be given: answers at a gate, releases and people's accounts are for people."""
+"""The scopes a token may have; answering handoffs, releasing and managing accounts are for people only."""
 
 MEANING: Mapping[Permission, str] = {
     "read": N_("see missions, evidence and the log"),
@@ -53,7 +53,7 @@ MEANING: Mapping[Permission, str] = {
 
 
 class NotPermitted(HarnessError):
-    """Somebody known asked for something that their roles or scopes do not allow."""
+    """A signed-in principal asked for something that their roles or scopes do not allow."""
 
     code = "not_permitted"
 
@@ -75,7 +75,7 @@ class Principal:
 
     @property
     def actor(self) -> Actor:
-        """Everything this visitor is, in one actor; a command is stored with the one role that allowed it."""
+        """The principal as an actor with all their roles; a command is stored with the one role that allowed it."""
         return Actor(name=self.name, role="+".join(self.roles) or "integration", channel=self._channel)
 
     def acting(self, permission: Permission) -> Actor:

@@ -1,4 +1,4 @@
-"""Watches the log and what is observed live, and has alerts raised and cleared through the gate. Decides nothing.
+"""Watches the log and live observations, and raises and clears alerts through the gate.
 
 It stands beside the supervisor: nothing waits for it, and what it meets becomes an alert, never an end of a mission.
 """
@@ -36,23 +36,23 @@ BLOBS_PER_STEP = 4
 VERIFIED_EVERY_S = 3600.0
 LOW_DISK_BYTES = 1024**3
 OLD_S = 86400.0
-"""What the log told longer ago raises nothing when it is first read: an inbox is no archive."""
+"""Older events raise no alerts when the log is first read, in seconds."""
 QUARANTINED = "ConfigurationQuarantined"
 TELLING = frozenset({
     "VetoRaised", "VetoCleared", "VerdictRecorded", "FailureClassified", "HandoffRequested", "HandoffAnswered",
     "StopAcknowledged", "CompletionDisputed", "MissionEnded", "HandoffEscalated", QUARANTINED,
 })  # fmt: skip
-"""The only kinds of events that are decoded: the rest tells of no trouble."""
+"""The kinds of events that are decoded; no other kind raises or clears an alert."""
 Raised = Callable[[str, Alert], object]
 
 
 def unheard(alert_id: str, alert: Alert) -> None:
-    """Nobody outside is told."""
+    """Sends no external notification."""
 
 
 @dataclass(frozen=True)
 class Watched:
-    """What is looked at besides the log. `starts` reads robots' journals; `free_bytes` None: the disk is not known."""
+    """What is watched besides the log. `starts` reads robots' journals; `free_bytes` is None for an unknown disk."""
 
     fleet: Fleet
     starts: Callable[[MissionId], Sequence[PhysicalStart] | None]
@@ -70,7 +70,7 @@ class _Trouble:
 
 @dataclass
 class AlertWatch:
-    """`step` looks once; `watch` does so again and again in the background. `tell` hears of every new occurrence."""
+    """`step` looks once; `watch` repeats it in the background. `tell` is called for every new occurrence."""
 
     runtime: Runtime
     alerts: Alerts
@@ -89,14 +89,14 @@ class AlertWatch:
         self._follower = Follower(self, head=self.runtime.head, read=self.runtime.log, fold=FOLD)
 
     def watch(self) -> None:
-        """From now on, in the background."""
+        """Start watching in the background."""
         self._worker.start()
 
     def close(self) -> None:
         self._worker.close()
 
     def step(self) -> None:
-        """Take in the log to its head, then look at robots, disk, log and some blobs."""
+        """Follow the log to its head, then check robots, disk, log and some blobs."""
         self.follow()
         for robot_id in self.watched.fleet.names:
             self._robot(robot_id)
@@ -171,7 +171,7 @@ class AlertWatch:
             self._unread[mission_id] = about
 
     def _journal(self, mission_id: MissionId) -> None:
-        """What the robot's own journal says of a mission that is over; a robot that is silent is asked again later."""
+        """Compare an ended mission with the robot's journal; a silent robot is asked again later."""
         try:
             starts = self.watched.starts(mission_id) or ()
         except ProviderUnreachable:
@@ -254,7 +254,7 @@ class AlertWatch:
             )  # fmt: skip
 
     def _some_blobs(self) -> None:
-        """A few per step, all of them again and again: bytes rot while nobody looks."""
+        """Verify a few blobs per step, all of them in turn, because stored bytes can decay."""
         taken = list(islice(self._blobs, BLOBS_PER_STEP))
         if not taken:
             self._blobs = iter(self.runtime.blob_digests())

@@ -1,4 +1,4 @@
-"""The alerts of this installation as they stand: folded once, then only those that changed since. Writes nothing."""
+"""Keeps the alerts of this installation folded and up to date with the log. Writes nothing."""
 
 from collections.abc import Sequence
 from threading import Lock
@@ -15,7 +15,7 @@ BATCH = 2000
 
 
 class Alerts:
-    """Safe between threads. What was committed before a question is in its answer."""
+    """The alerts, safe between threads: an answer includes everything committed before the call."""
 
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
@@ -39,7 +39,7 @@ class Alerts:
             return self._known[alert_id]
 
     def waiting(self, now_s: float) -> int:
-        """How many nobody acknowledged, without those put away."""
+        """The number of unacknowledged alerts that are neither shelved nor suppressed."""
         return sum(status(alert, now_s) in ("unacknowledged", "returned") for _, alert in self.all())
 
     def _follow(self) -> None:

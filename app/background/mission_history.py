@@ -1,4 +1,4 @@
-"""Decoded histories of missions: each event is read and decoded once, then only the tail."""
+"""Caches the decoded events of missions, so that only new events are read and decoded."""
 
 from threading import Lock
 

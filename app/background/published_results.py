@@ -1,4 +1,4 @@
-"""The published evaluation and recursion documents, read from docs/results when they change. Writes nothing."""
+"""Reads the published evaluation and recursion documents in docs/results when they change. Writes nothing."""
 
 import json
 from collections.abc import Mapping

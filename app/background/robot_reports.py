@@ -1,4 +1,4 @@
-"""What robots say of themselves and show, for people: the newest word, how old it is, and the last seconds of camera.
+"""Polls robots for what people see of them: the last report with its age, and the last seconds of camera.
 
 Wall time throughout. Nothing here is evidence and nothing is stored; a bounded ring of pictures is kept per robot.
 """
@@ -43,7 +43,7 @@ class _Post:
 
 
 class Fleet:
-    """Asks every robot again and again once it watches; before that, when somebody reads."""
+    """Polls every robot in the background once `watch` was called; before that, when somebody reads."""
 
     def __init__(
         self,
@@ -64,7 +64,7 @@ class Fleet:
         return tuple(self._posts)
 
     def watch(self) -> None:
-        """From now on, in the background: a robot that does not answer delays no other."""
+        """Start polling in the background, one thread per robot, so that a silent robot delays no other."""
         self._watching = True
         for worker in self._workers:
             worker.start()
@@ -83,7 +83,7 @@ class Fleet:
             return post.word
 
     def hear(self, robot_id: str) -> None:
-        """Ask now: something was just done to it."""
+        """Poll the robot now, because something was just done to it."""
         self._ask(self._post(robot_id))
 
     def shots(self, robot_id: str) -> Shots:

@@ -56,20 +56,38 @@ def show_one(handoff_id: str, data: output.Data = output.DEFAULT_DATA, as_json: 
     output.show(row | {"proposal": to_builtins(proposal)}, as_json=as_json, lines=lines)
 
 
-@app.command()
-def claim(
-    handoff_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False, token: Claim = "terminal"
-) -> None:
-    """Yours to answer for a minute; the same token again renews it."""
-    _say(data, handoff_id, "claim", lambda _: acts.ClaimHandoffAct.of(claim=token), as_json=as_json)
+def _claimed(verb: str) -> Callable[..., None]:
+    def command(
+        handoff_id: str,
+        data: output.Data = output.DEFAULT_DATA,
+        as_json: output.Json = False,
+        token: Claim = "terminal",
+    ) -> None:
+        _say(data, handoff_id, verb, lambda _: acts.ACTS[verb].of(claim=token), as_json=as_json)
+
+    return command
 
 
-@app.command()
-def release(
-    handoff_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False, token: Claim = "terminal"
-) -> None:
-    """Somebody else may answer it."""
-    _say(data, handoff_id, "release", lambda _: acts.ReleaseHandoffAct.of(claim=token), as_json=as_json)
+def _held(verb: str, wanted: str) -> Callable[..., None]:
+    def command(
+        handoff_id: str,
+        reason: Reason,
+        data: output.Data = output.DEFAULT_DATA,
+        as_json: output.Json = False,
+        token: Claim = "terminal",
+    ) -> None:
+        def said(_: Handoff) -> Act:
+            return acts.ACTS[verb].of(claim=token, key=_key(handoff_id, verb, reason), reason=reason)
+
+        _end(data, handoff_id, verb, said, as_json=as_json, wanted=wanted)
+
+    return command
+
+
+for verb in ("claim", "release"):
+    app.command(verb, help=acts.ACTS[verb].__doc__)(_claimed(verb))
+for verb, end in (("hand-back", "succeeded"), ("close", "handed_off")):
+    app.command(verb, help=acts.ACTS[verb].__doc__)(_held(verb, end))
 
 
 @app.command()
@@ -156,38 +174,6 @@ def take_control(
         return acts.TakeControlAct.of(claim=token, device=device, key=key, reason=reason)
 
     _say(data, handoff_id, "take-over", said, as_json=as_json)
-
-
-@app.command("hand-back")
-def hand_back(
-    handoff_id: str,
-    reason: Reason,
-    data: output.Data = output.DEFAULT_DATA,
-    as_json: output.Json = False,
-    token: Claim = "terminal",
-) -> None:
-    """Give the robot back; the harness looks afresh, without motion, and the mission goes on from what it finds."""
-
-    def said(_: Handoff) -> Act:
-        return acts.HandBackAct.of(claim=token, key=_key(handoff_id, "hand-back", reason), reason=reason)
-
-    _end(data, handoff_id, "hand-back", said, as_json=as_json, wanted="succeeded")
-
-
-@app.command()
-def close(
-    handoff_id: str,
-    reason: Reason,
-    data: output.Data = output.DEFAULT_DATA,
-    as_json: output.Json = False,
-    token: Claim = "terminal",
-) -> None:
-    """Keep the robot: the mission ends handed off."""
-
-    def said(_: Handoff) -> Act:
-        return acts.CloseHandoffAct.of(claim=token, key=_key(handoff_id, "close", reason), reason=reason)
-
-    _end(data, handoff_id, "close", said, as_json=as_json, wanted="handed_off")
 
 
 @app.command()

@@ -10,8 +10,9 @@ import typer
 from app.auth.identities import Identities
 from app.auth.oidc_settings import identity_provider
 from app.auth.permissions import ROLES
-from app.cli.accounts import here, opened
+from app.cli.data_folder import opened
 from app.cli.output import DEFAULT_DATA, Data, Json, show
+from app.cli.person import here
 from app.i18n.reasons.rendering import explained
 from app.settings import ConsoleSettings
 from harness.contracts.errors import HarnessError

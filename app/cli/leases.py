@@ -1,18 +1,17 @@
 """regen lease: who holds what, and freeing what is in quarantine, by a named person on what the robot shows now."""
 
 from typing import Annotated, Any
+from urllib.parse import quote
 
+import msgspec
 import typer
 
+from app.acts.leases import FreeLeaseAct
 from app.cli import output
-from app.cli.person import me
+from app.cli.local_api import api_with_robots
 from app.i18n.reasons import rendering as reasons
-from harness.bootstrap import open_harness, owner_of, read_harness
-from harness.contracts.actors import Actor
-from harness.contracts.decisions import Refused
-from harness.contracts.errors import HarnessError, StoreOwned
+from harness.bootstrap import read_harness
 from harness.contracts.ids import ResourceId
-from harness.contracts.reasons import because
 from harness.projections.leases import Lease
 from harness.runtime import Runtime
 
@@ -52,19 +51,12 @@ def _row(lease: Lease) -> dict[str, Any]:
 def free(
     resource: str,
     reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
-    operator: Annotated[str, typer.Option(help="Who frees it; your own name if not said.")] = "",
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
 ) -> None:
     """Free a resource in quarantine. The robot is observed first: it must stand by its odometry, or have its hardware
     stop engaged. Nothing is started or re-armed by this. Exit 1 if the robot is not shown at rest."""
-    owner = owner_of(data)
-    if owner is not None:
-        raise StoreOwned(because("lease_freed_by_owner", pid=owner.pid), where=str(data))
-    actor = Actor(name=operator.strip() or me().name, role="operator")
-    with open_harness(output.settings(data_folder=data, speed=0.0)) as harness:
-        decision = harness.supervisor.free(ResourceId(resource), actor=actor, reason=reason)
-        if isinstance(decision, Refused):
-            raise HarnessError(output.refusal(decision), where=resource, do="see `regen lease list`")
-        lease = _row(harness.runtime.lease(ResourceId(resource)))
-    output.show(lease, as_json=as_json, lines=[f"{resource} is free, by {actor.name}: {reason}"])
+    said = FreeLeaseAct.of(reason=reason)
+    with api_with_robots(data) as api:
+        lease = msgspec.convert(api.post(f"/leases/{quote(resource)}/free", said.body()), Lease)
+    output.show(_row(lease), as_json=as_json, lines=[f"{resource} is free: {reason}"])

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import typer
 from pydantic import SecretStr
 
 from app.auth.accounts import Accounts
 from app.auth.commit_authority import authority
 from app.background.signals import SignalBroker
-from app.cli.accounts import opened
 from app.cli.api_client import Api
-from app.cli.data_folder import running
+from app.cli.data_folder import opened, running
 from app.cli.output import ProgressPrinter, settings
 from app.cli.owner_api import owner_api
 from app.cli.person import me
@@ -26,7 +26,7 @@ from harness.bootstrap import Harness, edit_harness
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import MissionId
 from harness.contracts.reasons import because
-from harness.runtime import Runtime, unsupervised
+from harness.runtime import Runtime, unobserved, unsupervised
 from harness.settings import HarnessSettings
 from rsi_reviews.candidate_queries import selected
 from rsi_reviews.deciders import DECIDERS
@@ -40,7 +40,7 @@ class LocalApi(Api):
     def __init__(self, runtime: Runtime, accounts: Accounts, data: Path, harness: Harness | None = None) -> None:
         token = secrets.token_urlsafe(32)
         robots = tuple(str(one) for one in harness.robots) if harness else ("vbot-1",)
-        console = ConsoleSettings(robots=robots, owner_token=SecretStr(token), owner=me().name)
+        console = ConsoleSettings(robots=robots, owner_token=SecretStr(token), owner=me().name, operator=me().name)
         self._broker, self._harness = SignalBroker(), harness
         self._app = create_app(
             runtime,
@@ -49,6 +49,7 @@ class LocalApi(Api):
             Scenes(runtime),
             accounts=accounts,
             answer=harness.supervisor.answer if harness else unsupervised,
+            free=harness.supervisor.free if harness else unobserved,
             starts=harness.starts if harness else lambda mission_id: None,
             folder=data,
         )
@@ -59,6 +60,16 @@ class LocalApi(Api):
         self._robots().supervisor.run(MissionId(mission_id), watch=ProgressPrinter())
         outcome: dict[str, Any] = self.get(f"/missions/{mission_id}")
         return outcome
+
+    def finish_earlier(self, mission_id: str) -> None:
+        """Goes on with what this robot has not finished: nobody else here does it first."""
+        harness = self._robots()
+        robot_id = harness.runtime.mission(MissionId(mission_id)).robot_id
+        for unfinished in harness.supervisor.unfinished(robot_id):
+            if unfinished.mission_id == mission_id:
+                return
+            typer.echo(f"Going on with {unfinished.mission_id} first: {unfinished.goal}", err=True)
+            harness.supervisor.run(unfinished.mission_id, watch=ProgressPrinter())
 
     def observe(self, mission_id: str) -> None:
         """Two seconds of mission time, without a console that would have let the sensors report before."""
@@ -87,7 +98,7 @@ class LocalApi(Api):
         return asyncio.run(self._asked(method, path, body))
 
     async def _asked(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
-        transport = httpx.ASGITransport(app=self._app)
+        transport = httpx.ASGITransport(app=self._app, client=("terminal", 0))
         async with httpx.AsyncClient(transport=transport, base_url=self._base, headers=self._headers) as client:
             return await client.request(method, path, json=body)
 

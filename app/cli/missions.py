@@ -1,7 +1,8 @@
 """regen mission: run, replay, list, show, events, stop."""
 
+import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 import typer
@@ -9,25 +10,27 @@ import typer
 from app.acts.missions import DisputeCompletionAct, StartMissionAct, StopMissionAct, WithdrawMissionAct
 from app.background.mission_history import Histories
 from app.cli import output
-from app.cli.data_folder import running
 from app.cli.local_api import api_with_robots
-from app.cli.owner_api import owner_api
 from app.cli.person import me
 from app.i18n.messages import reasoned
 from app.i18n.reasons import rendering as reasons
+from app.i18n.reasons.rendering import sentence
+from app.views.contexts import ranked
 from app.views.mission_json import mission_outcome
-from harness.bootstrap import Harness, read_harness
-from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid
-from harness.contracts.ids import MissionId, RobotId
+from harness.bootstrap import read_harness
+from harness.contracts.errors import UnknownName
+from harness.contracts.ids import Digest, MissionId
+from harness.contracts.proposals import CandidateSet
 from harness.contracts.upcasting import name_of
-from harness.extra_templates import begin, offered
+from harness.contracts.values import decode
 from harness.projections.exploration import ExplorationDecision, decisions
-from harness.projections.mission import Mission
 from harness.recordings import replayed, write_recording
-from harness.runtime import Start
+from harness.routing.explanation import RoutingExplanation
+from harness.routing.question import RoutingQuestion
+from harness.runtime import Runtime
 from simulator.in_process import SIMULATOR
 
+T = TypeVar("T")
 app = typer.Typer(no_args_is_help=True, help="Run and read missions.")
 
 
@@ -42,53 +45,34 @@ def run(
     argument: Annotated[list[str] | None, typer.Option("--set", help="NAME=VALUE of a template parameter.")] = None,
     fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
     record_to: Annotated[Path | None, typer.Option("--record", help="Write the mission as MCAP.")] = None,
+    goal: Annotated[str, typer.Option(help="The goal in words, where the first argument names a template.")] = "",
+    confirm_reading: Annotated[str, typer.Option(help="Digest of the reading to start, as the refusal shows it.")] = "",
 ) -> None:
     """Run one mission and wait for its end. At speed 0 nothing waits for people: exit 3 at once."""
-    faults = ",".join(fault or [])
     SIMULATOR.check_faults(fault or [])
-    api = owner_api(data)
-    if api is not None:
-        said = StartMissionAct.of(
-            template="" if " " in template else template,
-            goal=template if " " in template else "",
-            arguments=_arguments(argument),
-            seed=seed,
-            labels={"faults": faults} if faults else {},
-        )
-        outcome = api.follow(api.post("/missions", said.body())["mission_id"])
-    else:
-        chosen = output.settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
-        with running(chosen) as harness:
-            outcome = _run(harness, template, _arguments(argument), seed=seed, faults=faults)
-            if record_to is not None:
-                write_recording(harness.runtime, MissionId(outcome["mission_id"]), record_to)
+    said = StartMissionAct.of(
+        template="" if _in_words(template) else template,
+        goal=template if _in_words(template) else goal,
+        arguments=_arguments(argument),
+        seed=seed,
+        labels={"faults": ",".join(fault)} if fault else {},
+        confirm_reading=confirm_reading,
+    )
+    chosen = output.settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
+    with api_with_robots(data, chosen) as api:
+        mission_id = api.post("/missions", said.body())["mission_id"]
+        api.finish_earlier(mission_id)
+        outcome = api.follow(mission_id)
+    if record_to is not None:
+        with read_harness(chosen) as runtime:
+            write_recording(runtime, MissionId(mission_id), record_to)
     output.show(outcome, as_json=as_json, lines=_summary(outcome))
     raise typer.Exit(output.exit_code(outcome["status"]))
 
 
-def _run(
-    harness: Harness, template: str, arguments: dict[str, str | float], *, seed: int, faults: str
-) -> dict[str, Any]:
-    robot_id = RobotId(next(iter(harness.robots)))
-    for unfinished in harness.supervisor.unfinished(robot_id):
-        typer.echo(f"Going on with {unfinished.mission_id} first: {unfinished.goal}", err=True)
-        harness.supervisor.run(unfinished.mission_id, watch=output.ProgressPrinter())
-    known = {known.name for known in offered(harness.runtime, robot_id)}
-    start = Start(
-        actor=me(),
-        robot_id=robot_id,
-        template=template if template in known or " " not in template else "",
-        goal="" if template in known or " " not in template else template,
-        arguments=arguments,
-        seed=seed,
-        labels={"faults": faults} if faults else {},
-    )
-    decision = begin(harness.runtime, start)
-    if isinstance(decision, Refused):
-        raise ContractInvalid(decision.reason)
-    mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
-    mission = harness.supervisor.run(mission_id, watch=output.ProgressPrinter())
-    return _outcome(harness, mission)
+def _in_words(text: str) -> bool:
+    """Whether the first argument is a goal in words: it has spaces, or is not written in Latin letters."""
+    return " " in text or not text.isascii()
 
 
 @app.command()
@@ -100,20 +84,10 @@ def resume(
     fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
 ) -> None:
     """Go on with a mission that a crash or an exit left open."""
-    api = owner_api(data)
-    if api is not None:
+    with api_with_robots(data, output.settings(data_folder=data, speed=speed, fidelity=fidelity)) as api:
         outcome = api.follow(mission_id)
-    else:
-        with running(output.settings(data_folder=data, speed=speed, fidelity=fidelity)) as harness:
-            mission = harness.supervisor.run(MissionId(mission_id), watch=output.ProgressPrinter())
-            outcome = _outcome(harness, mission)
     output.show(outcome, as_json=as_json, lines=_summary(outcome))
     raise typer.Exit(output.exit_code(outcome["status"]))
-
-
-def _outcome(harness: Harness, mission: Mission) -> dict[str, Any]:
-    history = Histories(harness.runtime).of(mission.mission_id)
-    return mission_outcome(mission, history, harness.starts(mission.mission_id))
 
 
 def _arguments(given: list[str] | None) -> dict[str, str | float]:
@@ -148,21 +122,26 @@ def _summary(outcome: dict[str, Any]) -> list[str]:
     )
     if outcome.get("reason"):
         lines.append(str(outcome["reason"]))
+    lines += [
+        f"declared, not verified: {one['text']} ({one['condition_id']})" for one in outcome["declared_conditions"]
+    ]
     return lines
 
 
 @app.command()
 def replay(
     recording: Annotated[Path, typer.Argument(help="MCAP, rosbag2 folder or ROS 1 bag.")],
-    target: Annotated[str | None, typer.Option(help="X,Y in metres; default: the recording's last pose.")] = None,
+    target: Annotated[str | None, typer.Option(help="X,Y in metres; default: the recording's goals or routes.")] = None,
+    place: Annotated[str, typer.Option(help="A place of the site as the target; the recording is on its map.")] = "",
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
     topic: Annotated[list[str] | None, typer.Option(help="ROLE=TOPIC, such as odometry=/odom.")] = None,
 ) -> None:
     """Run a navigation mission on a recording; the harness measures arrival and progress itself."""
-    with replayed(
-        output.settings(data_folder=data, speed=0.0), recording, target=_point(target), topics=topic or []
-    ) as replayer:
+    if target and place:
+        raise typer.BadParameter("give --target or --place", param_hint="--place")
+    settings = output.settings(data_folder=data, speed=0.0)
+    with replayed(settings, recording, target=_point(target), place=place, topics=topic or []) as replayer:
         mission, facts = replayer.run(me(), watch=output.ProgressPrinter())
         outcome = mission_outcome(mission, Histories(replayer.harness.runtime).of(mission.mission_id), ()) | facts
     output.show(
@@ -178,6 +157,8 @@ def _point(text: str | None) -> tuple[float, float] | None:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
         raise typer.BadParameter(f"{text!r} is not X,Y", param_hint="--target") from None
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise typer.BadParameter(f"{text!r} is no finite point", param_hint="--target")
     return x, y
 
 
@@ -238,6 +219,83 @@ def _targets(explored: tuple[ExplorationDecision, ...]) -> list[list[str]]:
     ]
 
 
+class RoutingRecords:
+    """Reads the records that routing stored with its decisions; None for one that the log does not hold."""
+
+    def __init__(self, runtime: Runtime) -> None:
+        self._runtime = runtime
+
+    def candidates(self, digest: Digest) -> CandidateSet | None:
+        return self._read(digest, CandidateSet)
+
+    def question(self, digest: Digest) -> RoutingQuestion | None:
+        return self._read(digest, RoutingQuestion)
+
+    def _read(self, digest: Digest, kind: type[T]) -> T | None:
+        try:
+            return decode(self._runtime.record(digest).body, kind)
+        except (UnknownName, msgspec.DecodeError):
+            return None
+
+
+@app.command()
+def routing(
+    mission_id: str,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
+    stage: Annotated[str, typer.Option(help="One stage only.")] = "",
+) -> None:
+    """Why each provider was chosen or not: its score term by term, and what history held of it."""
+    with read_harness(output.settings(data_folder=data)) as runtime:
+        mission = runtime.mission(MissionId(mission_id))
+        if stage and stage not in mission.nodes:
+            raise UnknownName(
+                f"There is no stage {stage!r}", where=mission_id, do=f"name one of {', '.join(mission.nodes)}"
+            )
+        entries = Histories(runtime).of(mission.mission_id)
+        records = RoutingRecords(runtime)
+        found = [
+            (choice.position, choice.why)
+            for node_id in mission.nodes
+            if stage in ("", node_id)
+            for choice in ranked(entries, node_id=node_id, candidates=records.candidates, question=records.question)
+            if choice.why is not None
+        ]
+    rows = [{"position": position, **reasons.stating(why)} for position, why in found]
+    lines = [line for position, why in found for line in _routed(position, why)]
+    output.show(
+        {"mission_id": mission_id, "decisions": rows},
+        as_json=as_json,
+        lines=lines or ["No provider was chosen yet."],
+    )
+
+
+def _routed(position: int, why: RoutingExplanation) -> list[str]:
+    """One decision: the reason, the scores by term, and the history of each candidate."""
+    ranking = [one for one in why.candidates if one.score is not None]
+    names = list(ranking[0].terms) if ranking else []
+    rows = [["provider", "score", *names, ""]] + [
+        [
+            one.provider_id,
+            f"{one.score:.3f}",
+            *(f"{one.terms[name]:+.3f}" for name in names),
+            "chosen" if one.provider_id == why.chosen else "",
+        ]
+        for one in ranking
+    ]
+    past = [
+        f"  history of {one.provider_id} at {one.place or 'no place'}: {one.judged} verified executions, "
+        f"{one.failed} failed; input {one.penalty:.2f} of 1"
+        for one in why.history
+    ]
+    refused = [
+        f"  {one.provider_id} refused by {one.refused_by}: {sentence(one.reason)}"
+        for one in why.candidates
+        if one.score is None and one.refused_by != "capability"
+    ]
+    return [f"e-{position}  {why.node_id}: {sentence(why.reason)}", *output.table(rows), *past, *refused]
+
+
 @app.command()
 def events(mission_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """The mission's events in order, each with its position in the log."""
@@ -296,7 +354,7 @@ def dispute(
     as_json: output.Json = False,
 ) -> None:
     """Say that an accepted completion is wrong. It counts as false; nothing is deleted."""
-    said = DisputeCompletionAct.of(condition_id=condition, reason=reason)
+    said = DisputeCompletionAct.of(reason=reason)
     with api_with_robots(data) as api:
         outcome = api.post(f"/missions/{mission_id}/facts/{condition}/dispute", said.body())
     line = f"{condition} of {mission_id} is disputed: {reason}"

@@ -10,8 +10,9 @@ import typer
 from pydantic import ValidationError
 
 from app.i18n.reasons import rendering as reasons
+from app.views.readings import question_lines
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid, HarnessError, UnknownName
+from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, HarnessError, UnknownName
 from harness.contracts.reasons import Reason, because
 from harness.projections.mission import Mission
 from harness.settings import HarnessSettings
@@ -53,15 +54,31 @@ def refusal(decision: Refused) -> Reason:
     return because("refused_by_rule", reason=decision.reason, rule=decision.rule)
 
 
-def complain(error: HarnessError) -> int:
-    """Say what happened, where, and what to do; the exit code that goes with it."""
+class ActRefused(HarnessError):
+    """What was asked is refused; `problem` is the API's document, with the rule, and the reason as code and facts."""
+
+    code = "act_refused"
+
+    def __init__(self, problem: Mapping[str, Any]) -> None:
+        told = problem.get("detail") or problem.get("title") or "Refused"
+        super().__init__(f"{told} ({problem.get('code', 'refused')})", do=str(problem.get("do", "")))
+        self.problem = problem
+
+
+def complain(error: HarnessError, *, as_json: bool = False) -> int:
+    """Say what happened, where, and what to do; the exit code that goes with it. A refusal is JSON for a program."""
     sys.stderr.write(f"regen: {reasons.explained(error)}\n")
+    if isinstance(error, GoalNotUnderstood):
+        sys.stderr.write("".join(f"{line}\n" for line in question_lines(error.question)))
+    if as_json and isinstance(error, ActRefused):
+        typer.echo(json.dumps({"refused": error.problem}, ensure_ascii=False))
     return 2 if isinstance(error, WRONG_ASKED) else 1
 
 
 def exit_code(status: str) -> int:
-    """0 succeeded, 3 waits for a person or is paused, 1 any other end."""
-    return 0 if status == "succeeded" else 3 if status in ("awaiting_human", "paused", "awaiting_approval") else 1
+    """0 succeeded, 4 verified in part only, 3 waits for a person or is paused, 1 any other end."""
+    codes = {"succeeded": 0, "partly_verified": 4, "awaiting_human": 3, "paused": 3, "awaiting_approval": 3}
+    return codes.get(status, 1)
 
 
 class ProgressPrinter:

@@ -12,7 +12,16 @@ from harness.contracts.errors import HarnessError, StoreOwned
 from harness.contracts.reasons import because
 
 POLL_S = 0.5
-LASTING = ("awaiting_human", "paused", "succeeded", "failed", "cancelled", "safe_stopped", "handed_off")
+LASTING = (
+    "awaiting_human",
+    "paused",
+    "succeeded",
+    "partly_verified",
+    "failed",
+    "cancelled",
+    "safe_stopped",
+    "handed_off",
+)
 
 
 class OwnerApi(Api):
@@ -28,6 +37,9 @@ class OwnerApi(Api):
             if outcome["status"] in LASTING:
                 return outcome
             time.sleep(POLL_S)
+
+    def finish_earlier(self, mission_id: str) -> None:
+        """The owner's robots work through their missions, oldest first."""
 
     def observe(self, mission_id: str) -> None:
         """The owner's robots report all the time."""

@@ -9,22 +9,19 @@ from typing import Annotated, Any
 import msgspec
 import typer
 
+from app.acts.releases import ProposeCandidateAct
 from app.cli import output
-from app.cli.data_folder import deciding
-from app.cli.owner_api import owner_api
-from app.cli.person import me
-from app.i18n.reasons.rendering import sentence, stating
+from app.cli.local_api import api_without_robots
+from app.i18n.reasons.rendering import stating
 from app.routes.candidate_json import row, sheet
 from harness.bootstrap import read_harness
-from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid, HarnessError, UnknownName
+from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.ids import RobotId
 from harness.contracts.reasons import because
 from rsi_reviews.candidate_queries import CandidateQueries, selected
-from rsi_reviews.candidates import LARGEST_BYTES, read_candidate
+from rsi_reviews.candidates import LARGEST_BYTES
 from rsi_reviews.deciders import DECIDERS
 from rsi_reviews.difference import NAMES
-from rsi_reviews.release_service import SignedBy
 
 app = typer.Typer(no_args_is_help=True, help="Propose, evaluate, review, release and roll back configurations.")
 CandidateName = Annotated[str, typer.Argument(help="The candidate's digest, or a beginning of it.")]
@@ -39,22 +36,9 @@ def propose(
     as_json: output.Json = False,
 ) -> None:
     """Put a candidate on record with its manifest. What loosens anything is refused before anything runs."""
-    api = owner_api(data)
-    texts = _read(file), _read(manifest)
-    if api is not None:
-        body = {"configuration": texts[0].decode(), "manifest": texts[1].decode(), "supersedes": supersedes}
-        answer: dict[str, Any] = api.post("/candidates", body)
-        output.show(answer, as_json=as_json, lines=sheet_lines(answer))
-        return
-    candidate = read_candidate(*texts)
-    with deciding(output.settings(data_folder=data)) as releases:
-        earlier = releases.review(supersedes).candidate if supersedes else None
-        key = f"propose:{candidate.candidate_id}"
-        decision = releases.propose(candidate, SignedBy(me(), candidate.manifest.reason, key), supersedes=earlier)
-        if isinstance(decision, Refused):
-            found = [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in releases.refusals(candidate)]
-            raise ContractInvalid(output.refusal(decision), where="; ".join(found[:20]))
-        answer = sheet(releases, candidate.candidate_id)
+    said = ProposeCandidateAct.of(configuration=_read(file), manifest=_read(manifest), supersedes=supersedes)
+    with api_without_robots(data) as api:
+        answer: dict[str, Any] = api.post("/candidates", said.body())
     output.show(answer, as_json=as_json, lines=sheet_lines(answer))
 
 

@@ -18,9 +18,9 @@ from app.background.release_watch import ReleaseWatch
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
 from app.cli import output
-from app.cli.accounts import opened
-from app.cli.data_folder import duplicate_starts
+from app.cli.data_folder import duplicate_starts, opened
 from app.cli.identity import examine_issuer
+from app.cli.person import me
 from app.cli.rsi_shipped import put_in_review
 from app.i18n.reasons.rendering import explained, sentence
 from app.main import bind, create_app, open_accounts, serve
@@ -88,6 +88,7 @@ def up(
                 "speed": chosen.speed,
                 "robots": tuple(harness.robots),
                 "owner_token": SecretStr(harness.token),
+                "owner": console.owner if "owner" in console.model_fields_set else me().name,
             }
         )
         _begin(harness, start, seed=seed, faults=faults)
@@ -103,6 +104,7 @@ def up(
             Scenes(harness.runtime),
             accounts=accounts,
             answer=harness.supervisor.answer,
+            free=harness.supervisor.free,
             starts=harness.starts,
             cards=lambda: (one.card for robot in harness.robots.values() for one in robot.providers()),
             folder=chosen.data_folder,
@@ -145,6 +147,7 @@ def _begin(harness: Harness, template: str | None, *, seed: int, faults: Mapping
             template=template or "",
             seed=seed + index,
             labels={"faults": faults[robot_id]} if robot_id in faults else {},
+            channel="command-line",
         )
         begun = begin(harness.runtime, start)
         if isinstance(begun, Refused):

@@ -2,34 +2,27 @@
 
 from typing import Annotated, Any
 
+import msgspec
 from fastapi import APIRouter, Query, Response
 from starlette.responses import JSONResponse
 
 from app.acts.base import Act
-from app.acts.missions import (
-    DisputeCompletionAct,
-    PauseMissionAct,
-    ResumeMissionAct,
-    StartMissionAct,
-    StopMissionAct,
-    WithdrawMissionAct,
-)
+from app.acts.missions import ACTS, DisputeCompletionAct, StartMissionAct
 from app.console import ActorDep, Console, ConsoleDep
 from app.i18n.reasons import rendering as reasons
 from app.routes import api_requests
 from app.routes import api_schemas as schemas
-from app.routes.missions import started
+from app.routes.missions import ordered, started
 from app.views.mission_json import mission_outcome
 from app.views.preview import preview as previewed
+from app.views.readings import reading_json
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId
 from harness.contracts.read_models import ListQuery, MissionItem
-from harness.contracts.reasons import because
+from harness.contracts.readings import Reading
 from harness.extra_templates import draft
-from harness.runtime import Start
 
 router = APIRouter(
     prefix="/api/v1",
@@ -76,7 +69,7 @@ def mission(console: ConsoleDep, mission_id: MissionId) -> Any:
 @router.post("/missions", status_code=201, responses=api_requests.answers(schemas.MissionOutcome, status=201))
 def start(console: ConsoleDep, actor: ActorDep, body: StartMissionAct) -> Any:
     """Compile the goal to a contract and start it; nothing is written if that fails."""
-    return outcome(console, started(console, ordered(console, actor, body)))
+    return outcome(console, started(console, ordered(console, actor, body, channel="api")))
 
 
 @router.post("/missions/preview", responses=api_requests.answers(schemas.MissionPreview))
@@ -85,7 +78,7 @@ def preview(console: ConsoleDep, principal: PrincipalDep, body: StartMissionAct)
 
     Nothing is written; what could not be started fails as starting it would.
     """
-    order = ordered(console, principal.acting("drive"), body)
+    order = ordered(console, principal.acting("drive"), body, channel="api")
     contract = draft(console.runtime, order)
     shown = previewed(contract, console.runtime.site)
     found = schemas.MissionPreview(
@@ -95,42 +88,21 @@ def preview(console: ConsoleDep, principal: PrincipalDep, body: StartMissionAct)
         longest_s=shown.longest_s,
         stages=tuple(one.node_id for one in shown.stages),
         contract=contract,
+        reading=msgspec.convert(reading_json(contract.goal.text, contract.reading), schemas.ReadingResource)
+        if isinstance(contract.reading, Reading)
+        else None,
     )
     return api_requests.plain(found)
-
-
-@router.post("/missions/{mission_id}/stop", responses=api_requests.answers(schemas.MissionOutcome))
-def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: StopMissionAct) -> Any:
-    """Ask for standstill: the status is `stopping` until it is acknowledged and the body is static."""
-    return _told(console, actor, mission_id, body)
-
-
-@router.post("/missions/{mission_id}/withdraw", responses=api_requests.answers(schemas.MissionOutcome))
-def withdraw(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: WithdrawMissionAct) -> Any:
-    """Take back a mission that waits for its robot: it ends cancelled at once. Refused once it has begun."""
-    return _told(console, actor, mission_id, body)
-
-
-@router.post("/missions/{mission_id}/pause", responses=api_requests.answers(schemas.MissionOutcome))
-def pause(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: PauseMissionAct) -> Any:
-    """Dispatch nothing more until it is resumed."""
-    return _told(console, actor, mission_id, body)
-
-
-@router.post("/missions/{mission_id}/resume", responses=api_requests.answers(schemas.MissionOutcome))
-def resume(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ResumeMissionAct) -> Any:
-    """Go on after a pause."""
-    return _told(console, actor, mission_id, body)
 
 
 @router.post(
     "/missions/{mission_id}/facts/{condition_id}/dispute", responses=api_requests.answers(schemas.MissionOutcome)
 )
 def dispute(
-    console: ConsoleDep, actor: ActorDep, mission_id: MissionId, condition_id: str, body: api_requests.ReasonBody
+    console: ConsoleDep, actor: ActorDep, mission_id: MissionId, condition_id: str, body: DisputeCompletionAct
 ) -> Any:
     """Say that an accepted completion is wrong: it counts as false, and nothing is deleted."""
-    return _told(console, actor, mission_id, DisputeCompletionAct.of(condition_id=condition_id, reason=body.reason))
+    return _told(console, actor, mission_id, body, condition_id=condition_id)
 
 
 @router.get("/missions/{mission_id}/events", responses=api_requests.answers(schemas.LogEvent, many=True))
@@ -143,14 +115,6 @@ def events(
     """Events after a position, in order, with their places in the hash chain."""
     later = [entry for entry in console.histories.of(mission_id) if entry.position > after]
     return api_requests.plain(later[:limit])
-
-
-def ordered(console: Console, actor: Actor, body: StartMissionAct) -> Start:
-    """What is asked for; raises UnknownName for a robot that this console does not have."""
-    robot_id = body.robot_id or console.settings.robots[0]
-    if robot_id not in console.settings.robots:
-        raise UnknownName(because("unknown_robot", robot_id=robot_id[:40], known=tuple(console.settings.robots)))
-    return body.model_copy(update={"robot_id": robot_id}).to_command(actor)
 
 
 def summary(one: MissionItem) -> schemas.MissionSummary:
@@ -177,6 +141,16 @@ def outcome(console: Console, mission_id: MissionId) -> dict[str, Any]:
     )
 
 
-def _told(console: Console, actor: Actor, mission_id: MissionId, said: Act) -> Any:
-    decision = console.runtime.submit(mission_id, said.to_command(actor))
+def _told(console: Console, actor: Actor, mission_id: MissionId, said: Act, **named: str) -> Any:
+    decision = console.runtime.submit(mission_id, said.to_command(actor, **named))
     return api_requests.refusal(decision) if isinstance(decision, Refused) else outcome(console, mission_id)
+
+
+def _act() -> api_requests.Handler:
+    def act(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: Any) -> Any:
+        return _told(console, actor, mission_id, body)
+
+    return act
+
+
+api_requests.post_acts(router, "/missions/{mission_id}", ACTS, _act, answered=schemas.MissionOutcome)

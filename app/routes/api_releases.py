@@ -3,16 +3,15 @@
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
-from pydantic import Field, StringConstraints
-from starlette.responses import JSONResponse, Response
+from starlette.responses import JSONResponse
 
+from app.acts import releases as acts
 from app.console import ActorDep, ConsoleDep
 from app.i18n.reasons.rendering import sentence
 from app.routes import api_requests
 from app.routes import api_schemas as schemas
-from app.routes.candidate_editor import checked
+from app.routes.candidate_editor import checked, proposed
 from app.routes.candidate_json import row, sheet
-from app.routes.candidate_words import WORDS
 from app.routes.candidates import replayed
 from app.routes.releases import instant_of, saved
 from app.views import candidates as board
@@ -21,12 +20,12 @@ from app.views.review_results import FamilyRow
 from app.web.security import PrincipalDep
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
-from harness.contracts.ids import Digest, MissionId, RobotId
+from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.reasons import because
-from rsi_reviews.candidates import LARGEST_BYTES, read_candidate
-from rsi_reviews.contracts import Finding, ReleasePolicy
+from rsi_reviews.candidates import read_candidate
+from rsi_reviews.contracts import ReleasePolicy
 from rsi_reviews.difference import CandidateDifference
-from rsi_reviews.release_service import SeenSubject, SignedBy
+from rsi_reviews.release_service import SignedBy
 from rsi_reviews.suite_growth import CaseAdded
 
 router = APIRouter(
@@ -36,48 +35,9 @@ router = APIRouter(
     dependencies=api_requests.CHECKED,
     tags=["candidates"],
 )
-Json = Annotated[str, StringConstraints(min_length=2, max_length=LARGEST_BYTES)]
 Group = Literal[
     "", "draft", "evaluating", "accepted", "in_review", "authorised", "canary", "current", "not_accepted", "taken_back"
 ]
-ReviewActName = Literal[
-    "submit", "comment", "recall", "request_changes", "approve", "reject", "authorise", "release", "adjudicate",
-    "rollback", "withdraw",
-]  # fmt: skip
-
-
-class CheckBody(api_requests.RequestBody):
-    """A configuration and its manifest, as JSON texts."""
-
-    configuration: Json
-    manifest: Json
-
-
-class CandidateBody(CheckBody):
-    """A candidate to propose; `supersedes` is the candidate that this one edits."""
-
-    supersedes: api_requests.Text = ""
-
-
-class WordBody(api_requests.RequestBody):
-    """One word about a candidate. A decision names the cycle and the digest that were shown; a key counts once."""
-
-    reason: api_requests.Reason
-    key: api_requests.Slug
-    cycle: Annotated[int, Field(ge=0, le=2**31)] = 0
-    subject: api_requests.Sha256 | Literal[""] = ""
-    robot_id: api_requests.Text = ""
-    mission_id: api_requests.Text = ""
-    finding: Finding = "sound"
-
-
-class PolicyBody(api_requests.RequestBody):
-    """Who must agree before a release; a single operator waits so long after the evaluation."""
-
-    kind: Literal["two_person", "single_operator"]
-    quorum: Annotated[int, Field(ge=1, le=10)] = 1
-    cooling_off_s: Annotated[float, Field(ge=0, le=30 * 86400)] = 0.0
-    reason: api_requests.Reason
 
 
 @router.get("/candidates", responses=api_requests.answers(schemas.CandidateSummary, many=True))
@@ -93,22 +53,18 @@ def listed(
 
 
 @router.post("/candidates", responses=api_requests.answers(schemas.CandidateResource))
-def propose(console: ConsoleDep, actor: ActorDep, body: CandidateBody) -> Any:
+def propose(console: ConsoleDep, actor: ActorDep, body: acts.ProposeCandidateAct) -> Any:
     """Put a candidate on record. What loosens anything is refused with every rule it breaks, before anything runs."""
     candidate = read_candidate(body.configuration.encode(), body.manifest.encode())
-    releases = console.releases
-    supersedes = releases.review(body.supersedes).candidate if body.supersedes else None
-    say = SignedBy(actor, candidate.manifest.reason, f"propose:{candidate.candidate_id}")
-    decision = releases.propose(candidate, say, supersedes=supersedes)
+    decision = proposed(console, actor, candidate, body.supersedes)
     if isinstance(decision, Refused):
-        return _refused(
-            decision, [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in releases.refusals(candidate)]
-        )
-    return sheet(releases, candidate.candidate_id)
+        found = [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in console.releases.refusals(candidate)]
+        return api_requests.refusal(decision, do="; ".join(found[:20]) or "see the message")
+    return sheet(console.releases, candidate.candidate_id)
 
 
 @router.post("/candidates/check", responses=api_requests.answers(schemas.CandidateCheck))
-def check(console: ConsoleDep, principal: PrincipalDep, body: CheckBody) -> Any:
+def check(console: ConsoleDep, principal: PrincipalDep, body: acts.ProposeCandidateAct) -> Any:
     """Every rule that a candidate breaks, and what it would change against what is current. Nothing is written."""
     principal.acting("propose")
     candidate = read_candidate(body.configuration.encode(), body.manifest.encode())
@@ -124,7 +80,7 @@ def check(console: ConsoleDep, principal: PrincipalDep, body: CheckBody) -> Any:
 
 
 @router.post("/missions/{mission_id}/case", responses=api_requests.answers(CaseAdded))
-def add_case(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: api_requests.ReasonBody) -> Any:
+def add_case(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: acts.AddCaseAct) -> Any:
     """A disputed mission becomes a case of the regression suite: every later candidate is run on it too."""
     decision = console.releases.add_case(mission_id, SignedBy(actor, body.reason, mission_id))
     if isinstance(decision, Refused):
@@ -156,9 +112,9 @@ def results(console: ConsoleDep, candidate: str) -> Any:
         schemas.Results(
             pairs=shown.pairs,
             safety_pairs=shown.safety_pairs,
-            pass_to_fail=tuple(schemas.CaseResource(**vars(one)) for one in shown.worse),
+            pass_to_fail=shown.worse,
             pass_to_fail_total=shown.worse_total,
-            fail_to_pass=tuple(schemas.CaseResource(**vars(one)) for one in shown.better),
+            fail_to_pass=shown.better,
             fail_to_pass_total=shown.better_total,
             families=tuple(_family(one) for one in shown.families),
             held_out=whole.held_out,
@@ -178,22 +134,29 @@ def replay(console: ConsoleDep, actor: ActorDep, candidate: str) -> Any:
     return api_requests.plain(schemas.Replay(missions=found.looked, decisions=found.decisions, differing=differing))
 
 
-@router.post("/candidates/{candidate}/{word}", responses=api_requests.answers(schemas.CandidateResource))
-def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: ReviewActName, body: WordBody) -> Any:
-    """One word, with the reason kept; refused with 409 and why."""
-    name = console.releases.review(_named(candidate)).candidate
-    typed = {"robot_id": body.robot_id, "mission_id": body.mission_id, "finding": body.finding}
-    spoken = WORDS[word.replace("_", "-")]
-    seen = SeenSubject(cycle=body.cycle, subject=Digest(body.subject))
-    decision = spoken(console.releases, name, SignedBy(actor, body.reason, body.key), seen, typed)
-    return api_requests.refusal(decision) if isinstance(decision, Refused) else sheet(console.releases, name)
+def _act() -> api_requests.Handler:
+    def act(console: ConsoleDep, candidate: str, body: Any) -> Any:
+        name = console.releases.review(_named(candidate)).candidate
+        decision = console.releases.ask(name, body)
+        return api_requests.refusal(decision) if isinstance(decision, Refused) else sheet(console.releases, name)
+
+    return act
+
+
+api_requests.post_acts(router, "/candidates/{candidate}", acts.ACTS, _act, answered=schemas.CandidateResource)
+
+
+@router.post("/candidates/{candidate}/request_changes", include_in_schema=False)
+def request_changes(console: ConsoleDep, candidate: str, body: acts.RequestChangesAct) -> Any:
+    """The address under which the act was found before."""
+    return _act()(console, candidate, body)
 
 
 @router.get("/releases", responses=api_requests.answers(schemas.Releases))
 def releases(
     console: ConsoleDep,
     at: Annotated[str, Query(max_length=40, description="An instant: what was current then is `current_at`.")] = "",
-    robot: api_requests.Text = "",
+    robot: api_requests.Facet = "",
 ) -> Any:
     """The pointer: where it stands, its history, what is pinned to what, quarantine, looks, uptake and the policy."""
     releases = console.releases
@@ -221,15 +184,12 @@ def releases(
 
 
 @router.post("/releases/policy", responses=api_requests.answers(ReleasePolicy))
-def policy(console: ConsoleDep, actor: ActorDep, body: PolicyBody) -> Any:
+def policy(console: ConsoleDep, actor: ActorDep, body: acts.SavePolicyAct) -> Any:
     """Say who must agree before a release. One that nobody could meet is refused now."""
-    chosen = ReleasePolicy(kind=body.kind, quorum=body.quorum, cooling_off_s=body.cooling_off_s)
-    decision = saved(console, chosen, SignedBy(actor, body.reason, f"policy:{console.sessions.key()}"))
-    return (
-        api_requests.refusal(decision)
-        if isinstance(decision, Refused)
-        else api_requests.plain(console.releases.pointer().policy)
-    )
+    decision = saved(console, actor, body)
+    if isinstance(decision, Refused):
+        return api_requests.refusal(decision)
+    return api_requests.plain(console.releases.pointer().policy)
 
 
 def _named(candidate: str) -> str:
@@ -237,10 +197,6 @@ def _named(candidate: str) -> str:
     if len(candidate) < 6:
         raise UnknownName(because("unknown_candidate_prefix", candidate=candidate[:40]))
     return candidate
-
-
-def _refused(decision: Refused, found: list[str]) -> Response:
-    return api_requests.refusal(decision, do="; ".join(found[:20]) or "see the message")
 
 
 def _difference(found: CandidateDifference) -> schemas.ConfigurationDifference:

@@ -1,12 +1,13 @@
-"""What every part of the API shares: bodies it takes, how lists are paged, how failures and answers are described."""
+"""What every part of the API shares: how lists are paged, how failures and answers are described."""
 
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
 import msgspec
-from fastapi import Depends, Query, Request, Response
-from pydantic import BaseModel, ConfigDict, StringConstraints
+from fastapi import APIRouter, Depends, Query, Request, Response
 
+from app.acts.base import ActModel
 from app.background.lists import Slice
 from app.i18n import languages
 from app.routes.api_schemas import ProblemDocument
@@ -17,10 +18,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.read_models import Bookmark, ListOrder
 from harness.contracts.reasons import because
 
-Text = Annotated[str, StringConstraints(max_length=200)]
-Slug = Annotated[str, StringConstraints(min_length=1, max_length=200)]
-Reason = Annotated[str, StringConstraints(min_length=1, max_length=200)]
-Sha256 = Annotated[str, StringConstraints(pattern="^[0-9a-f]{64}$")]
+Handler = Callable[..., Any]
 Limit = Annotated[int, Query(ge=1, le=500)]
 After = Annotated[str, Query(max_length=100, description="Where the page before ended: take it from its Link header.")]
 Order = Annotated[ListOrder, Query()]
@@ -41,18 +39,6 @@ MEANINGS = {
 PROBLEMS: dict[int | str, dict[str, Any]] = {
     status: {"description": meaning, "content": PROBLEM} for status, meaning in MEANINGS.items()
 }
-
-
-class RequestBody(BaseModel):
-    """Base of what is sent: no field that is not known."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class ReasonBody(RequestBody):
-    """Why; it stands in the log."""
-
-    reason: Reason
 
 
 def known_parameters(request: Request) -> None:
@@ -82,8 +68,19 @@ def answers(kind: type, *, status: int = 200, many: bool = False) -> dict[int | 
     return {status: {"description": "Done.", "content": {"application/json": {"schema": schema}}}}
 
 
+def post_acts(
+    router: APIRouter, path: str, acts: Mapping[str, type[ActModel]], make: Callable[[], Handler], *, answered: type
+) -> None:
+    """One POST below `path` for each act, at its verb. `make` returns a handler whose `body` is the act."""
+    for verb, kind in acts.items():
+        handler = make()
+        handler.__annotations__["body"] = kind
+        responses = answers(answered)
+        router.post(f"{path}/{verb}", name=verb, description=kind.__doc__, responses=responses)(handler)
+
+
 def place(after: str) -> Bookmark | None:
-    """Raises ContractInvalid for a place that no page ever gave."""
+    """The position of a page in a list. Raises ContractInvalid for one that no page gave."""
     return bookmark(after) if after else None
 
 

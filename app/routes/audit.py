@@ -1,4 +1,4 @@
-"""/audit: verify the log, anchor it, and read who decided what when; /audit/access: who came in from where."""
+"""/audit: verify and anchor the log, and read who decided what; /audit/access: who signed in from where."""
 
 from typing import Annotated
 
@@ -82,7 +82,7 @@ def access(
 def newest_first(
     console: Console, wanted: audit.Wanted, *, before: int, shown: int = SHOWN
 ) -> tuple[list[audit.AuditEvent], int]:
-    """Fitting deeds below a position (0: from the head), and the lowest position looked at. Reads at most SCANNED."""
+    """Matching entries below a position (0: from the head), and the lowest position read. Reads at most SCANNED."""
     upto = before - 1 if before else console.head().position
     floor = max(0, upto - SCANNED)
     found: list[audit.AuditEvent] = []

@@ -1,6 +1,7 @@
-"""/candidates/new: a person's own candidate, from fields or as JSON, checked before anything runs."""
+"""/candidates/new: a candidate of one's own, from fields or as JSON, checked before anything runs."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import msgspec
 from fastapi import APIRouter
@@ -14,7 +15,7 @@ from app.views.candidate_editor import EditorPage, Found, edited_text, editor_pa
 from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.configuration import Configuration
-from harness.contracts.decisions import Refused
+from harness.contracts.decisions import Accepted, Refused
 from rsi_reviews.contracts import Candidate, RestrictionViolation
 from rsi_reviews.difference import difference
 from rsi_reviews.errors import CandidateInvalid
@@ -41,19 +42,22 @@ def check(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
 
 @router.post("")
 def propose(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
-    """303 to the new candidate, 422 with what to mend, 409 with why the desk refused."""
+    """303 to the new candidate, 422 with what to correct, 409 with the reason of the refusal."""
     candidate, found = read(console, actor, typed)
     if candidate is None:
         return render("candidates/new.html", page_of(console, actor, typed, found), status=422)
-    name = candidate.candidate_id
-    before = typed.get("supersedes", "").strip()
-    supersedes = console.releases.review(before).candidate if before else None
-    say = SignedBy(actor, candidate.manifest.reason, f"propose:{name}")
-    decision = console.releases.propose(candidate, say, supersedes=supersedes)
+    decision = proposed(console, actor, candidate, typed.get("supersedes", "").strip())
     if isinstance(decision, Refused):
         again = page_of(console, actor, typed, Found(errors=(reasoned(decision.reason),)))
         return render("candidates/new.html", again, status=409)
-    return RedirectResponse(f"/candidates/{name}", status_code=303)
+    return RedirectResponse(f"/candidates/{candidate.candidate_id}", status_code=303)
+
+
+def proposed(console: Console, actor: Actor, candidate: Candidate, before: str) -> Accepted[Any] | Refused:
+    """Put it on record as the successor of the candidate `before`, if it names one. Raises UnknownName."""
+    supersedes = console.releases.review(before).candidate if before else None
+    say = SignedBy(actor, candidate.manifest.reason, f"propose:{candidate.candidate_id}")
+    return console.releases.propose(candidate, say, supersedes=supersedes)
 
 
 def read(console: Console, actor: Actor, typed: Mapping[str, str]) -> tuple[Candidate | None, Found]:

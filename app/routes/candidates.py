@@ -1,4 +1,4 @@
-"""/candidates: proposed changes to the harness itself; who says what about them, and what follows."""
+"""/candidates: proposed changes to the harness itself, their reviews and releases."""
 
 from itertools import islice
 from typing import Annotated, Any
@@ -6,33 +6,37 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.acts.releases import ACTS
 from app.background.evaluations import situations
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.languages import explained
 from app.i18n.messages import reasoned
-from app.routes.candidate_words import WORDS, say_of, seen_of, subject_in
-from app.views import candidates, forms
+from app.views import candidates
 from app.views.candidates import BoardPage, CandidateListParams
 from app.views.review import ReviewPage, ReviewSources, SubmittedReviewForm, review_page
-from app.views.review_cases import CasesPage, cases_page
 from app.views.review_replay import ReplayPage, replay_page
+from app.views.review_results import CasesPage, cases_page
 from app.views.rollback import RollbackPage, rollback_page
 from app.web.rendering import render
 from harness.contracts.actors import Actor
+from harness.contracts.decider import Codec
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ConfigurationMissing, ContractInvalid, UnknownName
 from harness.contracts.ids import Digest, MissionId, mission_stream
 from harness.contracts.ports import MISSION_STREAMS
 from harness.contracts.reasons import because
+from rsi_reviews.contracts import Subject
 from rsi_reviews.counterfactual import counterfactual
+from rsi_reviews.events import CandidateEvent, ReviewOpened
 
 router = APIRouter(prefix="/candidates")
 REPLAYED = 40
+CODEC: Codec[CandidateEvent] = Codec(CandidateEvent)
 
 
 def asked_of(request: Request) -> CandidateListParams:
-    """Search, filters and place from the address. Raises UnknownName or ContractInvalid for what no page ever gave."""
+    """Search, filters and position from the address. Raises UnknownName or ContractInvalid for invalid ones."""
     params = request.query_params
     group, skip = params.get("status", ""), params.get("skip", "0")
     if group not in {value for value, _, _ in candidates.GROUPS}:
@@ -88,29 +92,36 @@ def rolling_back(console: ConsoleDep, actor: ActorDep, candidate: str) -> HTMLRe
     return render("candidates/rollback.html", rollback_of(console, actor, candidate))
 
 
-@router.post("/{candidate}/{word}")
-def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: str, typed: FormDep) -> Response:
-    """One word: 303 taken, 422 not well said, 409 refused with the reason and the page as it is now."""
-    if word not in WORDS:
-        raise UnknownName(because("unknown_candidate_act", word=word[:40]))
+@router.post("/{candidate}/{verb}")
+def act(console: ConsoleDep, actor: ActorDep, candidate: str, verb: str, typed: FormDep) -> Response:
+    """One act of app/acts/releases.py: 303, 422 not well said, 409 refused and why, with the page as it is now."""
+    if verb not in ACTS:
+        raise UnknownName(because("unknown_candidate_act", word=verb[:40]))
     name = console.releases.review(candidate).candidate
-    if wrong := forms.wrong_reason(typed.get("reason", "")):
-        return _again(console, actor, name, word, typed, refused=" ".join(wrong), status=422)
-    decision = WORDS[word](console.releases, name, say_of(actor, typed, word), seen_of(typed), typed)
+    said = ACTS[verb].from_form(typed)
+    if isinstance(said, tuple):
+        return _again(console, actor, name, typed, refused=" ".join(one.text for one in said), status=422)
+    decision = console.releases.ask(name, said)
     if isinstance(decision, Refused):
-        return _again(console, actor, name, word, typed, refused=reasoned(decision.reason), status=409)
+        return _again(console, actor, name, typed, refused=reasoned(decision.reason), status=409)
     return RedirectResponse(f"/candidates/{name}", status_code=303)
 
 
 def _again(
-    console: Console, actor: Actor, candidate: str, word: str, typed: dict[str, str], *, refused: str, status: int
+    console: Console, actor: Actor, candidate: str, typed: dict[str, str], *, refused: str, status: int
 ) -> Response:
-    if word == "rollback" and "second-step" in typed:
+    if "second-step" in typed:
         page = rollback_of(console, actor, candidate, refused=refused, typed=typed.get("reason", ""))
         return render("candidates/rollback.html", page, status=status)
-    seen = subject_in(console.releases, candidate, typed.get("subject", ""))
+    seen = _subject_in(console, candidate, typed.get("subject", ""))
     left = SubmittedReviewForm(reason=typed.get("reason", ""), refused=refused, subject=seen)
     return render("candidates/detail.html", page_of(console, actor, candidate, left), status=status)
+
+
+def _subject_in(console: Console, candidate: str, digest: str) -> Subject | None:
+    """The subject that a form was shown with, as it stood when its review was opened."""
+    opened = (CODEC.decode(stored) for stored in console.releases.events(candidate))
+    return next((one.subject for one in opened if isinstance(one, ReviewOpened) and one.subject_digest == digest), None)
 
 
 def board_of(console: Console, actor: Actor, asked: CandidateListParams) -> BoardPage:

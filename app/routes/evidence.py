@@ -1,4 +1,4 @@
-"""/evidence: all of it as a list, and blobs by digest, verified each time, with a type that no upload can choose."""
+"""/evidence: the list of all evidence, and blobs by digest, verified at each read and served with a safe type."""
 
 from typing import Annotated
 

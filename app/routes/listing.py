@@ -1,4 +1,4 @@
-"""From an address to what is asked of a list. Has no page of its own."""
+"""Turns the address of a list page into a query. Has no page of its own."""
 
 from collections.abc import Callable
 from typing import get_args
@@ -15,7 +15,7 @@ LONGEST = 200
 
 
 def searching(listing: Listing, *facets: str) -> Callable[[Request], ListParams]:
-    """Reads q, order, after and these filters from the address; raises ContractInvalid for an impossible place."""
+    """Reads q, order, after and these filters from the address; raises ContractInvalid for an invalid position."""
 
     def params(request: Request) -> ListParams:
         params = request.query_params
@@ -36,7 +36,7 @@ def searching(listing: Listing, *facets: str) -> Callable[[Request], ListParams]
 
 
 def order_of(text: str) -> ListOrder:
-    """Raises ContractInvalid for an order that no list has."""
+    """The order of a list. Raises ContractInvalid for an unknown one."""
     for order in get_args(ListOrder):
         if order == text:
             known: ListOrder = order
@@ -45,7 +45,7 @@ def order_of(text: str) -> ListOrder:
 
 
 def bookmark(text: str) -> Bookmark:
-    """Raises ContractInvalid for a place that no page ever gave."""
+    """The position in a list. Raises ContractInvalid for one that no page gave."""
     amount, _, seq = text.partition("~")
     try:
         return Bookmark(amount=float(amount), seq=int(seq))

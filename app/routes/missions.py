@@ -1,13 +1,14 @@
-"""/missions: list them, watch one, start one, stop one."""
+"""/missions: list, watch, start and stop missions."""
 
-from collections.abc import Sequence
-from typing import Annotated
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Annotated, TypeVar
 
 from fastapi import APIRouter, Depends, Request
 from msgspec.structs import replace
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from app.acts.missions import StopMissionAct
+from app.acts.missions import StartMissionAct, StopMissionAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.languages import explained
@@ -20,13 +21,15 @@ from app.views.forms import Again, Before, FormOptions, StopPage, Wrong
 from app.views.list_params import ListParams
 from app.views.missions import Counted, MissionsPage
 from app.views.preview import Preview
+from app.views.readings import goal_words, question_view
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, UnknownName
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.readings import ReadingQuestion
 from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskTemplate
 from harness.extra_templates import begin, draft, offered
@@ -34,6 +37,7 @@ from harness.projections.mission import Mission
 from harness.runtime import Start
 
 router = APIRouter(prefix="/missions")
+T = TypeVar("T")
 ListParamsDep = Annotated[ListParams, Depends(searching("mission", "status", "robot", "template"))]
 
 
@@ -80,26 +84,31 @@ def new(request: Request, console: ConsoleDep, actor: ActorDep, rerun_of: str = 
 def preview(console: ConsoleDep, principal: PrincipalDep, actor: ActorDep, typed: FormDep) -> HTMLResponse:
     """The form with the contract it would be compiled to; nothing is written."""
     principal.acting("drive")
-    order, wrong = _order(console, actor, typed)
-    if order is None:
-        return _form(console, actor, typed, wrong=wrong)
-    try:
-        drafted = draft(console.runtime, order)
-    except (UnknownName, ContractInvalid) as error:
-        return _form(console, actor, typed, wrong=[_beside(console, typed, error)])
+    drafted = _asked(console, actor, typed, lambda order: draft(console.runtime, order))
+    if isinstance(drafted, ReadingQuestion):
+        return _form(console, actor, typed, question=drafted)
+    if isinstance(drafted, tuple):
+        return _form(console, actor, typed, wrong=drafted)
     return _form(console, actor, typed, shown=previews.preview(drafted, console.runtime.site))
 
 
 @router.post("")
 def start(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
-    order, wrong = _order(console, actor, typed)
-    if order is None:
-        return _form(console, actor, typed, wrong=wrong)
-    try:
-        mission_id = console.keys.once(typed.get("key", ""), lambda: started(console, order))
-    except (UnknownName, ContractInvalid) as error:
-        return _form(console, actor, typed, wrong=[_beside(console, typed, error)])
-    return RedirectResponse(f"/missions/{mission_id}", status_code=303)
+    key = typed.get("key", "")
+    begun = _asked(console, actor, typed, lambda order: console.keys.once(key, lambda: started(console, order)))
+    if isinstance(begun, ReadingQuestion):
+        return _form(console, actor, typed, question=begun)
+    if isinstance(begun, tuple):
+        return _form(console, actor, typed, wrong=begun)
+    return RedirectResponse(f"/missions/{begun}", status_code=303)
+
+
+def ordered(console: Console, actor: Actor, said: StartMissionAct, *, channel: str) -> Start:
+    """What is asked for, over which channel; raises UnknownName for a robot that this console does not have."""
+    robot_id = said.robot_id or console.settings.robots[0]
+    if robot_id not in console.settings.robots:
+        raise UnknownName(because("unknown_robot", robot_id=robot_id[:40], known=tuple(console.settings.robots)))
+    return dataclasses.replace(said.model_copy(update={"robot_id": robot_id}).to_command(actor), channel=channel)
 
 
 def started(console: Console, order: Start) -> MissionId:
@@ -144,24 +153,19 @@ def _template(console: Console, typed: dict[str, str]) -> TaskTemplate | None:
     return next((one for one in _offered(console, typed) if one.name == typed.get("template")), None)
 
 
-def _order(console: Console, actor: Actor, typed: dict[str, str]) -> tuple[Start | None, list[Wrong]]:
-    """What the form asks for, or what is wrong with it."""
-    template = _template(console, typed)
-    wrong = forms.wrong_start(typed, template, console.settings.robots)
-    if wrong or template is None:
-        return None, wrong
-    again = typed.get("rerun_of", "")
-    if again:
-        console.runtime.mission(MissionId(again))
-    order = Start(
-        actor=actor,
-        robot_id=RobotId(typed["robot_id"]),
-        template=template.name,
-        goal=typed["goal"].strip(),
-        arguments=forms.arguments(typed, template),
-        labels={"rerun_of": again} if again else {},
-    )
-    return order, []
+def _asked(
+    console: Console, actor: Actor, typed: dict[str, str], act: Callable[[Start], T]
+) -> T | tuple[Wrong, ...] | ReadingQuestion:
+    """What comes of the order that the form makes, what is wrong with the form, or what the person is asked."""
+    if typed.get("rerun_of"):
+        console.runtime.mission(MissionId(typed["rerun_of"]))
+    try:
+        said = StartMissionAct.from_form(typed, template=_template(console, typed), robots=console.settings.robots)
+        return said if isinstance(said, tuple) else act(ordered(console, actor, said, channel="page"))
+    except GoalNotUnderstood as error:
+        return error.question
+    except (UnknownName, ContractInvalid) as error:
+        return (_beside(console, typed, error),)
 
 
 def _beside(console: Console, typed: dict[str, str], error: UnknownName | ContractInvalid) -> Wrong:
@@ -186,7 +190,7 @@ def _again(console: Console, typed: dict[str, str]) -> Again | None:
     done = ("committed", "superseded")
     return Again(
         mission_id=mission.mission_id,
-        goal=mission.goal,
+        goal=goal_words(mission),
         status=mission.status,
         unaccepted=tuple(name for name, node in mission.nodes.items() if node.status not in done),
     )
@@ -199,7 +203,9 @@ def _form(
     *,
     wrong: Sequence[Wrong] = (),
     shown: Preview | None = None,
+    question: ReadingQuestion | None = None,
 ) -> HTMLResponse:
+    """The form again; 422 where something must be corrected, or a reading confirmed."""
     robots = console.settings.robots
     robot_id = typed.get("robot_id") or robots[0]
     page = forms.start_page(
@@ -209,10 +215,11 @@ def _form(
         key=typed.get("key") or console.sessions.key(),
         wrong=wrong,
         again=_again(console, typed),
-        ahead=[Before(one.mission_id, one.goal, one.status) for one in waiting_line(console, robot_id)],
+        ahead=[Before(one.mission_id, goal_words(one), one.status) for one in waiting_line(console, robot_id)],
         preview=shown,
+        reading=question_view(question) if question else None,
     )
-    return render("missions/new.html", page, status=422 if wrong else 200)
+    return render("missions/new.html", page, status=422 if wrong or question else 200)
 
 
 def waiting_line(console: Console, robot_id: str) -> list[Mission]:
@@ -227,7 +234,7 @@ def _stop_page(console: Console, actor: Actor, mission_id: MissionId, *, errors:
         shell=console.shell(lazy_gettext("Stop {robot_id}", robot_id=mission.robot_id), "missions", actor),
         mission_id=mission_id,
         robot_id=mission.robot_id,
-        goal=mission.goal,
+        goal=goal_words(mission),
         status=mission.status,
         robot=word_of(console, mission.robot_id),
         reasons=forms.STOP_REASONS,

@@ -6,22 +6,17 @@ from datetime import UTC, datetime
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.acts.releases import SavePolicyAct
 from app.auth.permissions import permissions_of
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.i18n.languages import explained
 from app.i18n.messages import reasoned
-from app.routes.candidate_words import say_of
-from app.views import forms, releases
+from app.views import releases
 from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Refused
-from harness.contracts.errors import ContractInvalid
-from harness.contracts.reasons import because
-from rsi_reviews.contracts import ReleasePolicy
 from rsi_reviews.release_service import SignedBy
 
 router = APIRouter(prefix="/releases")
-MOST_HOURS = 24.0 * 30.0
 NOBODY: Mapping[str, str] = {}
 
 
@@ -38,43 +33,21 @@ def now(console: ConsoleDep, actor: ActorDep, at: str = "") -> HTMLResponse:
 @router.post("/policy")
 def save_policy(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
     """303 saved, 422 not well said, 409 refused because nobody could meet it."""
-    if wrong := forms.wrong_reason(typed.get("reason", "")):
-        return _again(console, actor, typed, refused=" ".join(wrong), status=422)
-    try:
-        policy = policy_in(typed)
-    except ContractInvalid as error:
-        return _again(console, actor, typed, refused=explained(error), status=422)
-    decision = saved(console, policy, say_of(actor, typed, "policy"))
+    said = SavePolicyAct.from_form(typed)
+    if isinstance(said, tuple):
+        return _again(console, actor, typed, refused=" ".join(one.text for one in said), status=422)
+    decision = saved(console, actor, said)
     if isinstance(decision, Refused):
         return _again(console, actor, typed, refused=reasoned(decision.reason), status=409)
     return RedirectResponse("/releases#policy", status_code=303)
 
 
-def saved(console: Console, policy: ReleasePolicy, say: SignedBy) -> Accepted[object] | Refused:
+def saved(console: Console, actor: Actor, said: SavePolicyAct) -> Accepted[object] | Refused:
     """Asked with the people who hold the roles now."""
     around = around_of(console)
+    say = SignedBy(actor, said.reason, f"policy:{said.key or console.sessions.key()}"[:200])
     return console.releases.save_policy(
-        policy, say, reviewers=tuple(around.reviewers), releasers=tuple(around.releasers)
-    )
-
-
-def policy_in(typed: Mapping[str, str]) -> ReleasePolicy:
-    """The policy of a form; hours become seconds. Raises ContractInvalid for what is none."""
-    kind, quorum = typed.get("kind", ""), typed.get("quorum", "")
-    if kind not in ("two_person", "single_operator"):
-        raise ContractInvalid(because("unknown_policy"), where="kind")
-    if quorum not in {str(number) for number in range(1, 11)}:
-        raise ContractInvalid(because("quorum_invalid"), where="quorum")
-    try:
-        hours = float(typed.get("cooling_off_h", "") or 0.0)
-    except ValueError:
-        hours = -1.0
-    if not 0.0 <= hours <= MOST_HOURS:
-        raise ContractInvalid(because("cooling_off_invalid"), where="cooling_off_h")
-    return ReleasePolicy(
-        kind="single_operator" if kind == "single_operator" else "two_person",
-        quorum=int(quorum),
-        cooling_off_s=hours * 3600.0,
+        said.policy(), say, reviewers=tuple(around.reviewers), releasers=tuple(around.releasers)
     )
 
 

@@ -1,4 +1,4 @@
-"""Pure: what each role was shown (C1 to C4) when it decided, and which providers were looked at, as recorded."""
+"""Shapes what each role was shown (C1 to C4) when it decided, and which providers were considered."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,9 +10,12 @@ from harness.contracts import events
 from harness.contracts.contexts import Context, Role
 from harness.contracts.ids import Digest
 from harness.contracts.proposals import CandidateSet
+from harness.routing.explanation import RoutingExplanation, explained
+from harness.routing.question import RoutingQuestion
 
 ReadContext = Callable[[Digest], Context | None]
 ReadCandidates = Callable[[Digest], CandidateSet | None]
+ReadQuestion = Callable[[Digest], RoutingQuestion | None]
 ROLES = {
     "planner": N_("C1 planner"),
     "skill": N_("C2 skill"),
@@ -34,10 +37,14 @@ class ContextView:
 
 @dataclass(frozen=True)
 class RankedCandidates:
-    """One candidate set, best first: those that passed the hard filter with their scores, and those it refused."""
+    """One candidate set, best first: those that passed the hard filter with their scores, and those it refused.
+
+    `why` is None where the log holds no record of what routing was asked.
+    """
 
     position: int
     found: CandidateSet
+    why: RoutingExplanation | None = None
 
 
 @dataclass(frozen=True)
@@ -50,11 +57,15 @@ class ContextsView:
 
 
 def contexts(
-    entries: Sequence[TimelineEntry], *, node_id: str, read: ReadContext, candidates: ReadCandidates
+    entries: Sequence[TimelineEntry],
+    *,
+    node_id: str,
+    read: ReadContext,
+    candidates: ReadCandidates,
+    question: ReadQuestion,
 ) -> ContextsView:
     """Contexts and candidate sets of one node, from the records that were stored with the decisions."""
     shown: list[ContextView] = []
-    choices: list[RankedCandidates] = []
     owner: dict[str, str] = {}
     for entry in entries:
         if isinstance(entry.event, events.DispatchIntended):
@@ -63,9 +74,26 @@ def contexts(
         if cited is None or cited.node_id != node_id:
             continue
         shown.append(_context(entry.position, cited, read=read))
-        if isinstance(entry.event, events.NodePlanned) and (found := candidates(entry.event.candidates)):
-            choices.append(RankedCandidates(position=entry.position, found=found))
+    choices = ranked(entries, node_id=node_id, candidates=candidates, question=question)
     return ContextsView(node_id=node_id, contexts=tuple(reversed(shown)), choices=tuple(reversed(choices)))
+
+
+def ranked(
+    entries: Sequence[TimelineEntry], *, node_id: str, candidates: ReadCandidates, question: ReadQuestion
+) -> tuple[RankedCandidates, ...]:
+    """Every routing decision about one node, oldest first; a look after an execution chooses nobody anew."""
+    choices: dict[Digest, RankedCandidates] = {}
+    for entry in entries:
+        match entry.event:
+            case events.NodePlanned(node_id=node, candidates=name) if node == node_id and (found := candidates(name)):
+                choices[name] = RankedCandidates(position=entry.position, found=found)
+            case events.DispatchIntended(node_id=node, verify_only=False, candidates=str() as name) as event if (
+                node == node_id and (found := candidates(name))
+            ):
+                asked = question(event.question) if event.question else None
+                why = explained(asked, found) if asked else None
+                choices[name] = RankedCandidates(position=entry.position, found=found, why=why)
+    return tuple(choices.values())
 
 
 def goal_context(entries: Sequence[TimelineEntry], *, read: ReadContext) -> ContextView | None:

@@ -1,4 +1,4 @@
-"""Pure: one stage's evidence: its packets, conditions with measured beside bound, checksums verified on view."""
+"""Shapes the evidence of one stage: packets, measured values beside their bounds, checksums verified at each view."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from msgspec import structs
 
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext, reasoned
+from app.i18n.messages import lazy_gettext, listed, reasoned
 from app.i18n.task_texts import told
 from app.views.measures import Measure, quantity
+from app.views.proposals import ProposalRow, commit_of, proposals, verdict_on
 from app.views.timeline import TimelineEntry
-from harness.contracts.events import CommitRejected, NodeCommitted, PacketRetained, VerdictRecorded
+from harness.contracts.events import CommitRejected, EffectDeclared, NodeCommitted, PacketRetained
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import Digest, PacketId
 from harness.contracts.tasks import TaskContract
 from harness.contracts.verdicts import NodeVerdict
-from harness.projections.mission import Mission
 
 Check = Callable[[Digest], str]
 """Empty if the blob's bytes match the digest now, else why not."""
@@ -51,11 +51,13 @@ class Decision:
 
 @dataclass(frozen=True)
 class PacketView:
-    """One packet, what the verifier and the gate said of it, and its references, each checked now."""
+    """One packet, what the verifier and the gate said of it, what its provider proposed, and its references, each
+    checked now."""
 
     packet: EvidencePacket
     verdict: NodeVerdict | None
     gate: Decision
+    proposals: tuple[ProposalRow, ...]
     references: tuple[Reference, ...]
     pictures: tuple[EvidencePicture, ...]
 
@@ -75,7 +77,13 @@ class EvidenceView:
 
 
 def evidence(
-    mission: Mission, entries: Sequence[TimelineEntry], *, node_id: str, title: str, check: Check
+    mission_id: str,
+    entries: Sequence[TimelineEntry],
+    *,
+    node_id: str,
+    title: str,
+    check: Check,
+    contract: TaskContract | None,
 ) -> EvidenceView:
     """Every packet that was retained for the node, each with its verdict and the gate's decision."""
     packets = [e.event.packet for e in entries if isinstance(e.event, PacketRetained)]
@@ -83,20 +91,29 @@ def evidence(
     return EvidenceView(
         node_id=node_id,
         title=title,
-        packets=tuple(packet_view(mission, packet, entries, check=check) for packet in reversed(mine)),
+        packets=tuple(
+            packet_view(mission_id, packet, entries, check=check, contract=contract) for packet in reversed(mine)
+        ),
     )
 
 
 def packet_view(
-    mission: Mission, packet: EvidencePacket, entries: Sequence[TimelineEntry], *, check: Check
+    mission_id: str,
+    packet: EvidencePacket,
+    entries: Sequence[TimelineEntry],
+    *,
+    check: Check,
+    contract: TaskContract | None,
 ) -> PacketView:
     """One packet with its verdict and the gate's decision; every blob is checked now."""
-    packet_id, contract = packet.identity.packet_id, mission.contract
+    packet_id = packet.identity.packet_id
+    verdict = verdict_on(entries, packet_id)
     groups = (("before", packet.before), ("after", packet.after), ("estimates", packet.estimates))
     return PacketView(
         packet=packet,
-        verdict=_verdict(entries, packet_id, contract),
-        gate=_decision(mission.mission_id, entries, packet_id),
+        verdict=None if verdict is None else structs.replace(verdict, results=told(verdict.results, contract)),
+        gate=_decision(mission_id, entries, packet_id),
+        proposals=proposals(packet, verdict, commit_of(entries, packet_id), contract),
         references=tuple(
             Reference(part=part, item=one, broken=check(one.blob)) for part, group in groups for one in group
         ),
@@ -114,20 +131,16 @@ def declared(packet: EvidencePacket) -> tuple[Measure, ...]:
     return tuple(Measure(*quantity(name, value)) for name, value in packet.declared.items())
 
 
-def _verdict(
-    entries: Sequence[TimelineEntry], packet_id: PacketId, contract: TaskContract | None
-) -> NodeVerdict | None:
-    judged = (e.event.verdict for e in reversed(entries) if isinstance(e.event, VerdictRecorded))
-    found = next((verdict for verdict in judged if verdict.packet_id == packet_id), None)
-    return None if found is None else structs.replace(found, results=told(found.results, contract))
-
-
 def _decision(mission_id: str, entries: Sequence[TimelineEntry], packet_id: PacketId) -> Decision:
     for entry in reversed(entries):
         href = f"/missions/{mission_id}/events/{entry.position}"
         match entry.event:
             case NodeCommitted() as done if done.packet_id == packet_id:
                 return Decision(word="accepted", text=_held(len(done.facts)), href=href)
+            case EffectDeclared() as said if said.packet_id == packet_id:
+                effects = listed(effect.text for effect in said.effects)
+                text = lazy_gettext("Nothing was accepted. Only the provider declares: {effects}", effects=effects)
+                return Decision(word="declared", text=text, href=href)
             case CommitRejected() as no if no.packet_id == packet_id:
                 return Decision(word="refused", text=reasoned(no.reason), rule=no.rule, href=href)
             case _:

@@ -1,4 +1,4 @@
-"""Pure: where an exploring mission looked next: what was considered, what it gained and cost, what was chosen and why.
+"""Shapes where an exploring mission looked next: what was considered, its gain and cost, the choice and its reason.
 
 Gain and cost are the proposer's own basis: metres of unknown edge, metres of known way. What came of it is measured.
 """
@@ -97,7 +97,7 @@ class ChoicesRegion:
 
 @dataclass(frozen=True)
 class ExplorationPage(ChoicesRegion):
-    """The same inside the shell."""
+    """The choices inside the shell of a page."""
 
     shell: Shell
     head: MissionHeader
@@ -210,7 +210,7 @@ def _given_up(leg: NodeState) -> str:
 
 
 def _known(word_of: exploration.AnyFeedback) -> str:
-    """What the proposer was told of an earlier target, in words."""
+    """What the proposer was told about an earlier target, as a sentence."""
     place = _placed(word_of.target_m)
     match word_of:
         case exploration.Reached(moved_m=moved_m):

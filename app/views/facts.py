@@ -1,4 +1,4 @@
-"""Pure: one accepted fact down to everything it rests on."""
+"""Shapes one committed fact with everything it rests on."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ def fact_page(
     fact = next((one for one in found if one.condition_id == condition_id), None)
     if fact is None or gate is None or kept is None or not isinstance(kept.event, PacketRetained):
         raise UnknownName(because("packet_without_fact", packet_id=packet_id, condition_id=condition_id))
-    packet = packet_view(mission, kept.event.packet, entries, check=check)
+    packet = packet_view(mission.mission_id, kept.event.packet, entries, check=check, contract=mission.contract)
     results = packet.verdict.results if packet.verdict else ()
     return FactPage(
         shell=shell,

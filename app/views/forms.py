@@ -1,4 +1,4 @@
-"""Pure: the forms that start and stop a mission, and what is wrong with what was typed."""
+"""Shapes the forms that start and stop a mission, and what is wrong with what was typed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ from app.i18n.catalogues import N_
 from app.i18n.languages import explained
 from app.i18n.messages import lazy_gettext
 from app.views.preview import Preview
+from app.views.readings import ReadingView
 from app.views.robots import LastReport
 from app.views.shell import Shell
 from harness.contracts.errors import HarnessError
@@ -14,6 +15,8 @@ from harness.contracts.places import Place
 from harness.contracts.tasks import TaskContract, TaskTemplate
 
 REASON_SIGNS = 200
+BY_GOAL = "by-goal"
+"""The choice of no template: the goal alone says what to do."""
 GOAL_SIGNS = 2000
 STOP_REASONS = (N_("unexpected motion"), N_("person in the way"), N_("wrong mission"), N_("no longer needed"))
 
@@ -71,7 +74,8 @@ class Wrong:
 class StartPage:
     """The form that starts a mission; `errors` are shown above it and take the focus, `wrong` beside their fields.
 
-    `ahead` are the missions of the chosen robot that are done first, oldest first. `preview` is a compiled contract.
+    `ahead` are the missions of the chosen robot that are done first, oldest first. `preview` is a compiled contract,
+    `reading` what was read of a goal that was not understood as a whole.
     """
 
     shell: Shell
@@ -86,6 +90,7 @@ class StartPage:
     again: Again | None
     ahead: tuple[Before, ...]
     preview: Preview | None
+    reading: ReadingView | None = None
 
 
 @dataclass(frozen=True)
@@ -121,6 +126,7 @@ def start_page(
     again: Again | None = None,
     ahead: Sequence[Before] = (),
     preview: Preview | None = None,
+    reading: ReadingView | None = None,
 ) -> StartPage:
     """The form as the person left it; the first template is chosen before anything was typed."""
     templates = offer.templates
@@ -129,7 +135,10 @@ def start_page(
     beside = {one.field: one.text for one in wrong if one.field}
     return StartPage(
         shell=shell,
-        templates=tuple(SelectOption(one.name, one.title, one.name == wanted) for one in templates),
+        templates=(
+            *(SelectOption(one.name, one.title, one.name == wanted) for one in templates),
+            SelectOption(BY_GOAL, N_("What the goal says"), wanted == BY_GOAL),
+        ),
         robots=tuple(SelectOption(one, one, one == typed.get("robot_id", "")) for one in offer.robots),
         fields=_fields(template, offer.places, typed, beside) if template else (),
         goal=typed.get("goal", template.goal if template else ""),
@@ -140,31 +149,8 @@ def start_page(
         again=again,
         ahead=tuple(ahead),
         preview=preview,
+        reading=reading,
     )
-
-
-def wrong_start(typed: Mapping[str, str], template: TaskTemplate | None, robots: Sequence[str]) -> list[Wrong]:
-    """What a person must mend before a mission can be compiled."""
-    wrong = [] if template else [Wrong("template", N_("Choose what to do: there is no such template."))]
-    if typed.get("robot_id", "") not in robots:
-        wrong.append(Wrong("robot_id", N_("Choose a robot that this installation has.")))
-    goal = typed.get("goal", "").strip()
-    if not goal:
-        wrong.append(Wrong("goal", N_("Say the goal in your own words.")))
-    if len(goal) > GOAL_SIGNS:
-        wrong.append(Wrong("goal", lazy_gettext("Keep the goal below {count} characters.", count=GOAL_SIGNS)))
-    for parameter in template.parameters if template else ():
-        value = typed.get(parameter.name, "").strip()
-        if not value and parameter.default is None:
-            wrong.append(Wrong(parameter.name, lazy_gettext("{title} is missing.", title=parameter.title)))
-        if value and parameter.type == "number" and not _is_number(value):
-            wrong.append(
-                Wrong(
-                    parameter.name,
-                    lazy_gettext("{title} must be a number, not “{value}”.", title=parameter.title, value=value[:40]),
-                )
-            )
-    return wrong
 
 
 def about_field(error: HarnessError, typed: Mapping[str, str], template: TaskTemplate) -> Wrong:
@@ -186,12 +172,6 @@ def chosen_before(contract: TaskContract, template: TaskTemplate) -> dict[str, s
         if bound is not None:
             found[parameter.name] = str(bound["place_id"] if isinstance(bound, Mapping) else bound)
     return found
-
-
-def arguments(typed: Mapping[str, str], template: TaskTemplate) -> dict[str, str | float]:
-    """The template's parameters as typed, numbers as numbers; what was left empty takes its default."""
-    given = {one: typed.get(one.name, "").strip() for one in template.parameters}
-    return {one.name: float(value) if one.type == "number" else value for one, value in given.items() if value}
 
 
 def wrong_reason(reason: str) -> list[str]:
@@ -221,10 +201,3 @@ def _fields(
         )
         for one in template.parameters
     )
-
-
-def _is_number(text: str) -> bool:
-    try:
-        return abs(float(text)) < float("inf")
-    except ValueError:
-        return False

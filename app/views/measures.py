@@ -1,4 +1,4 @@
-"""Pure: numbers with units taken from their names, and measured values beside their bounds."""
+"""Shapes numbers, with units taken from their names, and measured values beside their bounds."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,11 +31,15 @@ class Measure:
 
 @dataclass(frozen=True)
 class ConditionRow:
-    """One condition's result, the quantities that are shown at once, and the others."""
+    """One condition's result, the quantities that are shown at once, and the others.
+
+    `declared`: it rests on what only a provider declares.
+    """
 
     result: ConditionResult
     measures: tuple[Measure, ...]
     others: tuple[Measure, ...]
+    declared: bool = False
 
 
 def number(value: float) -> str:

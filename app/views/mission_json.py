@@ -1,4 +1,4 @@
-"""Pure: one mission as a JSON object, the same from the command line and from the API."""
+"""One mission as a JSON object, the same from the command line and from the API."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -7,6 +7,8 @@ from math import dist
 from typing import Any
 
 from app.i18n.reasons import rendering as reasons
+from app.views.proposals import proposals_json
+from app.views.readings import clauses_json, mission_reading, reading_json
 from app.views.timeline import TimelineEntry
 from harness.contracts.effects import Metric
 from harness.contracts.events import DispatchIntended, PacketRetained
@@ -15,7 +17,7 @@ from harness.contracts.handoff_events import HandoffOpened, NoAnswerTaken
 from harness.contracts.protocol import PhysicalStart, Receipt
 from harness.contracts.retreat_events import RetreatEnded, RetreatEvent, RetreatIntended
 from harness.contracts.tasks import Node, order
-from harness.projections.mission import Mission, NodeState
+from harness.projections.mission import Mission, NodeState, declared_goals
 from harness.projections.starts import repeated_starts
 
 
@@ -31,9 +33,13 @@ def mission_outcome(
         "mission_id": mission.mission_id,
         "status": mission.status,
         "goal": mission.goal,
+        "reading": reading_json(mission.goal, reading) if (reading := mission_reading(mission)) else None,
+        "clauses": clauses_json(mission),
         "template": mission.template,
         "robot_id": mission.robot_id,
-        "goal_verdict": mission.goal_verdict.verdict if mission.goal_verdict else None,
+        "goal_verdict": mission.goal_outcome or None,
+        "goal_conditions": goal_conditions(mission),
+        "declared_conditions": declared_conditions(mission),
         **reasons.stated("reason", mission.reason),
         **reasons.stated("report", mission.report),
         "state_version": mission.k,
@@ -46,12 +52,47 @@ def mission_outcome(
         "images": _images(packets),
         "findings": _findings(packets),
         "receipts": [_receipt(receipt, packet) for packet in packets for receipt in packet.receipts],
+        "proposals": proposals_json(entries, contract),
         "recovery": {"spent": mission.spent_total, "remaining": max(total - mission.spent_total, 0)},
         "dispatches": sum(isinstance(entry.event, DispatchIntended) for entry in entries),
         "physical_starts": len(mine) if mine is not None else None,
         "duplicate_starts": repeated_starts(mine) if mine is not None else None,
         "events": len(entries),
     }
+
+
+def goal_conditions(mission: Mission) -> list[dict[str, Any]]:
+    """The completion conditions as they were tested last; one that rests on a declared stage has the verdict
+    "declared".
+    """
+    if mission.goal_verdict is None:
+        return []
+    declared = {condition.condition_id for condition in declared_goals(mission)}
+    return [
+        {
+            "condition_id": one.condition_id,
+            "text": one.text,
+            "verdict": "declared" if one.condition_id in declared and one.verdict == "ambiguous" else one.verdict,
+            "independence": one.independence,
+            "required_independence": one.required_independence,
+            "sources": list(one.sources),
+            "rests_on": list(one.rests_on or ()),
+        }
+        for one in mission.goal_verdict.results
+    ]
+
+
+def declared_conditions(mission: Mission) -> list[dict[str, Any]]:
+    """What only a provider declares, and the completion conditions that rest on it; `node_id` is null for those."""
+    effects = [
+        {"condition_id": effect.condition_id, "node_id": effect.node_id, "text": effect.text}
+        for effect in mission.declared
+    ]
+    goals = [
+        {"condition_id": condition.condition_id, "node_id": None, "text": condition.text}
+        for condition in declared_goals(mission)
+    ]
+    return [*effects, *goals]
 
 
 def no_answer_outcome(
@@ -107,6 +148,7 @@ def _stages(mission: Mission) -> list[dict[str, Any]]:
             "provider_id": mission.of(node_id).provider_id,
             "verdict": mission.of(node_id).verdicts[-1].verdict if mission.of(node_id).verdicts else None,
             "accepted_at_k": mission.of(node_id).committed_k,
+            "declared_at_k": mission.of(node_id).declared_k,
         }
         for node_id in order(mission.contract)
     ]

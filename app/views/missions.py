@@ -1,12 +1,12 @@
-"""Pure: missions as a list, one mission as a page of regions, and the forms that start and stop one."""
+"""Shapes the list of missions, and the head of the page of one mission."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned
 from app.views import list_params
-from app.views.measures import fields
+from app.views.measures import ConditionRow, condition_rows, fields
 from app.views.shell import Shell
 from app.views.timeline import TimelineEntry
 from harness.contracts.events import MissionEnded
@@ -14,9 +14,8 @@ from harness.contracts.protocol import RobotStatus
 from harness.contracts.read_models import MANY, FacetCount, ListQuery, MissionItem
 from harness.contracts.reasons import because
 from harness.contracts.tasks import order
-from harness.contracts.verdicts import GoalVerdict
 from harness.projections.exploration import choices
-from harness.projections.mission import Mission
+from harness.projections.mission import Mission, declared_goals
 from harness.projections.missions_list import current_stage
 
 PATH = "/missions"
@@ -25,6 +24,7 @@ GROUPS: tuple[tuple[str, str, dict[str, str]], ...] = (
     ("running", "running", {"open": "yes"}),
     ("waiting", N_("waiting for a person"), {"waits": "yes"}),
     ("succeeded", "succeeded", {"status": "succeeded"}),
+    ("partly_verified", N_("partly verified"), {"status": "partly_verified"}),
     ("ended", N_("ended otherwise"), {"end": "otherwise"}),
 )
 """Tabs of the list: the word in the address, its title, and the facets it stands for."""
@@ -171,7 +171,7 @@ def sentence(mission: Mission) -> str:
             return lazy_gettext("Stopping ({reason}): not acknowledged yet.", reason=mission.reason)
         case "paused":
             return lazy_gettext("Paused: {reason}", reason=mission.reason)
-        case "cancelled" | "safe_stopped" | "failed" | "handed_off":
+        case "cancelled" | "safe_stopped" | "failed" | "handed_off" | "partly_verified":
             return reasoned(because("mission_over", reason=mission.reason))
         case "compiled":
             return lazy_gettext("Compiled; it begins when {robot_id} is free.", robot_id=mission.robot_id)
@@ -183,7 +183,7 @@ def sentence(mission: Mission) -> str:
 
 def tone(status: str) -> str:
     """Colour only where a person should look."""
-    if status in ("awaiting_human", "awaiting_approval", "paused", "stopping"):
+    if status in ("awaiting_human", "awaiting_approval", "paused", "stopping", "partly_verified"):
         return "warn"
     if status in ("failed", "safe_stopped"):
         return "bad"
@@ -214,8 +214,22 @@ def took_s(item: MissionItem, now_s: float) -> float:
     return max((now_s if item.ended_s is None else item.ended_s) - item.began_s, 0.0)
 
 
-def goal_reason(verdict: GoalVerdict | None) -> str:
-    """Why the goal counts as reached or not, as far as it was tested."""
+def goal_conditions(mission: Mission) -> tuple[ConditionRow, ...]:
+    """The goal verdict's conditions; one that rests on a declared stage says so in place of its verdict."""
+    if mission.goal_verdict is None:
+        return ()
+    declared = {condition.condition_id for condition in declared_goals(mission)}
+    return tuple(
+        replace(row, declared=row.result.condition_id in declared and row.result.verdict == "ambiguous")
+        for row in condition_rows(mission.goal_verdict.results, mission.contract)
+    )
+
+
+def goal_reason(mission: Mission) -> str:
+    """Why the goal counts as reached, in part or not, as far as it was tested."""
+    verdict = mission.goal_verdict
     if verdict is None:
         return N_("Tested once every required stage is accepted, exactly as they were first stored.")
+    if mission.status == "partly_verified":
+        return reasoned(because("mission_over", reason=mission.reason))
     return reasoned(verdict.reason) or N_("Every original condition was tested again.")

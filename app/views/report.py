@@ -1,17 +1,18 @@
-"""Pure: what became of a mission, for people who were not there: for print, with every word labelled by whose it is."""
+"""Shapes a mission's report for people who were not there, with each statement labelled by its source."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext, reasoned, word
-from app.i18n.task_texts import told
-from app.views.measures import ConditionRow, condition_row
-from app.views.missions import MissionHeader, head
+from app.i18n.messages import lazy_gettext, word
+from app.views.handoffs import NO_ANSWER_ACTIONS
+from app.views.measures import ConditionRow
+from app.views.missions import MissionHeader, goal_conditions, goal_reason, head
 from app.views.shell import Shell
 from app.views.stages import Observed, Stage, stages
 from app.views.timeline import TimelineEntry
 from harness.contracts import events
+from harness.contracts.evidence import DeclaredEffect
 from harness.contracts.ids import NodeId
 from harness.contracts.protocol import Receipt
 from harness.contracts.revision_events import AttestationRecorded, CompletionDisputed
@@ -72,6 +73,7 @@ class ReportPage:
     verdict: str
     reason: str
     conditions: tuple[ConditionRow, ...]
+    declared: tuple[DeclaredEffect, ...]
     stages: tuple[Stage, ...]
     timings: tuple[Timing, ...]
     findings: tuple[DeclaredResult, ...]
@@ -118,9 +120,10 @@ def report_page(
         shell=shell,
         mission_id=mission.mission_id,
         head=head(mission, entries),
-        verdict=goal.verdict if goal else "",
-        reason=reasoned(goal.reason) if goal else N_("The goal has not been tested."),
-        conditions=tuple(condition_row(result) for result in told(goal.results, mission.contract)) if goal else (),
+        verdict=mission.goal_outcome,
+        reason=goal_reason(mission) if goal else N_("The goal has not been tested."),
+        conditions=goal_conditions(mission),
+        declared=mission.declared,
         stages=stages(mission, entries, Observed(), selected=""),
         timings=timings(mission, entries),
         findings=tuple(word for word in said if word.kind == "analysis"),
@@ -136,7 +139,7 @@ def report_page(
             if isinstance(entry.event, CompletionDisputed)
         ),
         unaccepted=tuple(
-            name for name, node in mission.nodes.items() if node.status not in ("committed", "superseded")
+            name for name, node in mission.nodes.items() if node.status not in ("committed", "declared", "superseded")
         ),
         errors=tuple(errors),
         starts=journal.starts,
@@ -246,7 +249,7 @@ def _deeds(entries: Sequence[TimelineEntry], unanswered: Unanswered | None) -> t
 
 def no_answer_taken(unanswered: Unanswered) -> str:
     """What the robot did because nobody answered: shown to be done or not, and never an accepted result."""
-    action, reason = word(unanswered.action), unanswered.reason
+    action, reason = NO_ANSWER_ACTIONS[unanswered.action], unanswered.reason
     if unanswered.done:
         return lazy_gettext("without an answer: {action}, shown to be done. {reason}", action=action, reason=reason)
     return lazy_gettext("without an answer: {action}, not shown to be done. {reason}", action=action, reason=reason)

@@ -1,4 +1,4 @@
-"""Pure: every mission event as a sentence, its lane on the timeline, and whether it needs a person's eye."""
+"""Turns every mission event into a sentence, its lane on the timeline, and its tone."""
 
 from typing import Literal, assert_never
 
@@ -22,6 +22,7 @@ FAMILY: dict[str, Family] = {
     "DispatchIntended": "dispatch", "InvocationAccepted": "dispatch", "InvocationStopRequested": "dispatch",
     "InvocationResumed": "dispatch", "InvocationEnded": "dispatch", "PreconditionRefused": "dispatch",
     "PacketRetained": "evidence", "VerdictRecorded": "verify", "NodeCommitted": "gate", "CommitRejected": "gate",
+    "EffectDeclared": "gate", "PartialCompletionReported": "person",
     "ObservationRecorded": "evidence", "EpochChanged": "evidence", "VetoRaised": "gate", "VetoCleared": "gate",
     "FailureClassified": "recovery", "RecoveryAuthorised": "recovery", "NodeFailed": "recovery",
     "HandoffRequested": "person", "HandoffAnswered": "person", "OperatorRetryGranted": "person",
@@ -105,6 +106,12 @@ def sentence(event: events.MissionEvent) -> str:
                 "Accepted: {node_id}, {count} facts, under every rule of the gate",
                 node_id=event.node_id,
                 count=len(event.facts),
+            )
+        case events.EffectDeclared():
+            return lazy_gettext(
+                "Declared, not accepted: {node_id}. Only its provider shows it: {effects}",
+                node_id=event.node_id,
+                effects=listed(effect.text for effect in event.effects),
             )
         case events.CommitRejected():
             return lazy_gettext(
@@ -220,6 +227,8 @@ def sentence(event: events.MissionEvent) -> str:
             return lazy_gettext("The mission ended {status}: {reason}", status=word(event.status), reason=event.reason)
         case events.CompletionReported():
             return lazy_gettext("Reported to the user: {text}", text=event.text)
+        case events.PartialCompletionReported():
+            return lazy_gettext("Reported to the user, as verified in part only: {text}", text=event.text)
         case events.FailureReported():
             return lazy_gettext("Reported to the user, not as a completion: {text}", text=event.text)
         case _:
@@ -240,6 +249,8 @@ def tone(event: events.MissionEvent) -> Tone:
             return "bad"
         case events.VerdictRecorded() | events.GoalVerified():
             return _judged(event)
+        case events.MissionEnded(status="partly_verified"):
+            return "warn"
         case events.MissionEnded():
             return "good" if event.status == "succeeded" else "bad"
         case (
@@ -248,6 +259,8 @@ def tone(event: events.MissionEvent) -> Tone:
             | events.HandoffRequested()
             | events.PreconditionRefused()
             | events.MissionPaused()
+            | events.EffectDeclared()
+            | events.PartialCompletionReported()
             | AutonomySet()
         ):
             return "warn"

@@ -1,4 +1,4 @@
-"""Pure: the stages of a mission in three columns (declared, measured, accepted) and as a graph."""
+"""Shapes the stages of a mission in three columns (declared, measured, accepted), and as a graph."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,13 +10,13 @@ from app.i18n.task_texts import task_text
 from app.views.measures import Measure, quantity
 from app.views.timeline import TimelineEntry
 from harness.contracts.effects import Metric
-from harness.contracts.events import CommitRejected, NodeCommitted
+from harness.contracts.events import CommitRejected, EffectDeclared, NodeCommitted
 from harness.contracts.ids import NodeId
 from harness.contracts.observations import AnySample, Pose
 from harness.contracts.protocol import InvocationReport
 from harness.contracts.tasks import Node, TaskContract, order
 from harness.contracts.verdicts import ConditionResult
-from harness.projections.mission import Mission, NodeState
+from harness.projections.mission import SETTLED, Mission, NodeState
 
 BOX_W, BOX_H, GAP_X, GAP_Y = 132, 50, 26, 16
 BUSY = frozenset({"dispatched", "executed", "verifying"})
@@ -178,8 +178,8 @@ def _stage(
 
 
 def _colour(state: NodeState) -> str:
-    if state.status == "committed":
-        return "committed"
+    if state.status in SETTLED:
+        return state.status
     if state.status in BUSY:
         return "running"
     if state.status in NEEDS_EYES:
@@ -248,6 +248,8 @@ def _acceptance(mission_id: str, state: NodeState, entries: Sequence[TimelineEnt
         match entry.event:
             case NodeCommitted(node_id=state.node_id):
                 return Acceptance(text=f"k {state.committed_k}", tone="good", href=href)
+            case EffectDeclared(node_id=state.node_id):
+                return Acceptance(text=N_("nothing: declared only"), tone="warn", href=href)
             case CommitRejected(node_id=state.node_id, rule=rule):
                 return Acceptance(text=lazy_gettext("refused: {rule}", rule=word(rule)), tone="bad", href=href)
             case _:

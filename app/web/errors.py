@@ -1,4 +1,4 @@
-"""What a person or a program is told when something went wrong: a page, or a problem document (RFC 9457)."""
+"""Answers failures: a page for people, a problem document (RFC 9457) for programs."""
 
 import json
 from collections.abc import Mapping
@@ -19,6 +19,7 @@ from app.auth.permissions import NotPermitted
 from app.i18n import languages
 from app.i18n.catalogues import ENGLISH, N_
 from app.i18n.reasons import rendering as reasons
+from app.views.readings import question_json
 from app.web.rendering import render
 from harness.contracts import errors
 from harness.contracts.reasons import Reason
@@ -36,14 +37,14 @@ STATUS: tuple[tuple[type[errors.HarnessError], int], ...] = (
 
 
 class PortBusy(errors.HarnessError):
-    """The console's port cannot be listened on."""
+    """The console cannot listen on its port."""
 
     code = "port_busy"
 
 
 @dataclass(frozen=True)
 class ErrorPage:
-    """What happened, where, and what to do now. `on` is where the page leads: the overview, or signing in."""
+    """What happened, where, and what to do now. `on` is the page that the link leads to: the overview or signing in."""
 
     status: int
     title: str
@@ -112,7 +113,7 @@ def problem(
 
 
 def refused(scope: Scope, *, status: int, code: str, wait_s: float = 0.0) -> Response:
-    """The doorkeeper's answer, in the language of the caller; `wait_s` becomes Retry-After."""
+    """A refusal of the security middleware in the caller's language; `wait_s` becomes Retry-After."""
     title, what, do = REFUSALS[code]
     if str(scope["path"]).startswith("/api/"):
         answer = problem(status, code=code, title=title, detail=what, do=do)
@@ -135,14 +136,16 @@ def _sign_in(scope: Scope) -> str:
 
 
 def install(app: FastAPI) -> None:
-    """Every failure that leaves a route becomes one of the two answers."""
+    """Install the handlers that turn every failure of a route into a page or a problem document."""
 
     @app.exception_handler(errors.HarnessError)
     def harness_error(request: Request, error: errors.HarnessError) -> Response:
         status = next((number for kind, number in STATUS if isinstance(error, kind)), 500)
         language = ENGLISH if _for_programs(request) else languages.CHOICE.get().language
         what, do = reasons.sentence(error.what, language), reasons.remedy(error, language)
-        more = {"reason": to_builtins(error.what)} if isinstance(error.what, Reason) else None
+        more = {"reason": to_builtins(error.what)} if isinstance(error.what, Reason) else {}
+        if isinstance(error, errors.GoalNotUnderstood):
+            more |= question_json(error.question)
         return told(request, status=status, code=error.code, what=what, where=error.where, do=do, more=more)
 
     @app.exception_handler(RequestValidationError)
@@ -157,7 +160,14 @@ def install(app: FastAPI) -> None:
 
 
 def told(
-    request: Request, *, status: int, code: str, what: str, where: str, do: str, more: Mapping[str, Any] | None = None
+    request: Request,
+    *,
+    status: int,
+    code: str,
+    what: str,
+    where: str,
+    do: str,
+    more: Mapping[str, Any] | None = None,
 ) -> Response:
     """One failure as a problem for /api/, to which `more` is added, else as a page."""
     if _for_programs(request):

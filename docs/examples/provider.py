@@ -31,6 +31,7 @@ CARD = {
     "sources": ["battery"],
     "reattach": "by_request",
     "software": "docs/examples/provider.py",
+    "protocol": "1.1",
 }
 LOCK = threading.Lock()
 WAITS = {}  # request id -> {"request", "handle", "begun", "ended", "status", "failure"}
@@ -92,7 +93,14 @@ def report(wait):
         "failure": wait.get("failure", ""),
         "message": f"{wait['status']} after {until - begun:.1f} s" if done else "",
         "declared": {"waited_s": until - begun} if done else {},
+        "proposed_facts": proposals(wait, until - begun) if done and wait["status"] == "succeeded" else [],
     }
+
+
+def proposals(wait, waited_s):
+    """Of what the request is for, what this provider knows to be true: that it waited, and nothing else."""
+    asked_for = [one["effect"]["predicate"] for one in wait["request"].get("intended", [])]
+    return [{"name": "waited", "arguments": {"waited_s": waited_s}} for name in asked_for if name == "waited"]
 
 
 def end(wait, status, at, failure=""):

@@ -21,12 +21,14 @@ from harness.bootstrap import Harness, NullSignals, Parts, assemble
 from harness.contracts.actors import Actor
 from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency
 from harness.contracts.decisions import Refused
+from harness.contracts.effects import Symbolic
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId, ResourceId, RobotId
 from harness.contracts.observations import Odometry
 from harness.contracts.ports import Clock, Provider
 from harness.contracts.protocol import (
+    PROTOCOL,
     InvocationReport,
     Observations,
     PhysicalStart,
@@ -37,6 +39,7 @@ from harness.contracts.protocol import (
 )
 from harness.contracts.tasks import TaskTemplate
 from harness.projections.mission import Mission
+from harness.provider_protocol.proposals import claims
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from harness.supervisor.robot_connection import RobotConnection
@@ -103,7 +106,11 @@ def _node(name: str, *, after: Sequence[str], resource: ResourceId) -> dict[str,
             {
                 "condition_id": f"{name}.said",
                 "text": "The bytes on record are the goal",
-                "effect": {"type": "symbolic", "predicate": "transcript", "arguments": {"digest": "${goal.digest}"}},
+                "effect": {
+                    "type": "symbolic",
+                    "predicate": "recorded_request",
+                    "arguments": {"digest": "${goal.digest}"},
+                },
             }
         ],
     }
@@ -137,6 +144,7 @@ class NoopProvider:
             moves=False,
             sources=("keyboard",),
             software="no-op",
+            protocol=PROTOCOL,
         )
 
     def start(self, request: StartRequest) -> InvocationReport:
@@ -163,6 +171,7 @@ class NoopProvider:
             progress=Progress(share=1.0),
             failure="refused" if self.failing else "",
             receipts=() if self.failing else (receipt,),
+            proposed_facts=() if self.failing else claims(request, Symbolic, {"digest": self._transcript}),
         )
         self._reports[request.identity.request_id] = report
         return report

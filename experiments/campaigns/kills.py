@@ -44,7 +44,7 @@ ACTS: dict[str, tuple[str, ...]] = {
 }
 """Acts of a provider, each with the faults that lead to it."""
 WHENS = ("before", "after")
-ENDS = ("succeeded", "failed", "awaiting_human", "safe_stopped")
+ENDS = ("succeeded", "partly_verified", "failed", "awaiting_human", "safe_stopped")
 SIDE_BY_SIDE = 4
 SECOND = "after:report"
 

@@ -16,6 +16,7 @@ from harness.contracts.events import (
     ContractCompiled,
     ContractRecompiled,
     DispatchIntended,
+    EffectDeclared,
     EpochChanged,
     GoalVerified,
     HandoffAnswered,
@@ -45,7 +46,8 @@ from harness.contracts.stored_commands import without_command
 from harness.contracts.tasks import Node, TaskContract
 
 LEASES = "lease/"
-LEVEL = {"low": 0, "medium": 1, "high": 2}
+LEVEL = {1: {"low": 0, "medium": 1, "high": 2}, 2: {"low": 1, "medium": 1, "high": 2}}
+"""What each risk class needs, by the version of the rules that the mission is pinned to."""
 _DECODER: msgspec.json.Decoder[AnyEvent] = msgspec.json.Decoder(AnyEvent)
 
 
@@ -59,10 +61,13 @@ class Books:
     retreats: set[str] = field(default_factory=set)
     packets: dict[str, EvidencePacket] = field(default_factory=dict)
     committed: list[NodeCommitted] = field(default_factory=list)
+    rules: int = 1
     standing: set[str] = field(default_factory=set)
+    declared: set[str] = field(default_factory=set)
     reopened: set[str] = field(default_factory=set)
     rejected: list[CommitRejected] = field(default_factory=list)
     succeeded: bool = False
+    partly: bool = False
     unauthorised: list[str] = field(default_factory=list)
     breaches: list[str] = field(default_factory=list)
     k: int = 0
@@ -101,9 +106,9 @@ def _fold(books: Books, together: Sequence[AnyEvent]) -> None:
             case MissionCreated():
                 books.created = event
             case ContractCompiled():
-                books.contract = event.contract
+                books.contract, books.rules = event.contract, event.rules
             case ContractRecompiled():
-                books.contract = event.contract
+                books.contract, books.rules = event.contract, event.rules
                 books.k += 1
             case DispatchIntended():
                 books.breaches.extend(_dispatched(books, event, together))
@@ -116,6 +121,10 @@ def _fold(books: Books, together: Sequence[AnyEvent]) -> None:
                 books.unauthorised.extend(_committed(books, event, together))
                 books.committed.append(event)
                 books.standing.add(event.node_id)
+                books.k += 1
+            case EffectDeclared():
+                books.unauthorised.extend(_declared(books, event, together))
+                books.declared.add(event.node_id)
                 books.k += 1
             case GraphRevised():
                 books.breaches.extend(_revised(books, event))
@@ -131,6 +140,9 @@ def _fold(books: Books, together: Sequence[AnyEvent]) -> None:
             case MissionEnded(status="succeeded"):
                 books.succeeded = True
                 books.unauthorised.extend(_ended(books, together))
+            case MissionEnded(status="partly_verified"):
+                books.partly = True
+                books.unauthorised.extend(_ended_partly(books))
             case VetoRaised():
                 books.vetoes.add(event.layer)
                 books.k += 1
@@ -171,7 +183,7 @@ def _committed(books: Books, event: NodeCommitted, together: Sequence[AnyEvent])
         yield f"{where}: the verdict is {verdict.verdict}"
     if sorted(r.condition_id for r in results) != sorted(c.condition_id for c in node.success_conditions):
         yield f"{where}: the verdict covers other conditions than the contract's"
-    if any(result.independence < LEVEL[node.risk] for result in results):
+    if any(result.independence < LEVEL[books.rules][node.risk] for result in results):
         yield f"{where}: a condition rests on too few sources"
     if (packet.k_ctx, intent.k_ctx) != (books.k, books.k):
         yield f"{where}: packet of version {packet.k_ctx}, intent of {intent.k_ctx}, mission at {books.k}"
@@ -183,6 +195,43 @@ def _committed(books: Books, event: NodeCommitted, together: Sequence[AnyEvent])
         yield f"{where}: the execution ended {packet.terminal}"
     if books.vetoes:
         yield f"{where}: {', '.join(sorted(books.vetoes))} vetoed"
+
+
+def _declared(books: Books, event: EffectDeclared, together: Sequence[AnyEvent]) -> Iterator[str]:
+    """Why this stage may not end declared: what its contract does not name, or what was not otherwise shown."""
+    where = f"declared end of {event.node_id}"
+    verdict = next(
+        (e.verdict for e in together if isinstance(e, VerdictRecorded) and e.invocation_id == event.invocation_id), None
+    )
+    packets = (e.packet for e in together if isinstance(e, PacketRetained))
+    packet = next((one for one in packets if one.identity.packet_id == event.packet_id), None)
+    node = books.node(event.node_id)
+    if verdict is None or packet is None or node is None:
+        yield f"{where}: packet, verdict or node is not there"
+        return
+    named = {effect.condition_id for effect in event.effects}
+    if books.rules < 2 or not named or not named <= node.declared:
+        yield f"{where}: the evidence policy does not name {', '.join(sorted(named - node.declared)) or 'it'}"
+    results = {result.condition_id: result for result in verdict.results}
+    if results.keys() != {condition.condition_id for condition in node.success_conditions}:
+        yield f"{where}: the verdict covers other conditions than the contract's"
+    if any(one.verdict != "satisfied" for name, one in results.items() if name not in named):
+        yield f"{where}: another condition is not satisfied"
+    if any(one.verdict != "ambiguous" for name, one in results.items() if name in named):
+        yield f"{where}: it was decided otherwise"
+    if packet.k_ctx != books.k or packet.terminal != "succeeded" or books.vetoes:
+        yield f"{where}: of version {packet.k_ctx} at {books.k}, {packet.terminal}, vetoes {sorted(books.vetoes)}"
+
+
+def _ended_partly(books: Books) -> Iterator[str]:
+    """Why a mission may not end verified in part: nothing is declared, or something is not even that."""
+    if not books.declared:
+        yield "an end in part without a declared stage"
+    over = books.standing | books.declared
+    nodes = books.contract.nodes if books.contract else ()
+    missing = [node.node_id for node in nodes if node.required and node.node_id not in over]
+    if missing:
+        yield f"an end in part without {', '.join(missing)}"
 
 
 def _identity(packet: EvidencePacket, judged: str) -> tuple[object, ...]:
@@ -218,6 +267,8 @@ def _ended(books: Books, together: Sequence[AnyEvent]) -> Iterator[str]:
         yield f"success without {', '.join(missing)}"
     if books.vetoes:
         yield "success under a veto"
+    if books.declared:
+        yield f"success with {', '.join(sorted(books.declared))} declared"
 
 
 def _dispatched(books: Books, intent: DispatchIntended, together: Sequence[AnyEvent]) -> Iterator[str]:
@@ -239,6 +290,7 @@ def _revised(books: Books, event: GraphRevised) -> Iterator[str]:
     """Reopened stages no longer count as done, and one of them pays for it."""
     books.contract = event.contract or books.contract
     books.standing -= set(event.reopened)
+    books.declared -= set(event.reopened)
     books.reopened |= set(event.reopened)
     yield from _spent(books, event.responsible, "local_replan", 1)
 

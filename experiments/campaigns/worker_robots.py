@@ -9,7 +9,7 @@ from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.postgres import PostgresEventStore
-from harness.bootstrap import Harness, NullSignals, Parts, local_providers, runtime_on
+from harness.bootstrap import Harness, NullSignals, Parts, local_services, runtime_on
 from harness.contracts.ids import ProviderId, RobotId
 from harness.contracts.ports import Batch, Clock, LogHead, Provider, Record
 from harness.contracts.regularities import HiddenSite
@@ -94,8 +94,8 @@ class Robots:
             faults = [fault for fault in mission.labels.get("faults", "").split(",") if fault]
             robot.configure(mission.mission_id, mission.seed, parse_faults(faults))
 
-        local = local_providers(replace(self._parts, clock=clock), camera=CAMERA, folder=None)
-        providers: tuple[Provider, ...] = (*robot.providers(), *local)
+        beside = local_services(replace(self._parts, clock=clock), camera=CAMERA, folder=None, room=robot.room)
+        providers: tuple[Provider, ...] = (*robot.providers(), *beside.providers)
         return RobotConnection(
             robot_id=RobotId(name),
             robot=robot,
@@ -106,4 +106,5 @@ class Robots:
             prepare=configure,
             revive=lambda: False,
             waits_for_people=False,
+            sources=tuple(beside.sources),
         )

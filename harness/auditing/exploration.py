@@ -11,11 +11,12 @@ from harness.contracts.observations import Trajectory
 from harness.contracts.reasons import Explanation
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import decode, encode
-from harness.exploration.frontiers import frontiers
-from harness.exploration.grid import cells_of, merged, usable
+from harness.exploration.frontiers import edges
+from harness.exploration.grid import merged, usable
 from harness.exploration.paths import Ways
 from harness.exploration.targets import NEAREST_EDGE, nearest_edge, settled
 from harness.projections.exploration import choices, feedback, newest_image, unmapped, updates
+from harness.projections.floor import cells_of
 from harness.projections.mission import Mission, required_contract
 from harness.runtime import Runtime
 
@@ -35,7 +36,7 @@ def target_differences(
     question: exploration.TargetQuestion = stored(choice.question, exploration.TargetQuestion)
     answer: exploration.TargetAnswer = stored(choice.answer, exploration.TargetAnswer)
     grid = decode(runtime.blob(question.map), exploration.GridMap)
-    edges = frontiers(grid, Ways(grid, question.position_m, keep_out_m=question.keep_out_m))
+    found_edges = edges(grid, Ways(grid, question.position_m, keep_out_m=question.keep_out_m))
     known = updates(mission)
     shown = {
         "another mission": (question.mission_id, mission.mission_id),
@@ -44,7 +45,7 @@ def target_differences(
         "another picture": (question.image, newest_image(mission)),
         "another map": (question.map, known[-1][1].after if known else None),
         "other feedback": (question.feedback, feedback(mission)),
-        "other edges": (question.frontiers, edges),
+        "other edges": (question.frontiers, found_edges),
     }
     found = [f"the target was proposed from {what}" for what, (said, again) in shown.items() if said != again]
     said = nearest_edge(question) if answer.planner == NEAREST_EDGE.name else answer.said

@@ -100,10 +100,16 @@ def _started(tail: Tail) -> MissionCommand | None:
                 autonomy=created.autonomy,
                 replay=created.replay,
                 trial=created.trial,
+                rules=compiled.rules,
+                channel=created.channel,
             )
         case [ContractRecompiled() as again, *_]:
             return RecompileContract(
-                configuration=again.configuration, contract=again.contract, policy=again.policy, trial=again.trial
+                configuration=again.configuration,
+                contract=again.contract,
+                policy=again.policy,
+                trial=again.trial,
+                rules=again.rules,
             )
         case [MissionActivated(), *_]:
             return ActivateMission()

@@ -13,7 +13,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.places import Site
 from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskTemplate
-from harness.contracts.values import Value
+from harness.contracts.values import Value, decode
 from harness.recovery.policy import check_policy
 from harness.supervisor.zones import check_site
 
@@ -47,6 +47,14 @@ def baseline() -> Configuration:
     )
     check_policy(configuration.recovery)
     return configuration
+
+
+@lru_cache(maxsize=1)
+def earlier() -> tuple[Configuration, ...]:
+    """H_0 as earlier releases shipped it, read once: their logs pin missions to it and hold no copy."""
+    folder = files(_PACKAGE).joinpath("earlier")
+    entries = sorted((one for one in folder.iterdir() if one.name.endswith(".json")), key=lambda one: one.name)
+    return tuple(decode(entry.read_bytes(), Configuration) for entry in entries)
 
 
 @lru_cache(maxsize=1)

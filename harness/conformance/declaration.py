@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 
 from harness.baseline.load import read_yaml
+from harness.contracts.effects import AnyEffect
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.protocol import Parameters, ParameterValue
@@ -23,6 +24,8 @@ class ConformanceFile(Value):
     `done`: parameters of requests that end as succeeded. `long`: of requests that are under way for 5 s or more, or
     that wait for a poll. Of several, the one whose `target` lies farthest from the robot is used, so that there is
     some distance to cover. A string `@name` stands for the digest of the blob of that name (base64 in the file).
+    `effects` are what a request of `done` brings about, and so what its last report must propose; a request with a
+    `target` and a `frame` needs none: it brings about the arrival there.
     """
 
     provider_id: ProviderId
@@ -31,6 +34,7 @@ class ConformanceFile(Value):
     meets: tuple[Name, ...]
     exempt: dict[str, Name] = msgspec.field(default_factory=dict)
     blobs: dict[str, str] = msgspec.field(default_factory=dict)
+    effects: tuple[AnyEffect, ...] = ()
 
 
 def shipped(provider_id: ProviderId) -> ConformanceFile:

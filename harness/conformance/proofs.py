@@ -10,6 +10,8 @@ from harness.conformance.test_bench import POLL_S, Bench
 from harness.contracts import observations, protocol
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import Digest, sha256
+from harness.projections.proposals import matches
+from harness.provider_protocol.proposals import intended
 
 SAMPLES: dict[str, type[observations.Sample]] = {
     "pose": observations.Pose,
@@ -20,6 +22,10 @@ SAMPLES: dict[str, type[observations.Sample]] = {
     "battery": observations.Battery,
 }
 SHARE_SLIP = 0.05
+TOO_OLD = (
+    "it speaks provider protocol {version}, which proposes no facts, so the harness accepts nothing that it does: name "
+    f"protocol {protocol.PROTOCOL} on the card, and propose the intended effects in the last report"
+)
 
 
 def completes(bench: Bench) -> RuleObservation:
@@ -90,6 +96,23 @@ def evidence_promised(bench: Bench) -> RuleObservation:
         unless(ended.status == "succeeded", f"it ended {ended.status}"),
         unless(not missing, f"promised and not there: {', '.join(missing)}"),
         *(_blob(bench, blob) for blob in (*ended.blobs, *blobs)),
+    )
+
+
+def proposes_facts(bench: Bench) -> RuleObservation:
+    """The last report of a success proposes the effects that the request named; no other report proposes any."""
+    if not protocol.proposes_facts(bench.card.protocol):
+        return RuleObservation(met=False, text=TOO_OLD.format(version=protocol.version_of(bench.card.protocol)))
+    request, ended = bench.done()
+    effects = [one.effect for one in intended(request)]
+    missing = [one.predicate for one in effects if not any(matches(fact, one) for fact in ended.proposed_facts)]
+    unfinished = [report for _, report in bench.log if report.status != "succeeded" and report.proposed_facts]
+    early = sorted({f"{report.status}, and still it proposed {len(report.proposed_facts)}" for report in unfinished})
+    return judged(
+        f"proposes {', '.join(fact.name for fact in ended.proposed_facts)}, and nothing before a success",
+        unless(bool(effects), "the conformance file names no effects"),
+        unless(not missing, f"not proposed, or for something else: {', '.join(missing)}"),
+        *early,
     )
 
 

@@ -112,7 +112,7 @@ def _beside(folder: Path, numbers: Iterator[int], provider_id: ProviderId, camer
 
 
 def _local(folder: Path, parts: bootstrap.Parts, camera: Camera) -> Sequence[Provider]:
-    return bootstrap.local_providers(parts, camera=camera, folder=folder)
+    return bootstrap.local_services(parts, camera=camera, folder=folder).providers
 
 
 def _parts() -> bootstrap.Parts:

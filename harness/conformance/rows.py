@@ -54,6 +54,7 @@ ROWS = (
     ConformanceRule("late_repeat", "Late and repeated questions change nothing", proofs.late_repeat),
     ConformanceRule("evidence_promised", "The evidence on the card is there", proofs.evidence_promised),
     ConformanceRule("receipts_bound", "Receipts are bound to their request", proofs.receipts_bound),
+    ConformanceRule("proposes_facts", "Proposes what its request was for", proofs.proposes_facts),
     ConformanceRule("failure_words", "Failures carry words of the card", proofs.failure_words),
     ConformanceRule("progress", "Status and progress go in order", proofs.progress),
     ConformanceRule("identity_echo", "Every report echoes its identity", proofs.identity_echo),

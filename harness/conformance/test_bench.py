@@ -4,15 +4,21 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
+import msgspec
+from msgspec import UNSET
+
 from harness.conformance.declaration import ConformanceFile, filled, kept
 from harness.conformance.motion import Motion, SampleLog
 from harness.conformance.subject import ProviderUnderTest
 from harness.contracts import ids, protocol
 from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.effects import Metric
 from harness.contracts.errors import HarnessError
 from harness.contracts.observations import Pose
+from harness.contracts.values import Point
 
 POLL_S = 0.25
+ARRIVAL_M = 0.4
 LONGEST_S = 300.0
 MOVING_WITHIN_S = 8.0
 SENSED_S = 1.2
@@ -78,15 +84,17 @@ class Bench:
             request_id=ids.request_id(self._mission_id, node_id, 1),
             provider_id=self.card.provider_id,
         )
+        parameters = self._parameters(self.declaration.long if long else self.declaration.done)
         return protocol.StartRequest(
             identity=identity,
             capability=self.card.capability,
-            parameters=self._parameters(self.declaration.long if long else self.declaration.done),
+            parameters=parameters,
             k_ctx=1,
             configuration=ids.sha256(b"conformance"),
             deadline_s=self.now_s + within_s,
             fencing=dict.fromkeys(self.card.resources, self.fencing if token is None else token),
             blobs=tuple(self._blobs.values()),
+            intended=self._intended(node_id, parameters) if protocol.proposes_facts(self.card.protocol) else UNSET,
         )
 
     def filled(self, parameters: protocol.Parameters) -> protocol.Parameters:
@@ -179,6 +187,25 @@ class Bench:
         until_s = self.now_s + self.card.cancel.within_s + SLACK_S
         while self.provider.report(handle).status not in protocol.TERMINAL and self.now_s < until_s:
             self.wait(POLL_S)
+
+    def _intended(self, node_id: ids.NodeId, parameters: protocol.Parameters) -> tuple[protocol.IntendedEffect, ...]:
+        """The effects of the conformance file; of a request with a target, the arrival there."""
+        effects = self.declaration.effects
+        target, frame = parameters.get("target"), parameters.get("frame")
+        if not effects and isinstance(target, tuple) and isinstance(frame, str):
+            poses = [one for one in self.observations.collect() if isinstance(one, Pose)]
+            arrival = Metric(
+                predicate="arrival",
+                frame=frame,
+                map_version=poses[-1].map_version if poses else frame,
+                target_m=msgspec.convert(target, Point),
+                tolerance_m=msgspec.convert(parameters.get("tolerance_m", ARRIVAL_M), float),
+            )
+            effects = (arrival,)
+        return tuple(
+            protocol.IntendedEffect(condition_id=ids.ConditionId(f"{node_id}.{index}"), effect=effect)
+            for index, effect in enumerate(effects)
+        )
 
     def _parameters(self, choices: tuple[protocol.Parameters, ...]) -> protocol.Parameters:
         here = next((s for s in reversed(self.observations.collect()) if isinstance(s, Pose)), None)

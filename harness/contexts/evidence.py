@@ -19,6 +19,8 @@ from harness.contracts.tasks import Node
 IDENTIFIERS = ("delivery", "rotation", "capture")
 """Receipts whose text begins with an identifier; that word is kept, the rest is prose."""
 SLOW_KINDS = ("image", "scan", "battery")
+MEASURED = ("read_back", "sweep", "room_sound", "recognition")
+"""What independent sources measured: kept under its own kind, however old."""
 PROSE = ("text",)
 
 
@@ -105,6 +107,8 @@ def seen(view: StateView, source: Source, *, node: Node) -> list[SelectionItem]:
                 visual = any(isinstance(one.effect, Visual) for one in node.success_conditions)
                 record = referenced("image", reference, mandatory=visual and not packet.verify_only)
                 items.append(_unless_replaced(SelectionItem(record), source))
+            case kind if kind in MEASURED:
+                items.append(_unless_replaced(SelectionItem(referenced(kind, reference, mandatory=True)), source))
             case "attestation":
                 items.append(_attestation(reference, node=node))
             case _:
@@ -117,12 +121,17 @@ def trajectory_record(
     packet: EvidencePacket, reference: EvidenceReference, *, current: bool, mandatory: bool
 ) -> ContextRecord:
     """A sealed trajectory with its part in the decision and the execution's times."""
+    return referenced("trajectory", trajectory_reference(packet, reference, current=current), mandatory=mandatory)
+
+
+def trajectory_reference(packet: EvidencePacket, reference: EvidenceReference, *, current: bool) -> EvidenceReference:
+    """The reference to a sealed trajectory, which says its part in the decision and the execution's times."""
     values: dict[str, float | str] = {
         "role": "current" if current else "cited",
         "dispatched_s": packet.dispatched_s,
         "terminal_s": packet.terminal_s,
     }
-    return referenced("trajectory", replace(reference, values=reference.values | values), mandatory=mandatory)
+    return replace(reference, values=reference.values | values)
 
 
 def _instant(view: StateView, kind: str, reference: EvidenceReference, *, source: Source, node: Node) -> SelectionItem:

@@ -2,9 +2,10 @@
 
 Records, by kind: "node" (Node: one subgoal, its typed parameters are the grounded targets); "card" (CapabilityCard);
 "attempt" (Attempt: which attempt this would be, and the recovery action that asked for it); "facts" (list of
-CommittedFact of everything the node builds on); "constraints" (Constraints); "robot" (RobotStatus); "observation" (a
-sample); "observed" (EvidenceReference); "example" (verified operational examples, at most three); "intention" (what a
-planner proposed: usable here, never evidence).
+CommittedFact of everything the node builds on); "declared_effects" (list of DeclaredEffect of the stages before it,
+which are no facts); "constraints" (Constraints); "robot" (RobotStatus); "observation" (a sample); "observed"
+(EvidenceReference); "example" (verified operational examples, at most three); "intention" (what a planner proposed:
+usable here, never evidence).
 """
 
 from msgspec.structs import replace
@@ -37,6 +38,7 @@ def skill_context(view: StateView, node_id: NodeId, card: CapabilityCard) -> Con
         SelectionItem(configured("card", card.provider_id, card, at_s=view.at_s, mandatory=True)),
         SelectionItem(accepted("attempt", "mission", _attempt(view, node_id), at_s=view.at_s, mandatory=True)),
         *_facts(view, node_id),
+        *_declared(view, node_id),
         SelectionItem(configured("constraints", "contract", view.contract.constraints, at_s=view.at_s)),
         *robot_status(view),
         *newest_samples(view),
@@ -85,6 +87,16 @@ def _facts(view: StateView, node_id: NodeId) -> list[SelectionItem]:
     if not facts:
         return []
     return [SelectionItem(accepted("facts", "mission", facts, at_s=max(fact.at_s for fact in facts), mandatory=True))]
+
+
+def _declared(view: StateView, node_id: NodeId) -> list[SelectionItem]:
+    """What the stages before it only declared: it may be told on, as declared."""
+    wanted = ancestors(view.contract, node_id)
+    effects = tuple(effect for effect in view.mission.declared if effect.node_id in wanted)
+    if not effects:
+        return []
+    newest_s = max(effect.at_s for effect in effects)
+    return [SelectionItem(accepted("declared_effects", "mission", effects, at_s=newest_s, mandatory=True))]
 
 
 def _attempt(view: StateView, node_id: NodeId) -> SkillAttempt:

@@ -4,13 +4,19 @@ Of a packet: "conditions" (list of Condition); "policy" (VerificationPolicy); "e
 (CapabilityCard); "constraints" (SafetyState); "goal" (Goal); "facts" (list of CommittedFact this node builds on);
 "declared" (numbers) and "receipts" (list of Receipt), one per packet, origin provider; "trajectory"
 (EvidenceReference of a sealed Trajectory; values: role "current" or "cited", dispatched_s, terminal_s); "image"
-(EvidenceReference of one frame); "before", "after" (EvidenceReference); "attestation" (a person's, where allowed).
+(EvidenceReference of one frame); "before", "after" (EvidenceReference); "attestation" (a person's, where allowed);
+"read_back", "sweep", "room_sound", "recognition" (EvidenceReference of what independent sources measured); "request"
+(RequestRecord).
 
 Of the goal: "goal", "conditions" (as first stored), "policy", "constraints", "facts", "receipts" as above; "node"
-(CommittedNode, one per committed node); "observations" (RecentSamples: what is true now); "trajectory" (role "cited")
-and "before": the history on which a circuit is tested.
+(CommittedNode, one per ended node) or, of a goal with a reading, "nodes" (all of them in one list); "tracks" (list of
+EvidenceReference: the trajectories of every execution, where a region is forbidden); "declared_effects" (list of
+DeclaredEffect); "observations" (RecentSamples: what is true now); "trajectory" (role "cited") and "before": the history
+on which a circuit is tested; "map" (EvidenceReference): what an exploration drew; "request" and "read_back" as above,
+read once more.
 """
 
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from harness.contexts import evidence
@@ -18,19 +24,26 @@ from harness.contexts.observed import other_map, recent_window
 from harness.contexts.planner import goal_record
 from harness.contexts.selection import Selection, SelectionItem, compile_context
 from harness.contexts.skill import ancestors, relevant_facts
-from harness.contexts.view import StateView, accepted, configured, plain, referenced
+from harness.contexts.view import StateView, accepted, configured, forbidden_m, plain, referenced
 from harness.contracts.capabilities import CapabilityCard, Risk
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.effects import Condition, Metric, Relational, Symbolic
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import NodeId
+from harness.contracts.measurements import RequestRecord
+from harness.contracts.rules import LINEAGE, RulesVersion, required_independence
 from harness.contracts.tasks import EvidencePolicy, Node, order
-from harness.contracts.verifier_inputs import CommittedNode, Execution, SafetyState, VerificationPolicy
+from harness.contracts.verifier_inputs import CommittedNode, Execution, Origins, SafetyState, VerificationPolicy
+from harness.projections.exploration import MAP, is_update
+from harness.projections.mission import declared_nodes
 
-REQUIRED_INDEPENDENCE: dict[Risk, int] = {"low": 0, "medium": 1, "high": 2}
 WINDOW_S = 3.0
 HISTORIES = ("circuit",)
 """Metric predicates that need a trajectory, not only where the robot is now (R121)."""
+WHOLE_WAY = ("stayed_out",)
+"""Predicates that need the trajectory of every execution."""
+MAPPED = ("covered",)
+"""Predicates that need the map which the mission drew."""
 
 
 def verifier_context(view: StateView, packet: EvidencePacket, card: CapabilityCard) -> Context:
@@ -39,11 +52,14 @@ def verifier_context(view: StateView, packet: EvidencePacket, card: CapabilityCa
     sources = evidence.sources_of(view, packet)
     items = [
         SelectionItem(configured("conditions", node.node_id, node.success_conditions, at_s=view.at_s, mandatory=True)),
-        SelectionItem(configured("policy", node.node_id, _node_policy(node), at_s=view.at_s, mandatory=True)),
+        SelectionItem(
+            configured("policy", node.node_id, _node_policy(view, node, card), at_s=view.at_s, mandatory=True)
+        ),
         SelectionItem(accepted("execution", "supervisor", _execution(packet), at_s=packet.collected_s, mandatory=True)),
         SelectionItem(configured("card", card.provider_id, card, at_s=view.at_s)),
         SelectionItem(configured("constraints", "contract", _safety_state(view), at_s=view.at_s)),
         SelectionItem(replace(goal_record(view), mandatory=False)),
+        *_request(view, node.success_conditions),
         *_facts(view, node),
         *(item for source in sources for item in evidence.provider_word(source, node=node)),
         *(item for source in sources for item in evidence.seen(view, source, node=node)),
@@ -70,10 +86,15 @@ def goal_context(view: StateView) -> Context:
         SelectionItem(configured("policy", "goal", _goal_policy(view), at_s=view.at_s, mandatory=True)),
         SelectionItem(configured("constraints", "contract", _safety_state(view), at_s=view.at_s)),
         SelectionItem(accepted("facts", "mission", facts, at_s=view.at_s, mandatory=True)),
-        *(_node(view, node_id, packet) for node_id, packet in packets.items()),
+        *_nodes(view, packets),
+        *_declared(view),
         *_receipts(view, packets),
+        *(SelectionItem(referenced(one.kind, one, mandatory=True)) for one in view.measured),
+        *_request(view, contract.completion_conditions),
+        *_map(view),
         recent_window(view, window_s=WINDOW_S),
         *_histories(view, packets),
+        *_whole_way(view),
         *(SelectionItem(record) for record in view.proposals),
     ]
     selection = Selection(
@@ -82,7 +103,34 @@ def goal_context(view: StateView) -> Context:
         budget=view.rules.c3_items,
         minimum_confidence=view.rules.minimum_confidence,
     )
-    return compile_context(view, items, selection=selection)
+    return compile_context(view, _fitting(view, items), selection=selection)
+
+
+def _fitting(view: StateView, items: list[SelectionItem]) -> list[SelectionItem]:
+    """Where not all fit, the executions of stages that the goal does not require are left out; their facts stay."""
+    if sum(item.record.mandatory for item in items) <= view.rules.c3_items:
+        return items
+    optional = {node.node_id for node in view.contract.nodes if not node.required}
+    return [item for item in items if item.record.kind != "node" or item.record.source not in optional]
+
+
+def _map(view: StateView) -> list[SelectionItem]:
+    """The newest map of an exploration, where a completion condition asks what it shows."""
+    effects = (one.effect for one in view.contract.completion_conditions)
+    known = [one for one in view.mission.observed if is_update(one)]
+    if not known or not any(effect.predicate in MAPPED for effect in effects):
+        return []
+    return [SelectionItem(referenced(MAP, known[-1], mandatory=True))]
+
+
+def _request(view: StateView, conditions: tuple[Condition, ...]) -> list[SelectionItem]:
+    """The harness's own record of who asked, over which channel: for conditions that test it."""
+    asked = view.mission.requested_by
+    if asked is None or all(one.effect.predicate != "recorded_request" for one in conditions):
+        return []
+    channel = view.mission.channel if isinstance(view.mission.channel, str) else "unnamed"
+    record = RequestRecord(text=view.contract.goal.digest, requested_by=asked.name, role=asked.role, channel=channel)
+    return [SelectionItem(accepted("request", "log", record, at_s=view.at_s, mandatory=True))]
 
 
 def _execution(packet: EvidencePacket) -> Execution:
@@ -102,20 +150,34 @@ def _safety_state(view: StateView) -> SafetyState:
     constraints = view.contract.constraints
     return SafetyState(
         speed_cap_mps=constraints.speed_cap_mps,
-        keep_out_m={
-            place.place_id: place.region_m for place in view.site.places if place.place_id in constraints.keep_out
-        },
+        keep_out_m=forbidden_m(view.site, constraints.keep_out),
         vetoes=view.mission.vetoes,
     )
 
 
-def _node_policy(node: Node) -> VerificationPolicy:
-    floor = REQUIRED_INDEPENDENCE[node.risk]
+def _node_policy(view: StateView, node: Node, card: CapabilityCard) -> VerificationPolicy:
+    rules = view.mission.rules
     return VerificationPolicy(
         evidence=node.evidence,
         risk=node.risk,
-        required={one.condition_id: max(floor, one.independence or 0) for one in node.success_conditions},
+        required={
+            one.condition_id: required_independence(rules, risk=node.risk, asked=one.independence)
+            for one in node.success_conditions
+        },
+        rules=rules,
+        origins=_origins(view, card),
     )
+
+
+def _origins(view: StateView, card: CapabilityCard | None) -> Origins:
+    """Where each source comes from; one that the site vouches for is an origin of its own (D17)."""
+    if view.mission.rules < LINEAGE:
+        return Origins()
+    sources = view.origins | {source: f"vouched {source}" for source in view.site.vouched}
+    if card is None or card.provider_id not in view.origins:
+        return Origins(sources=sources)
+    used = (view.origins[card.provider_id], *(sources[one] for one in card.sources if one in sources))
+    return Origins(sources=sources, provider=tuple(dict.fromkeys(used)))
 
 
 def _goal_policy(view: StateView) -> VerificationPolicy:
@@ -128,17 +190,22 @@ def _goal_policy(view: StateView) -> VerificationPolicy:
             minimum_confidence=rules.minimum_confidence,
         ),
         risk="low",
-        required={one.condition_id: _required(one, contract.nodes) for one in contract.completion_conditions},
+        required={
+            one.condition_id: _required(one, contract.nodes, view.mission.rules)
+            for one in contract.completion_conditions
+        },
+        rules=view.mission.rules,
+        origins=_origins(view, None),
     )
 
 
-def _required(condition: Condition, nodes: tuple[Node, ...]) -> int:
+def _required(condition: Condition, nodes: tuple[Node, ...], rules: RulesVersion) -> int:
     """Independence a completion condition needs: its own, and that of the nodes which had to reach its target."""
     effect = condition.effect
-    risks: list[Risk] = []
+    risks: list[Risk] = ["low"]
     if isinstance(effect, Metric):
-        risks = [node.risk for node in nodes if effect.target_m in _targets(node)]
-    return max([condition.independence or 0, *(REQUIRED_INDEPENDENCE[risk] for risk in risks)])
+        risks += [node.risk for node in nodes if effect.target_m in _targets(node)]
+    return max(required_independence(rules, risk=risk, asked=condition.independence) for risk in risks)
 
 
 def _facts(view: StateView, node: Node) -> list[SelectionItem]:
@@ -163,8 +230,38 @@ def _committing(view: StateView) -> dict[NodeId, EvidencePacket]:
     return found
 
 
-def _node(view: StateView, node_id: NodeId, packet: EvidencePacket) -> SelectionItem:
-    node = CommittedNode(
+def _nodes(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[SelectionItem]:
+    """Every accepted stage. A goal of several clauses has more of them than a context has records."""
+    nodes = [_node(view, node_id, packet) for node_id, packet in packets.items()]
+    if view.contract.reading is UNSET or not nodes:
+        return [
+            SelectionItem(accepted("node", node.node_id, node, at_s=node.terminal_s, mandatory=True)) for node in nodes
+        ]
+    newest = max(node.terminal_s for node in nodes)
+    return [SelectionItem(accepted("nodes", "mission", tuple(nodes), at_s=newest, mandatory=True))]
+
+
+def _whole_way(view: StateView) -> list[SelectionItem]:
+    """Where a region is forbidden: where the body was in every execution, accepted or not, as one record."""
+    if not any(one.effect.predicate in WHOLE_WAY for one in view.contract.completion_conditions):
+        return []
+    packets = [packet for state in view.mission.nodes.values() for packet in state.packets]
+    references = [
+        evidence.trajectory_reference(packet, reference, current=False)
+        for packet in packets
+        for reference in packet.estimates
+        if reference.kind == "trajectory"
+    ]
+    if not references:
+        return []
+    record = accepted(
+        "tracks", "mission", tuple(references), at_s=max(one.until_s for one in references), mandatory=True
+    )
+    return [SelectionItem(record)]
+
+
+def _node(view: StateView, node_id: NodeId, packet: EvidencePacket) -> CommittedNode:
+    return CommittedNode(
         node_id=node_id,
         identity=packet.identity,
         requests=tuple(source.packet.identity.request_id for source in evidence.sources_of(view, packet)),
@@ -172,7 +269,29 @@ def _node(view: StateView, node_id: NodeId, packet: EvidencePacket) -> Selection
         terminal_s=packet.terminal_s,
         committed_k=view.mission.of(node_id).committed_k or 0,
     )
-    return SelectionItem(accepted("node", node_id, node, at_s=packet.terminal_s, mandatory=True))
+
+
+def _declared(view: StateView) -> list[SelectionItem]:
+    """Stages that are only declared, with their effects: they show an order, and what cannot be verified."""
+    nodes, effects = declared_nodes(view.mission), view.mission.declared
+    if not nodes:
+        return []
+    items = [SelectionItem(accepted("declared_effects", "mission", effects, at_s=view.at_s, mandatory=True))]
+    for node_id in (one for one in order(view.contract) if one in nodes):
+        state = view.mission.of(node_id)
+        word = {effect.packet_id for effect in effects if effect.node_id == node_id}
+        packet = next(one for one in reversed(state.packets) if one.identity.packet_id in word)
+        node = CommittedNode(
+            node_id=node_id,
+            identity=packet.identity,
+            requests=(),
+            dispatched_s=packet.dispatched_s,
+            terminal_s=packet.terminal_s,
+            committed_k=state.declared_k or 0,
+            declared=True,
+        )
+        items.append(SelectionItem(accepted("node", node_id, node, at_s=packet.terminal_s, mandatory=True)))
+    return items
 
 
 def _receipts(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[SelectionItem]:

@@ -1,5 +1,6 @@
 """Input of the context compiler: one state version, the instant it applies to, and recent samples."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -12,7 +13,7 @@ from harness.contracts.observations import AnySample, Origin
 from harness.contracts.places import Site
 from harness.contracts.protocol import RobotStatus
 from harness.contracts.tasks import Node, TaskContract
-from harness.contracts.values import Value
+from harness.contracts.values import Point, Value
 from harness.projections.mission import Mission, required_contract
 
 
@@ -22,7 +23,8 @@ class StateView(Value):
     `at_s` is mission time. `recent` are the newest samples, oldest first. `examples` are verified operational
     examples (kind "example"), `proposals` what planners and models proposed (kind "intention"): C2 may read both, C3
     neither. `history` counts failures coarsely: name -> failure class -> how many. `recovery` is the pinned
-    configuration's policy: without it C4 carries no ladder.
+    configuration's policy: without it C4 carries no ladder. `origins`: the process or address behind each provider
+    and each source of samples. `measured` is what independent sources found just now.
     """
 
     mission: Mission
@@ -35,6 +37,8 @@ class StateView(Value):
     proposals: tuple[ContextRecord, ...] = ()
     history: dict[str, dict[str, float]] = msgspec.field(default_factory=dict)
     recovery: RecoveryPolicy | None = None
+    origins: dict[str, str] = msgspec.field(default_factory=dict)
+    measured: tuple[EvidenceReference, ...] = ()
 
     @property
     def contract(self) -> TaskContract:
@@ -49,6 +53,14 @@ class StateView(Value):
         """A retained packet of this mission, rejected ones included."""
         packets = (packet for state in self.mission.nodes.values() for packet in state.packets)
         return next((packet for packet in packets if packet.identity.packet_id == packet_id), None)
+
+
+def forbidden_m(site: Site, names: Sequence[str]) -> dict[str, tuple[Point, ...]]:
+    """The floor that a contract keeps out of, by name: places, passages and zones, metres in the site's frame."""
+    floors: dict[str, tuple[Point, ...]] = {zone.name: zone.region_m for zone in site.zones}
+    floors |= {passage.passage_id: passage.floor_m for passage in site.passages}
+    floors |= {place.place_id: place.region_m for place in site.places}
+    return {name: floor for name, floor in floors.items() if name in names}
 
 
 def plain(value: Any) -> Any:

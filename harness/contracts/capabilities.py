@@ -1,6 +1,9 @@
 """Capability cards: what a provider declares it can do, in twelve fields (R57), and how it may be supervised."""
 
-from typing import Literal
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import UNSET, UnsetType
 
 from harness.contracts import values
 from harness.contracts.ids import ProviderId, ResourceId
@@ -47,7 +50,10 @@ class Estimates(values.Value):
 
 
 class CapabilityCard(values.Value):
-    """The twelve fields of the paper, the capability they serve, and supervision facts (D12, D13)."""
+    """The twelve fields of the paper, the capability they serve, and supervision facts (D12, D13).
+
+    `protocol` is the version of the provider protocol that the provider speaks, such as 1.1; absent means 1.0.
+    """
 
     provider_id: ProviderId
     version: values.Name
@@ -68,3 +74,4 @@ class CapabilityCard(values.Value):
     reattach: Literal["by_request", "by_handle", "none"] = "by_request"
     resumable: bool = False
     software: str = ""
+    protocol: Annotated[str, msgspec.Meta(pattern=r"^\d{1,4}\.\d{1,4}$")] | UnsetType = UNSET

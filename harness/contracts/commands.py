@@ -20,6 +20,7 @@ from harness.contracts.places import Otherwise
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.reasons import Explanation, Reason
+from harness.contracts.rules import FIRST_RULES, RulesVersion
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
@@ -39,6 +40,8 @@ class CreateMission(Command, tag=True):
     autonomy: Autonomy = "autonomous"
     replay: bool = False
     trial: bool = False
+    rules: RulesVersion = FIRST_RULES
+    channel: str | msgspec.UnsetType = msgspec.UNSET
 
 
 class RecompileContract(Command, tag=True):
@@ -48,6 +51,7 @@ class RecompileContract(Command, tag=True):
     contract: TaskContract
     policy: RecoveryPolicy
     trial: bool = False
+    rules: RulesVersion = FIRST_RULES
 
 
 class ActivateMission(Command, tag=True):
@@ -225,6 +229,7 @@ MissionCommand = (
     | AuthoriseWait
     | FailNode
     | revision_commands.ReviseContract
+    | revision_commands.ReviseToRecover
     | revision_commands.TightenConstraints
     | AskPerson
     | revision_commands.DisputeCompletion

@@ -2,6 +2,9 @@
 
 HarnessError                 something went wrong that a person can act on
 ├── ContractInvalid          a task contract, template, place or parameter breaks a rule
+│   ├── GoalNotUnderstood    words of a goal are unread; a person may confirm what was read (D41)
+│   ├── ReadingStale         the reading that was confirmed is not the one that the goal has now
+│   └── Unsatisfiable        a condition that no stage and no verifier could ever show to hold
 ├── UnknownName              no template, place, provider, mission or handoff of that name
 ├── ConfigurationMissing     a configuration version is not stored here, or this release cannot read it
 ├── ConcurrencyConflict      somebody else appended to the stream first
@@ -24,6 +27,7 @@ An error that a person may read carries a reason, a code with facts; its sentenc
 app's tables by that code. `str(error)` is for logs and exceptions: code and facts, in no language.
 """
 
+from harness.contracts.readings import ReadingQuestion
 from harness.contracts.reasons import Explanation, Reason, plain, recorded
 
 
@@ -49,6 +53,24 @@ class HarnessError(Exception):
 
 class ContractInvalid(HarnessError):
     code = "contract_invalid"
+
+
+class GoalNotUnderstood(ContractInvalid):
+    """`question` is what the person is asked: the text, its nearest reading, and what is unread."""
+
+    code = "goal_not_understood"
+
+    def __init__(self, what: Explanation, *, question: ReadingQuestion, where: str = "", do: Explanation = "") -> None:
+        super().__init__(what, where=where, do=do)
+        self.question = question
+
+
+class ReadingStale(ContractInvalid):
+    code = "reading_stale"
+
+
+class Unsatisfiable(ContractInvalid):
+    code = "unsatisfiable"
 
 
 class UnknownName(HarnessError):

@@ -11,7 +11,7 @@ from harness.contracts import ids
 from harness.contracts.actors import Actor, Event
 from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
 from harness.contracts.control import Autonomy, AutonomySet
-from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
+from harness.contracts.evidence import CommittedFact, DeclaredEffect, EvidencePacket, EvidenceReference
 from harness.contracts.proposals import Signature
 from harness.contracts.protocol import InvocationStatus, Parameters
 from harness.contracts.reasons import Explanation, Reason
@@ -21,6 +21,7 @@ from harness.contracts.revision_events import (
     ConstraintsTightened,
     GraphRevised,
 )
+from harness.contracts.rules import FIRST_RULES, RulesVersion
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
@@ -29,7 +30,10 @@ from harness.contracts.verdicts import GoalVerdict, NodeVerdict
 
 
 class MissionCreated(Event, tag=True):
-    """`trial`: the configuration it is pinned to is in canary, so a person approves each motion (D28, D34)."""
+    """`trial`: the configuration it is pinned to is in canary, so a person approves each motion (D28, D34).
+
+    `channel`: how the request came, such as `page` or `command-line`; an earlier release did not say.
+    """
 
     mission_id: ids.MissionId
     robot_id: ids.RobotId
@@ -42,17 +46,19 @@ class MissionCreated(Event, tag=True):
     autonomy: Autonomy = "autonomous"
     replay: bool = False
     trial: bool = False
+    channel: str | msgspec.UnsetType = msgspec.UNSET
 
 
-class ContractCompiled(Event, tag=True):
-    """From here on the mission is pinned to its configuration (D35)."""
+class ContractCompiled(Event, tag=True, omit_defaults=True):
+    """From here on the mission is pinned to its configuration (D35), and to the rules it is judged by (D57)."""
 
     contract: TaskContract
     contract_digest: ids.Digest
     policy: RecoveryPolicy
+    rules: RulesVersion = FIRST_RULES
 
 
-class ContractRecompiled(Event, tag=True):
+class ContractRecompiled(Event, tag=True, omit_defaults=True):
     """(k+1) Another configuration became current before the mission was active: compiled and pinned again (D35).
 
     Whatever was approved for the contract it `replaces` is void.
@@ -64,6 +70,7 @@ class ContractRecompiled(Event, tag=True):
     contract_digest: ids.Digest
     policy: RecoveryPolicy
     trial: bool = False
+    rules: RulesVersion = FIRST_RULES
 
 
 class MissionActivated(Event, tag=True):
@@ -176,6 +183,21 @@ class NodeCommitted(Event, tag=True):
     invocation_id: ids.InvocationId
     packet_id: ids.PacketId
     facts: tuple[CommittedFact, ...]
+    withdrawn: tuple[ids.ConditionId, ...] = ()
+    aborting: bool = False
+
+
+class EffectDeclared(Event, tag=True):
+    """(k+1) The stage ended DECLARED: effects that its evidence policy names rest on its provider's word alone (D17).
+
+    Nothing of it becomes a committed fact. Dependencies count it as ended; conditions do not. `withdrawn` and
+    `aborting` as in NodeCommitted.
+    """
+
+    node_id: ids.NodeId
+    invocation_id: ids.InvocationId
+    packet_id: ids.PacketId
+    effects: tuple[DeclaredEffect, ...]
     withdrawn: tuple[ids.ConditionId, ...] = ()
     aborting: bool = False
 
@@ -329,12 +351,18 @@ class GoalVerified(Event, tag=True):
 
 
 class MissionEnded(Event, tag=True):
-    status: Literal["succeeded", "failed", "cancelled", "safe_stopped", "handed_off"]
+    status: Literal["succeeded", "partly_verified", "failed", "cancelled", "safe_stopped", "handed_off"]
     reason: Explanation
 
 
 class CompletionReported(Event, tag=True):
     """The success report to the user: only after a satisfied goal verdict (R119)."""
+
+    text: Explanation
+
+
+class PartialCompletionReported(Event, tag=True):
+    """No completion report: what was verified of the goal, and by name what was only declared (D17)."""
 
     text: Explanation
 
@@ -360,6 +388,7 @@ MissionEvent = (
     | PacketRetained
     | VerdictRecorded
     | NodeCommitted
+    | EffectDeclared
     | CommitRejected
     | ObservationRecorded
     | EpochChanged
@@ -383,5 +412,6 @@ MissionEvent = (
     | GoalVerified
     | MissionEnded
     | CompletionReported
+    | PartialCompletionReported
     | FailureReported
 )

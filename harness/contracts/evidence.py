@@ -3,11 +3,12 @@
 from typing import Any
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
 from harness.contracts import ids
 from harness.contracts.effects import FactKind
 from harness.contracts.observations import Origin
-from harness.contracts.protocol import InvocationStatus, Receipt
+from harness.contracts.protocol import InvocationStatus, ProposedFact, Receipt
 from harness.contracts.values import Count, Name, Share, Value
 
 
@@ -39,15 +40,12 @@ class PacketIdentity(Value):
     provider_version: Name
 
 
-class ProposedFact(Value):
-    """What the provider proposes to become a committed fact. Never applied by itself (R33)."""
-
-    name: Name
-    arguments: dict[str, Any]
-
-
 class EvidencePacket(Value):
-    """Everything one terminal execution left behind."""
+    """Everything one terminal execution left behind.
+
+    `proposed` is what the provider proposed in its report, in the protocol version `protocol`. A packet without that
+    version is of a release whose harness wrote the proposals itself.
+    """
 
     identity: PacketIdentity
     k_ctx: Count
@@ -65,10 +63,14 @@ class EvidencePacket(Value):
     receipts: tuple[Receipt, ...] = ()
     cites: tuple[ids.PacketId, ...] = ()
     verify_only: bool = False
+    protocol: Name | UnsetType = UNSET
 
 
-class CommittedFact(Value):
-    """A fact the gate admitted: accepted by the configured checks, not infallible truth (R36)."""
+class CommittedFact(Value, omit_defaults=True):
+    """A fact the gate admitted: accepted by the configured checks, not infallible truth (R36).
+
+    `independence`: the level of the condition that it was accepted on; None under rules that do not record it.
+    """
 
     name: Name
     kind: FactKind
@@ -76,6 +78,23 @@ class CommittedFact(Value):
     condition_id: ids.ConditionId
     packet_id: ids.PacketId
     k: Count
+    at_s: float
+    arguments: dict[str, Any]
+    measured: dict[str, float]
+    independence: Count | None = None
+
+
+class DeclaredEffect(Value):
+    """An effect that only its provider declares, where the node's evidence policy names it: never a committed fact.
+
+    `text` is the condition's, for people; `arguments` are what later stages may be given, and may not build on.
+    """
+
+    name: Name
+    node_id: ids.NodeId
+    condition_id: ids.ConditionId
+    text: str
+    packet_id: ids.PacketId
     at_s: float
     arguments: dict[str, Any]
     measured: dict[str, float]

@@ -12,9 +12,10 @@ UNKNOWN, FREE, OCCUPIED = 0, 1, 2
 Region = tuple[values.Point, ...]
 
 
-class GridMap(values.Value):
+class GridMap(values.Value, omit_defaults=True):
     """What the lidar showed of the floor: `rows` x `columns` cells of UNKNOWN, FREE or OCCUPIED, row by row from
-    `origin_m`, the lower left corner."""
+    `origin_m`, the lower left corner. `region` holds 1 for each cell that is to be seen; empty: every cell is.
+    """
 
     frame: values.Name
     map_version: values.Name
@@ -23,6 +24,7 @@ class GridMap(values.Value):
     columns: Annotated[int, msgspec.Meta(ge=1)]
     rows: Annotated[int, msgspec.Meta(ge=1)]
     cells: bytes
+    region: bytes = b""
 
 
 class Frontier(values.Value):

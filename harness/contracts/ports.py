@@ -6,6 +6,8 @@ from typing import Protocol, TypeVar
 from harness.contracts import ids, protocol, read_models
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.configuration import Configuration
+from harness.contracts.evidence import EvidenceReference
+from harness.contracts.measurements import Measurement, Sound, StoredMessage
 from harness.contracts.memory import FollowPosition, MemoryQuery, MemoryRecord, Remembered
 from harness.contracts.observations import AnySample
 from harness.contracts.values import Moment, Value
@@ -241,6 +243,42 @@ class MessageOutbox(Protocol):
 
     def send(self, key: str, text: str, images: Sequence[ids.Digest]) -> str:
         """Idempotent by key; returns the channel's acknowledgement id."""
+
+
+class MessageReadPath(Protocol):
+    """Reads messages back from their channel, by a client of its own: it shares nothing with the one that sends."""
+
+    def find(self, key: str) -> StoredMessage | None:
+        """The message as it is stored now; None if the channel holds none. Raises StoreUnavailable."""
+
+
+class Room(Protocol):
+    """The room around a robot: a loudspeaker plays into it, and its microphone records what can be heard there.
+
+    The two ends share the air and nothing else. Raises ProviderUnreachable.
+    """
+
+    def play(self, sound: Sound) -> None:
+        """Let a stretch of sound be heard."""
+
+    def recording(self, from_s: float, until_s: float) -> bytes:
+        """What was heard between two instants of mission time, as a WAV."""
+
+
+class IndependentSource(Protocol):
+    """Measures what a stage left in the world, without the provider that is judged (D17). It decides nothing.
+
+    `predicate` is the one that it supplies; `lasting` says whether its reading is taken again for the goal.
+    """
+
+    @property
+    def predicate(self) -> str: ...
+
+    @property
+    def lasting(self) -> bool: ...
+
+    def measure(self, asked: Measurement) -> Sequence[EvidenceReference]:
+        """What is measured now; empty if there is nothing to measure with. Raises HarnessError if it fails."""
 
 
 class Signals(Protocol):

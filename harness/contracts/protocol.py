@@ -2,16 +2,24 @@
 
 Start is idempotent by `request_id`. Motion needs a keepalive at least every second; without one for 2 s the provider
 stops by itself and reports `blocked` with the failure `keepalive_lost` (D12). A request with a fencing token older than
-the newest that the provider has seen for the resource is refused.
+the newest that the provider has seen for the resource is refused. From version 1.1 on a request names the effects that
+it is for, and a report proposes the facts that the provider believes it established (D52).
 """
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
 from harness.contracts import ids
+from harness.contracts.effects import AnyEffect
 from harness.contracts.observations import AnySample, Camera
 from harness.contracts.values import Count, Name, Point, Value
+
+PROTOCOL = "1.1"
+"""The version of the provider protocol that this release speaks; a capability card that names none speaks 1.0."""
+PROPOSES_FROM = (1, 1)
+MOST_PROPOSED = 64
 
 ParameterValue = float | str | bool | tuple[float | str | Point, ...]
 Parameters = dict[str, ParameterValue]
@@ -51,8 +59,32 @@ class InvocationIdentity(Value):
     provider_id: ids.ProviderId
 
 
+class IntendedEffect(Value):
+    """One effect that an invocation is to bring about, and the condition of the contract that states it (R22)."""
+
+    condition_id: ids.ConditionId
+    effect: AnyEffect
+
+
+class ProposedFact(Value):
+    """What a provider proposes to become a committed fact; nothing applies it by itself (R33, R98).
+
+    `name` is the predicate of an intended effect. An argument that the effect has too must equal it, or the proposal
+    is about something else; others (distances, digests of images) are the provider's own figures.
+    """
+
+    name: Name
+    arguments: Annotated[Parameters, msgspec.Meta(max_length=MOST_PROPOSED)]
+
+
+ProposedFacts = Annotated[tuple[ProposedFact, ...], msgspec.Meta(max_length=MOST_PROPOSED)]
+
+
 class StartRequest(Value):
-    """One invocation request. `deadline_s` is mission time; `fencing` maps each leased resource to its token."""
+    """One invocation request. `deadline_s` is mission time; `fencing` maps each leased resource to its token.
+
+    `intended` is absent where the provider's card names no protocol version, and where nothing is to be accepted.
+    """
 
     identity: InvocationIdentity
     capability: Name
@@ -62,6 +94,7 @@ class StartRequest(Value):
     deadline_s: float
     fencing: dict[str, int]
     blobs: tuple[ids.Digest, ...] = ()
+    intended: tuple[IntendedEffect, ...] | UnsetType = UNSET
 
 
 class Progress(Value):
@@ -73,7 +106,10 @@ class Progress(Value):
 
 
 class InvocationReport(Value):
-    """What a provider says of an invocation now. `declared` is its own word for the result, by name."""
+    """What a provider says of an invocation now. `declared` is its own word for the result, by name.
+
+    `proposed_facts` come with the last report: what the provider believes to be true now. None is a proposal too.
+    """
 
     handle: Name
     identity: InvocationIdentity
@@ -86,6 +122,7 @@ class InvocationReport(Value):
     receipts: tuple[Receipt, ...] = ()
     samples: tuple[int, ...] = ()
     blobs: tuple[ids.Digest, ...] = ()
+    proposed_facts: ProposedFacts = ()
 
 
 class RobotStatus(Value):
@@ -168,3 +205,13 @@ class PhysicalStart(Value):
     provider_id: ids.ProviderId
     at_s: float
     moves: bool
+
+
+def version_of(protocol: str | UnsetType) -> str:
+    """The protocol version of a card; one that names none speaks 1.0."""
+    return "1.0" if protocol is UNSET else protocol
+
+
+def proposes_facts(version: str | UnsetType) -> bool:
+    """Whether a provider of this protocol version can propose facts; one that names no version cannot."""
+    return version is not UNSET and tuple(map(int, version.split("."))) >= PROPOSES_FROM

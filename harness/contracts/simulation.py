@@ -6,7 +6,7 @@ from typing import Literal, Protocol
 import msgspec
 
 from harness.contracts.ids import Digest, MissionId
-from harness.contracts.ports import LiveCamera, Robot, Teleoperable
+from harness.contracts.ports import LiveCamera, Robot, Room, Teleoperable
 from harness.contracts.regularities import HiddenSite
 
 Fidelity = Literal["mujoco", "kinematic"]
@@ -26,6 +26,7 @@ class InProcessRobot(msgspec.Struct, frozen=True):
     configure: Callable[[MissionId, int, Sequence[str]], None]
     camera: LiveCamera
     hand: Teleoperable
+    room: Room
 
 
 class Simulator(Protocol):

@@ -6,11 +6,22 @@ from typing import Annotated, Any
 import msgspec
 
 from harness.contracts.capabilities import Capability, Risk
-from harness.contracts.effects import Condition, Metric, Precondition, Temporal
+from harness.contracts.effects import (
+    AnyEffect,
+    Condition,
+    Metric,
+    Precondition,
+    Relational,
+    Symbolic,
+    Temporal,
+    Visual,
+)
 from harness.contracts.errors import ContractInvalid, UnknownName
-from harness.contracts.ids import Digest, NodeId, PlaceId, ResourceId
+from harness.contracts.ids import ConditionId, Digest, NodeId, PlaceId, ResourceId
 from harness.contracts.protocol import Parameters
+from harness.contracts.readings import PROFILE, Act, Clause, ObjectKind, Reading, clause_id
 from harness.contracts.reasons import because
+from harness.contracts.rules import FIRST_RULES, RETIRED, Retired, RulesVersion
 from harness.contracts.values import Count, Name, Positive, Value
 
 
@@ -33,13 +44,18 @@ class RecoveryLimits(Value):
 
 
 class EvidencePolicy(Value):
-    """What a packet must hold for this node, how old it may be, and whether a person may attest (D17)."""
+    """What a packet must hold for this node, how old it may be, and whether a person may attest (D17).
+
+    `declared` names the node's conditions for which no other source than the provider can be had: the node may then
+    end DECLARED instead of committed.
+    """
 
     mandatory: tuple[Name, ...]
     pose_age_s: Positive = 1.0
     image_age_s: Positive = 30.0
     minimum_confidence: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.5
     attestation: bool = False
+    declared: tuple[ConditionId, ...] | msgspec.UnsetType = msgspec.UNSET
 
 
 class Node(Value):
@@ -60,6 +76,12 @@ class Node(Value):
     risk: Risk = "low"
     runs_after_failure: bool = False
 
+    @property
+    def declared(self) -> frozenset[ConditionId]:
+        """The conditions that may rest on the provider's word alone, without being accepted."""
+        named = self.evidence.declared
+        return frozenset() if isinstance(named, msgspec.UnsetType) else frozenset(named)
+
 
 class Constraints(Value):
     """S: safety and resource constraints. A plugin may add one; nothing removes one (R172)."""
@@ -71,7 +93,11 @@ class Constraints(Value):
 
 
 class TaskContract(Value):
-    """One compiled request. `template` and `site` say what it was compiled from."""
+    """One compiled request. `template` says what it was compiled from, several names joined by `+`.
+
+    `reading` is what the goal was understood as (D40); `confirmed` its digest where a person confirmed a reading that
+    leaves words unread. Contracts of earlier releases, and of templates that take no goal in words, have neither.
+    """
 
     goal: Goal
     nodes: Annotated[tuple[Node, ...], msgspec.Meta(min_length=1)]
@@ -82,6 +108,8 @@ class TaskContract(Value):
     frame: Name
     map_version: Name
     bindings: dict[str, Any] = msgspec.field(default_factory=dict)
+    reading: Reading | msgspec.UnsetType = msgspec.UNSET
+    confirmed: Digest | msgspec.UnsetType = msgspec.UNSET
 
     def node(self, node_id: NodeId) -> Node:
         """Raises UnknownName."""
@@ -100,8 +128,20 @@ class TemplateParameter(Value):
     default: str | float | None = None
 
 
+class Serves(Value):
+    """One kind of clause that a template does: the act, and which parameter takes the place it is about."""
+
+    act: Act
+    object: ObjectKind
+    parameter: str = ""
+
+
 class TaskTemplate(Value):
-    """A task contract with open places. Strings `${name.field}` are bound by planning; the rest is literal."""
+    """A task contract with open places. Strings `${name.field}` are bound by planning; the rest is literal.
+
+    `serves` says for which clauses of a goal it is taken; one without it is started by its name only. `stages` names
+    the stage that answers a further act, such as `return`; a default that a goal declines is left out.
+    """
 
     name: Name
     version: Name
@@ -113,10 +153,16 @@ class TaskTemplate(Value):
     completion_conditions: tuple[dict[str, Any], ...]
     constraints: dict[str, Any]
     recovery_total: Count
+    serves: tuple[Serves, ...] | msgspec.UnsetType = msgspec.UNSET
+    stages: dict[Act, NodeId] | msgspec.UnsetType = msgspec.UNSET
 
 
-def check(contract: TaskContract) -> None:
-    """Raise ContractInvalid for the first broken rule: names, dependencies, no cycle, required stages, frame."""
+def check(contract: TaskContract, *, rules: RulesVersion = FIRST_RULES, retired: Retired = RETIRED) -> None:
+    """Raise ContractInvalid for the first broken rule: names, dependencies, no cycle, required stages, frame.
+
+    Under `rules` also: a retired predicate only for a declared effect, and declared effects that leave something of the
+    goal to be verified.
+    """
     names = [node.node_id for node in contract.nodes]
     for name in names:
         if names.count(name) > 1:
@@ -132,6 +178,7 @@ def check(contract: TaskContract) -> None:
     if not any(node.required for node in contract.nodes):
         raise ContractInvalid(because("no_required_node"), where="nodes")
     _check_required(contract)
+    declared = frozenset(name for node in contract.nodes for name in node.declared)
     for where, condition in _conditions(contract):
         effect = condition.effect
         if isinstance(effect, Metric) and (effect.frame, effect.map_version) != (contract.frame, contract.map_version):
@@ -150,6 +197,52 @@ def check(contract: TaskContract) -> None:
             raise ContractInvalid(
                 because("condition_of_unknown_nodes", condition_id=condition.condition_id), where=where
             )
+        since = retired.get((str(effect.__struct_config__.tag), effect.predicate), rules + 1)
+        if since <= rules and condition.condition_id not in declared:
+            raise ContractInvalid(
+                f"Condition {condition.condition_id} names {effect.predicate}, which only its provider's word can show",
+                where=where,
+                do="name the predicate that replaces it, or declare the condition in the node's evidence policy",
+            )
+    _check_declared(contract)
+    _check_covered(contract)
+
+
+def _check_declared(contract: TaskContract) -> None:
+    """A declared effect is a condition of its own node, and not all of the goal rests on declared effects."""
+    for node in contract.nodes:
+        unknown = sorted(node.declared - {condition.condition_id for condition in node.success_conditions})
+        if unknown:
+            raise ContractInvalid(
+                f"Node {node.node_id} declares {', '.join(unknown)}, which is no condition of it",
+                where=f"nodes.{node.node_id}.evidence.declared",
+                do=f"name one of {', '.join(one.condition_id for one in node.success_conditions)}",
+            )
+    declaring = frozenset(node.node_id for node in contract.nodes if node.declared)
+    if declaring and all(rests_on(one.effect, declaring) for one in contract.completion_conditions):
+        raise ContractInvalid(
+            "Every completion condition rests on a declared effect: nothing of the goal would be verified",
+            where="completion_conditions",
+            do=f"add a condition that does not name {', '.join(sorted(declaring))}",
+        )
+
+
+def rests_on(effect: AnyEffect, nodes: frozenset[NodeId]) -> bool:
+    """Whether a condition over several stages names one of these."""
+    return bool(nodes & set(named_nodes(effect)))
+
+
+def named_nodes(effect: AnyEffect) -> tuple[NodeId, ...]:
+    """What the effect names, nodes among it."""
+    match effect:
+        case Temporal():
+            return effect.nodes
+        case Relational():
+            return NodeId(effect.subject), NodeId(effect.object)
+        case Symbolic():
+            return tuple(NodeId(name) for name in effect.arguments.values())
+        case Metric() | Visual():
+            return ()
 
 
 def _check_required(contract: TaskContract) -> None:
@@ -162,6 +255,38 @@ def _check_required(contract: TaskContract) -> None:
                 because("required_on_optional", node_id=node.node_id, waits_for=tuple(waits_for)),
                 where=f"nodes.{node.node_id}.depends_on",
             )
+
+
+def _check_covered(contract: TaskContract) -> None:
+    """Every clause that is to be done has a completion condition, and every condition its clause (D42)."""
+    reading = contract.reading
+    if isinstance(reading, msgspec.UnsetType):
+        return
+    if (reading.unread or not reading.clauses) and contract.confirmed != reading.digest:
+        raise ContractInvalid(
+            "The goal has words that were not read", where="reading", do="confirm the reading, or say it otherwise"
+        )
+    numbers = {clause_id(number) for number, _ in enumerate(reading.clauses, start=1)}
+    defaults = {f"{PROFILE}.{name}" for name in reading.defaults}
+    cited = {condition.clause for condition in contract.completion_conditions}
+    if strange := sorted(str(one) for one in cited - numbers - defaults):
+        raise ContractInvalid(
+            f"A completion condition cites {strange[0]}, which is no clause of the reading",
+            where="completion_conditions",
+            do="cite a clause by its number, or a default of the mission profile",
+        )
+    for number, clause in enumerate(reading.clauses, start=1):
+        if clause_id(number) not in cited and not declines_default(clause):
+            raise ContractInvalid(
+                f"Clause {number} of the goal ({clause.act}) has no completion condition",
+                where="completion_conditions",
+                do="test every clause, or refuse the goal",
+            )
+
+
+def declines_default(clause: Clause) -> bool:
+    """Whether a clause only leaves out a default of the mission profile: nothing is left to test then."""
+    return clause.negated and clause.act in ("return", "report")
 
 
 def order(contract: TaskContract) -> tuple[NodeId, ...]:

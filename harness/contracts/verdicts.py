@@ -14,7 +14,11 @@ PRECEDENCE: tuple[Verdict, ...] = ("unsafe", "stale", "violated", "ambiguous", "
 
 
 class ConditionResult(Value):
-    """One condition's result: measured values with their bounds, the reason and its independence level (D17)."""
+    """One condition's result: measured values with their bounds, the reason and its independence level (D17).
+
+    `short`: it is satisfied but for its independence, which alone makes it ambiguous. `rests_on`: the conditions of
+    the accepted facts that the answer is derived from. Both are unset where the rules do not ask for them.
+    """
 
     condition_id: ConditionId
     text: str
@@ -27,6 +31,8 @@ class ConditionResult(Value):
     required_independence: Count = 0
     age_s: float | None = None
     evidence: tuple[Digest, ...] = ()
+    short: bool | msgspec.UnsetType = msgspec.UNSET
+    rests_on: tuple[ConditionId, ...] | msgspec.UnsetType = msgspec.UNSET
 
 
 class NodeVerdict(Value):

@@ -4,12 +4,15 @@ Contexts write these values, the verifier reads them. The records that hold them
 `harness/contexts/verifier.py`.
 """
 
+import msgspec
+
 from harness.contracts.capabilities import Risk
 from harness.contracts.evidence import PacketIdentity
 from harness.contracts.ids import ConditionId, Digest, NodeId, RequestId
 from harness.contracts.observations import Trajectory
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.reasons import Explanation
+from harness.contracts.rules import FIRST_RULES, RulesVersion
 from harness.contracts.tasks import EvidencePolicy
 from harness.contracts.values import Count, Point, Value
 
@@ -27,12 +30,28 @@ class Execution(Value):
     verify_only: bool
 
 
+class Origins(Value):
+    """Where the evidence comes from: by process or address, never by what a provider says of itself (D17).
+
+    `sources` names the origin of each source; one that is not named has an unknown origin. `provider`: the origins
+    of the executing provider and of what it reads; empty if it is unknown, or if no execution is judged.
+    """
+
+    sources: dict[str, str] = msgspec.field(default_factory=dict)
+    provider: tuple[str, ...] = ()
+
+
 class VerificationPolicy(Value):
-    """Requirements on the evidence. `required` is the independence level of each condition (D17)."""
+    """Requirements on the evidence. `required` is the independence level of each condition (D17).
+
+    `rules`: the version that the mission is pinned to (D57).
+    """
 
     evidence: EvidencePolicy
     risk: Risk
     required: dict[ConditionId, int]
+    rules: RulesVersion = FIRST_RULES
+    origins: Origins = Origins()
 
 
 class SafetyState(Value):
@@ -44,9 +63,9 @@ class SafetyState(Value):
 
 
 class CommittedNode(Value):
-    """One accepted stage: whose packet, which requests it and the packets it cites rest on, when it ran.
+    """One ended stage: whose packet, which requests it and the packets it cites rest on, when it ran.
 
-    `committed_k` is the state version at which it was accepted.
+    `committed_k` is the state version at which it was accepted, or, if `declared`, recorded as declared.
     """
 
     node_id: NodeId
@@ -55,6 +74,7 @@ class CommittedNode(Value):
     dispatched_s: float
     terminal_s: float
     committed_k: Count
+    declared: bool = False
 
 
 class RecentSamples(Value):

@@ -8,7 +8,9 @@ import numpy as np
 from harness.contracts.exploration import UNKNOWN, Frontier, GridMap
 from harness.contracts.values import Point
 from harness.exploration import paths
-from harness.exploration.grid import cells_of, middle_of
+from harness.exploration.grid import middle_of
+from harness.exploration.viewpoints import viewpoints
+from harness.projections.floor import Mask, cells_of, free_floor, unseen, widened
 
 LEAST_EDGE_M = 0.8
 LEAST_WAY_M = 1.2
@@ -22,23 +24,47 @@ def frontiers(grid: GridMap, ways: paths.Ways) -> tuple[Frontier, ...]:
 
     Unknown specks between two rays of the lidar are no edge: unknown floor counts from three cells across.
     """
-    floor = paths.free_floor(grid)
-    edge: paths.Mask = floor & paths.widened(_core((cells_of(grid) == UNKNOWN) & ~floor), 2)
+    floor = free_floor(grid)
+    edge: Mask = floor & widened(_core((cells_of(grid) == UNKNOWN) & ~floor), 2)
     found = [one for cluster in _clusters(edge) if (one := _frontier(grid, ways, cluster)) is not None]
     return tuple(sorted(found, key=lambda one: (-one.length_m, one.approach_m)))[:MOST]
 
 
-def _core(unknown: paths.Mask) -> paths.Mask:
-    return ~paths.widened(~unknown, 1) & ~_border(unknown)
+def edges(grid: GridMap, ways: paths.Ways) -> tuple[Frontier, ...]:
+    """What an exploration may approach: the frontiers; where none is left, places that see floor not seen so far.
+
+    Maps without a region come from older explorations, which end with their frontiers.
+    """
+    found = frontiers(grid, ways)
+    return found if found or not grid.region else _hidden(grid, ways)
 
 
-def _border(mask: paths.Mask) -> paths.Mask:
+def _hidden(grid: GridMap, ways: paths.Ways) -> tuple[Frontier, ...]:
+    """The best place to see each part of the reachable floor that no sweep showed, the largest part first."""
+    found = []
+    for cluster in sorted(_clusters(unseen(grid)), key=lambda cells: (-len(cells), cells[0])):
+        seeing = viewpoints(grid, ways, sorted(cluster))
+        best = next((one for one in seeing if one.way_m >= LEAST_WAY_M), None)
+        if best is not None:
+            middle = cluster[len(cluster) // 2]
+            length_m = len(cluster) * best.share * grid.cell_m
+            found.append(
+                Frontier(edge_m=middle_of(grid, middle), approach_m=best.at_m, length_m=length_m, way_m=best.way_m)
+            )
+    return tuple(found)[:MOST]
+
+
+def _core(unknown: Mask) -> Mask:
+    return ~widened(~unknown, 1) & ~_border(unknown)
+
+
+def _border(mask: Mask) -> Mask:
     found = np.ones_like(mask)
     found[1:-1, 1:-1] = False
     return found
 
 
-def _clusters(edge: paths.Mask) -> Iterator[list[paths.Cell]]:
+def _clusters(edge: Mask) -> Iterator[list[paths.Cell]]:
     left = {(int(row), int(column)) for row, column in np.argwhere(edge)}
     while left:
         ahead = [min(left)]

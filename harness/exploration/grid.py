@@ -10,10 +10,12 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from harness.contracts.contexts import Blobs
-from harness.contracts.exploration import FREE, OCCUPIED, GridMap
+from harness.contracts.exploration import FREE, OCCUPIED, GridMap, Region
 from harness.contracts.observations import Odometry, Pose, Scan, Trajectory
 from harness.contracts.places import Site
 from harness.contracts.values import Point
+from harness.exploration.region import contains
+from harness.projections.floor import cells_of
 
 CELL_M = 0.2
 MARGIN_M = 0.4
@@ -22,16 +24,21 @@ TURNING_RADPS = 0.15
 """A sweep taken while the body turns faster than this smears, so it is left out."""
 LOWEST_M, HIGHEST_M = 0.15, 1.2
 """Hits lower than this are the floor itself, higher ones are above the robot."""
-Cells = NDArray[np.uint8]
 Floats = NDArray[np.float64]
 T = TypeVar("T", Pose, Odometry)
 
 
-def unexplored(site: Site, *, map_version: str) -> GridMap:
-    """Nothing is known yet, over the bounds of the site's zones."""
+def unexplored(site: Site, *, map_version: str, region_m: Region = ()) -> GridMap:
+    """Nothing is known yet, over the bounds of the site's zones. `region_m` is to be seen, else every zone is."""
     corners = np.array([corner for zone in site.zones for corner in zone.region_m])
     low, high = corners.min(axis=0) - MARGIN_M, corners.max(axis=0) + MARGIN_M
     columns, rows = (math.ceil(float(size) / CELL_M) for size in high - low)
+    wanted = (region_m,) if region_m else tuple(zone.region_m for zone in site.zones)
+    middles = (
+        (float(low[0]) + (column + 0.5) * CELL_M, float(low[1]) + (row + 0.5) * CELL_M)
+        for row in range(rows)
+        for column in range(columns)
+    )
     return GridMap(
         frame=site.frame,
         map_version=map_version,
@@ -40,12 +47,8 @@ def unexplored(site: Site, *, map_version: str) -> GridMap:
         columns=columns,
         rows=rows,
         cells=bytes(columns * rows),
+        region=bytes(any(contains(one, middle) for one in wanted) for middle in middles),
     )
-
-
-def cells_of(grid: GridMap) -> Cells:
-    """Rows x columns, a view that cannot be written to."""
-    return np.frombuffer(grid.cells, dtype=np.uint8).reshape(grid.rows, grid.columns)
 
 
 def cell_of(grid: GridMap, point: Point) -> tuple[int, int]:

@@ -5,36 +5,37 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.contracts import exploration
 from harness.contracts.values import Point
-from harness.exploration.grid import cell_of, cells_of, middle_of
+from harness.exploration.grid import cell_of, middle_of
 from harness.exploration.region import contains
+from harness.projections.floor import STEPS, Mask, cells_of, free_floor, widened
 
 CLEARANCE_M = 0.4
 ROOM_M, NARROW_COST = 0.6, 4.0
 """Floor nearer than this to what is closed costs so many times its length: a way keeps off walls where it can."""
 AROUND_M = 0.6
 """So near to the body the floor is taken as it is: it stands there."""
+NARROWEST_CELLS = 1.5
+"""The clearance of a way around an obstacle that stands on a route: as narrow as the body may pass."""
 SIGHT_M = 0.05
-SPECK = 4
-"""So many of its eight neighbours are free around an unknown cell that lies between two rays."""
 Cell = tuple[int, int]
-Mask = NDArray[np.bool_]
-_STEPS = tuple(
-    (down, right, math.hypot(down, right)) for down in (-1, 0, 1) for right in (-1, 0, 1) if (down, right) != (0, 0)
-)
 
 
 class Ways:
     """The cheapest paths from one position to every reachable cell outside the keep-outs."""
 
     def __init__(
-        self, grid: exploration.GridMap, position: Point, *, keep_out_m: tuple[exploration.Region, ...] = ()
+        self,
+        grid: exploration.GridMap,
+        position: Point,
+        *,
+        keep_out_m: tuple[exploration.Region, ...] = (),
+        clearance_cells: float | None = None,
     ) -> None:
         self._grid = grid
-        self.open = standable(grid, position) & ~_forbidden(grid, keep_out_m)
+        self.open = standable(grid, position, clearance_cells) & ~_forbidden(grid, keep_out_m)
         self._roomy = self.open & ~widened(cells_of(grid) == exploration.OCCUPIED, round(ROOM_M / grid.cell_m))
         self._length_m, self._from = self._spread(cell_of(grid, position))
         self._position = position
@@ -42,6 +43,10 @@ class Ways:
     def length_m(self, cell: Cell) -> float | None:
         """Length of the path to a cell, metres; None if none is known."""
         return self._length_m.get(cell)
+
+    def reached(self) -> Iterator[tuple[Cell, float]]:
+        """Every cell that a path leads to, with the path's length in metres."""
+        yield from sorted(self._length_m.items())
 
     def route_m(self, target: Point) -> tuple[Point, ...]:
         """From the position to the target, corners only; empty if the target cannot be reached."""
@@ -93,10 +98,10 @@ class Ways:
         return length_m, before
 
 
-def standable(grid: exploration.GridMap, position: Point) -> Mask:
-    """Free floor with CLEARANCE_M to whatever is closed; around the body its own free floor is enough."""
+def standable(grid: exploration.GridMap, position: Point, clearance_cells: float | None = None) -> Mask:
+    """Free floor with CLEARANCE_M, or so many cells, to whatever is closed; around the body its own floor is enough."""
     cells = cells_of(grid)
-    closed = widened(cells == exploration.OCCUPIED, round(CLEARANCE_M / grid.cell_m))
+    closed = widened(cells == exploration.OCCUPIED, clearance_cells or round(CLEARANCE_M / grid.cell_m))
     rows, columns = np.mgrid[0 : grid.rows, 0 : grid.columns]
     here_row, here_column = cell_of(grid, position)
     near = np.hypot(rows - here_row, columns - here_column) * grid.cell_m <= AROUND_M
@@ -114,39 +119,9 @@ def _forbidden(grid: exploration.GridMap, keep_out_m: tuple[exploration.Region, 
     return found
 
 
-def free_floor(grid: exploration.GridMap) -> Mask:
-    """What the lidar saw free, and the specks between its rays: unknown cells with free floor around most of them."""
-    cells = cells_of(grid)
-    free: Mask = cells == exploration.FREE
-    around = sum(_shifted(free, down, right).astype(np.int64) for down, right, _ in _STEPS)
-    floor: Mask = free | (
-        (cells == exploration.UNKNOWN) & (around >= SPECK) & ~widened(cells == exploration.OCCUPIED, 1)
-    )
-    return floor
-
-
-def _shifted(mask: Mask, down: int, right: int) -> Mask:
-    found = np.zeros_like(mask)
-    rows, columns = mask.shape
-    into = (slice(max(0, down), rows + min(0, down)), slice(max(0, right), columns + min(0, right)))
-    out = (slice(max(0, -down), rows + min(0, -down)), slice(max(0, -right), columns + min(0, -right)))
-    found[into] = mask[out]
-    return found
-
-
-def widened(mask: Mask, cells: int) -> Mask:
-    """Every cell within so many cells of the mask, as a disc."""
-    found = np.zeros_like(mask)
-    for down in range(-cells, cells + 1):
-        for right in range(-cells, cells + 1):
-            if math.hypot(down, right) <= cells:
-                found |= _shifted(mask, down, right)
-    return found
-
-
 def _around(cell: Cell, standing: Mask) -> Iterator[tuple[Cell, float]]:
     rows, columns = standing.shape
-    for down, right, step in _STEPS:
+    for down, right, step in STEPS:
         row, column = cell[0] + down, cell[1] + right
         if 0 <= row < rows and 0 <= column < columns and standing[row, column]:
             yield (row, column), step

@@ -10,6 +10,7 @@ from harness.contracts.reasons import because
 from harness.contracts.revision_commands import (
     DisputeCompletion,
     ReviseContract,
+    ReviseToRecover,
     TightenConstraints,
     WithdrawMission,
 )
@@ -20,7 +21,7 @@ from harness.gate.completion import complete
 from harness.gate.dispatch import authorise, wait
 from harness.gate.goal import judge
 from harness.gate.pins import recompile
-from harness.gate.revisions import dispute, revise, tighten
+from harness.gate.revisions import dispute, revise, revise_to_recover, tighten
 from harness.projections.mission import Mission
 from harness.projections.mission_fold import apply
 
@@ -64,13 +65,15 @@ def _decided(mission: Mission, command: commands.MissionCommand) -> Decision[eve
             return Accepted((events.InvocationResumed(invocation_id=command.invocation_id),))
         case commands.FailNode():
             node = mission.nodes.get(command.node_id)
-            if node is None or node.status in ("committed", "failed", "superseded"):
+            if node is None or node.status in ("committed", "declared", "failed", "superseded"):
                 return refused("no_open_stage", because("stage_not_open", node_id=command.node_id))
             return Accepted(
                 (events.NodeFailed(node_id=command.node_id, reason=command.reason, context=command.context),)
             )
         case ReviseContract():
             return revise(mission, command)
+        case ReviseToRecover():
+            return revise_to_recover(mission, command)
         case TightenConstraints():
             return tighten(mission, command)
         case DisputeCompletion():
@@ -104,7 +107,7 @@ def _decided(mission: Mission, command: commands.MissionCommand) -> Decision[eve
 def _create(mission: Mission, command: commands.CreateMission) -> Decision[events.MissionEvent]:
     if mission.version:
         return refused("exists", because("mission_exists", mission_id=command.mission_id))
-    check(command.contract)
+    check(command.contract, rules=command.rules)
     created = events.MissionCreated(
         mission_id=command.mission_id,
         robot_id=command.robot_id,
@@ -117,9 +120,13 @@ def _create(mission: Mission, command: commands.CreateMission) -> Decision[event
         autonomy=command.autonomy,
         replay=command.replay,
         trial=command.trial,
+        channel=command.channel,
     )
     compiled = events.ContractCompiled(
-        contract=command.contract, contract_digest=digest(command.contract), policy=command.policy
+        contract=command.contract,
+        contract_digest=digest(command.contract),
+        policy=command.policy,
+        rules=command.rules,
     )
     return Accepted((created, compiled))
 

@@ -18,7 +18,15 @@ from harness.contracts.revision_events import AttestationRecorded
 from harness.contracts.tasks import Node
 from harness.gate.attestation import opened, unattested
 from harness.gate.rules import standing_vetoes
-from harness.projections.mission import Mission, NodeState, eligible, failed, required_contract, required_policy
+from harness.projections.mission import (
+    SETTLED,
+    Mission,
+    NodeState,
+    eligible,
+    failed,
+    required_contract,
+    required_policy,
+)
 from harness.recovery.approval import approval_required
 from harness.recovery.rules import first_broken_recovery
 from harness.recovery.state import VERIFY_ONLY, cost_of, left_now, over_budget
@@ -44,7 +52,7 @@ def _aborting(mission: Mission, intent: DispatchIntended) -> bool:
     """Whether this runs because a required stage failed: it then brings the body back and counts as no stage (D26)."""
     contract = required_contract(mission)
     node = contract.node(intent.node_id)
-    waits_for = {dependency for dependency in node.depends_on if mission.of(dependency).status != "committed"}
+    waits_for = {dependency for dependency in node.depends_on if mission.of(dependency).status not in SETTLED}
     return node.runs_after_failure and failed(mission) and bool(waits_for)
 
 

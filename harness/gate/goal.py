@@ -9,21 +9,27 @@ from harness.contracts.ids import ConditionId, NodeId
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.revision_events import GraphRevised
 from harness.contracts.tasks import TaskContract, order
-from harness.contracts.verdicts import GoalVerdict, strictest
+from harness.contracts.verdicts import GoalVerdict, Verdict, strictest
 from harness.planning.revision import reopened_with
-from harness.projections.mission import Mission, all_required_committed, required_contract
+from harness.projections.mission import Mission, all_required_settled, declared_goals, required_contract
+from harness.projections.readings import cited_in_words, goal_in_words
 from harness.recovery.state import left_now, over_budget
 
 
 def judge(mission: Mission, command: JudgeGoal) -> Decision[events.MissionEvent]:
-    """The only way to SUCCEEDED: a satisfied verdict over every original completion condition (R118, R119)."""
+    """The only way to SUCCEEDED: a satisfied verdict over every original completion condition (R118, R119).
+
+    Where a stage is only declared the best end is PARTLY_VERIFIED: every condition that does not rest on it holds.
+    """
     verdict, contract = command.verdict, required_contract(mission)
     refusal = _unready(mission, verdict)
     if refusal:
         return refusal
-    worst = strictest((verdict.verdict, *(result.verdict for result in verdict.results)))
+    worst = _worst(mission, verdict)
+    if worst == "satisfied" and mission.declared and not mission.vetoes and not mission.disputed:
+        return _partly(mission, verdict)
     if worst == "satisfied" and not mission.vetoes and not mission.disputed:
-        text = because("goal_met", goal=contract.goal.text, reason=verdict.reason)
+        text = because("goal_met", goal=goal_in_words(contract), reason=verdict.reason)
         done = events.MissionEnded(status="succeeded", reason=because("goal_verdict_satisfied"))
         return Accepted((events.GoalVerified(verdict=verdict), events.CompletionReported(text=text), done))
     if worst == "ambiguous" and not mission.relooks and contract.recovery_total > mission.spent_total:
@@ -34,7 +40,10 @@ def judge(mission: Mission, command: JudgeGoal) -> Decision[events.MissionEvent]
         if isinstance(again, GraphRevised):
             return Accepted((events.GoalVerified(verdict=verdict), again))
         why = because("not_reopened", why=why, again=again)
+    failed = failed_clauses(contract, verdict)
     said = because("goal_not_met", verdict=worst, why=why)
+    if failed:
+        said = because("clauses_not_met", verdict=worst, clauses=failed, why=why)
     return Accepted(
         (
             events.GoalVerified(verdict=verdict),
@@ -42,6 +51,27 @@ def judge(mission: Mission, command: JudgeGoal) -> Decision[events.MissionEvent]
             events.MissionEnded(status="failed", reason=said),
         )
     )
+
+
+def _worst(mission: Mission, verdict: GoalVerdict) -> Verdict:
+    """The strictest verdict, without the conditions that are undecided because they rest on a declared stage."""
+    unverified = {condition.condition_id for condition in declared_goals(mission)}
+    left_out = {
+        one.condition_id for one in verdict.results if one.verdict == "ambiguous" and one.condition_id in unverified
+    }
+    decisive = tuple(one.verdict for one in verdict.results if one.condition_id not in left_out)
+    if left_out and verdict.verdict == "ambiguous":
+        return strictest(decisive)
+    return strictest((verdict.verdict, *decisive))
+
+
+def _partly(mission: Mission, verdict: GoalVerdict) -> Accepted[events.MissionEvent]:
+    """Never a completion: what rests on a provider's word alone is named."""
+    parts = tuple(dict.fromkeys(effect.text for effect in mission.declared))
+    goal = goal_in_words(required_contract(mission))
+    ended = events.MissionEnded(status="partly_verified", reason=because("rests_on_word_alone", parts=parts))
+    text = because("goal_partly_verified", goal=goal, parts=parts)
+    return Accepted((events.GoalVerified(verdict=verdict), events.PartialCompletionReported(text=text), ended))
 
 
 def reopening(mission: Mission, verdict: GoalVerdict) -> GraphRevised | Reason:
@@ -109,6 +139,14 @@ def _done(mission: Mission, node_id: NodeId) -> bool:
     return mission.of(node_id).status == "committed"
 
 
+def failed_clauses(contract: TaskContract, verdict: GoalVerdict) -> tuple[Reason, ...]:
+    """The clauses of the reading that have a condition which does not hold, in their order (D44)."""
+    cited = {one.condition_id: one.clause for one in contract.completion_conditions}
+    failing = [cited.get(one.condition_id) for one in verdict.results if one.verdict != "satisfied"]
+    told = (cited_in_words(contract, one) for one in dict.fromkeys(failing))
+    return tuple(one for one in told if one is not None)
+
+
 def _shortfall(mission: Mission, verdict: GoalVerdict) -> Explanation:
     if not mission.disputed:
         return verdict.reason
@@ -121,7 +159,7 @@ def _unready(mission: Mission, verdict: GoalVerdict) -> Refused | None:
         return refused("not_ready", because("goal_not_ready", status=mission.status))
     if verdict.mission_id != mission.mission_id:
         return refused("wrong_identity", because("goal_of_another_mission", mission_id=verdict.mission_id))
-    if not all_required_committed(mission):
+    if not all_required_settled(mission):
         return refused("nodes_open")
     declared = [condition.condition_id for condition in contract.completion_conditions]
     if sorted(declared) != sorted(result.condition_id for result in verdict.results):

@@ -24,7 +24,7 @@ def recompile(mission: Mission, command: RecompileContract) -> Decision[MissionE
         return Accepted(())
     if command.contract.goal != required_contract(mission).goal:
         return refused("another_goal")
-    check(command.contract)
+    check(command.contract, rules=command.rules)
     again = ContractRecompiled(
         configuration=command.configuration,
         replaces=mission.configuration,
@@ -32,5 +32,6 @@ def recompile(mission: Mission, command: RecompileContract) -> Decision[MissionE
         contract_digest=digest(command.contract),
         policy=command.policy,
         trial=command.trial,
+        rules=command.rules,
     )
     return Accepted((again,))

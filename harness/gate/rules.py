@@ -4,13 +4,17 @@ A rule answers None or the reason why this verdict may not change this mission (
 """
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import packet_id
+from harness.contracts.protocol import proposes_facts, version_of
 from harness.contracts.reasons import Reason, because
+from harness.contracts.rules import RulesVersion, required_independence
 from harness.contracts.verdicts import NodeVerdict, strictest
 from harness.projections.mission import Mission, required_contract
+from harness.projections.proposals import proposals_for, unproposed, written_by_harness
 
 Rule = Callable[[Mission, EvidencePacket, NodeVerdict], Reason | None]
 
@@ -110,7 +114,40 @@ def below_independence(mission: Mission, packet: EvidencePacket, verdict: NodeVe
     return because("below_independence", results=tuple(low)) if low else None
 
 
-GATE_RULES: tuple[Rule, ...] = (
+def not_proposed(mission: Mission, packet: EvidencePacket, verdict: NodeVerdict) -> Reason | None:
+    """No fact is made for a provider: it proposes its effects itself, or they are not accepted (D52, R33, R98)."""
+    if written_by_harness(packet):
+        return None
+    node = required_contract(mission).node(packet.identity.node_id)
+    missing = unproposed(node, proposals_for(packet, mission.of(node.node_id).packets))
+    if not missing:
+        return None
+    provider_id = packet.identity.provider_id
+    if not proposes_facts(packet.protocol):
+        protocol = version_of(packet.protocol)
+        return because("provider_cannot_propose", provider_id=provider_id, protocol=protocol)
+    return because("effects_not_proposed", provider_id=provider_id, conditions=missing)
+
+
+def on_its_own_word(mission: Mission, packet: EvidencePacket, verdict: NodeVerdict) -> Reason | None:
+    """Nothing is committed on its provider's word, whatever level a verifier says is required (D17).
+
+    The level is required by the contract: by the stage's risk and by each condition.
+    """
+    node = required_contract(mission).node(packet.identity.node_id)
+    asked = {
+        one.condition_id: required_independence(mission.rules, risk=node.risk, asked=one.independence)
+        for one in node.success_conditions
+    }
+    low = [
+        because("independence_of", text=one.text, level=one.independence, required_level=asked[one.condition_id])
+        for one in verdict.results
+        if one.condition_id in asked and one.independence < asked[one.condition_id]
+    ]
+    return because("on_its_own_word", results=tuple(low)) if low else None
+
+
+_FIRST: tuple[Rule, ...] = (
     vetoed,
     wrong_identity,
     wrong_configuration,
@@ -119,7 +156,12 @@ GATE_RULES: tuple[Rule, ...] = (
     not_satisfied,
     execution_failed,
     below_independence,
+    not_proposed,
 )
+GATE_RULES: Mapping[RulesVersion, tuple[Rule, ...]] = MappingProxyType({1: _FIRST, 2: (*_FIRST, on_its_own_word)})
+"""By the version that the mission is pinned to."""
+BY_RESULT: frozenset[Rule] = frozenset({not_satisfied, below_independence, on_its_own_word})
+"""The rules on the results of single conditions; the others are about the packet as a whole."""
 
 
 def first_broken(

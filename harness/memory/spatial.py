@@ -19,6 +19,8 @@ from harness.projections.memory import VerifiedAttempt, bound, judgement
 SIGHTING_HOLDS_S = 12 * 3600.0
 """How long a sighting speaks for the world it saw: a shift. After that it is expired, and another look is needed."""
 BINDING = ("frames", "foreign")
+SIGHTINGS = ("analysis_of", "passage_checked")
+"""Facts that say what stands in a passage."""
 """Measured names of an analysis that speak of its binding to the images, not of what they show."""
 
 
@@ -130,7 +132,7 @@ def _accepted(told: MissionStep, fact: CommittedFact, closed: VerifiedAttempt) -
         if pose.place:
             at = memory.KnownRelation(relation="at", one=f"robot/{robot}", other=f"place/{pose.place}")
             yield _measured(told, fact, closed, subject=f"robot/{robot}/at", knowledge=at, where=where)
-    if fact.name == "analysis_of":
+    if fact.name in SIGHTINGS:
         yield _sighted(told, fact, closed)
 
 
@@ -211,7 +213,7 @@ def keys_of(told: MissionStep, fact: CommittedFact) -> tuple[Key, ...]:
     if _pose(told, fact) is not None:
         robot = f"robot/{told.before.robot_id}"
         return ("pose", robot), ("relation", f"{robot}/at")
-    return (("sighting", _sighting_subject(told, fact)),) if fact.name == "analysis_of" else ()
+    return (("sighting", _sighting_subject(told, fact)),) if fact.name in SIGHTINGS else ()
 
 
 def _sighting_subject(told: MissionStep, fact: CommittedFact) -> str:

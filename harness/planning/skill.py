@@ -9,7 +9,7 @@ from harness.contracts.capabilities import Capability, CapabilityCard, Parameter
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.errors import ContractInvalid
-from harness.contracts.evidence import CommittedFact
+from harness.contracts.evidence import CommittedFact, DeclaredEffect
 from harness.contracts.proposals import SkillProposal
 from harness.contracts.protocol import Parameters, ParameterValue
 from harness.contracts.reasons import because
@@ -18,6 +18,8 @@ from harness.planning.binding import names_in, substitute
 
 LOOK_S, LONG_LOOK_S = 3.0, 6.0
 """How long an observing skill looks, seconds of mission time: longer when an earlier look could not decide."""
+TOLD = "text"
+"""The parameter that people are told: what is only declared is named in it."""
 FROM = "_from"
 """`images_from: "@{panorama.frames}"` in a node states that `images` is bound at dispatch from a committed fact."""
 
@@ -40,6 +42,8 @@ def propose_skill(context: Context) -> SkillProposal:
     asked = within(wanted, _constraints(context))
     taken = {parameter.name: asked[parameter.name] for parameter in card.parameters if parameter.name in asked}
     grounded = substitute(taken, bindings=_arguments(context), sigil="@", path=f"nodes.{node.node_id}.parameters")
+    if TOLD + FROM in node.parameters and isinstance(said := grounded.get(TOLD), str):
+        grounded[TOLD] = said + _unverified(context)
     parameters = {
         parameter.name: _checked(parameter, grounded.get(parameter.name), card)
         for parameter in card.parameters
@@ -90,12 +94,28 @@ def _constraints(context: Context) -> Constraints | None:
 
 
 def _arguments(context: Context) -> dict[str, dict[str, Any]]:
-    """Arguments of committed facts by node; the newest fact of a node wins where names repeat."""
+    """Arguments of committed facts by node; the newest fact of a node wins where names repeat.
+
+    A declared effect lends its values too, for a message or a report; what tells people of them says so.
+    """
     facts = [fact for record in context.all("facts") for fact in record.read(tuple[CommittedFact, ...])]
     arguments: dict[str, dict[str, Any]] = {}
+    for effect in _declared(context):
+        arguments.setdefault(effect.node_id, {}).update({**effect.measured, **effect.arguments})
     for fact in sorted(facts, key=lambda fact: (fact.k, fact.at_s)):
         arguments.setdefault(fact.node_id, {}).update({**fact.measured, **fact.arguments})
     return arguments
+
+
+def _declared(context: Context) -> tuple[DeclaredEffect, ...]:
+    record = context.one("declared_effects")
+    return record.read(tuple[DeclaredEffect, ...]) if record else ()
+
+
+def _unverified(context: Context) -> str:
+    """The sentence that names what is only declared, after what is told to people; empty where all was verified."""
+    parts = dict.fromkeys(effect.text.rstrip(".") for effect in _declared(context))
+    return f" Declared, not verified: {'; '.join(parts)}." if parts else ""
 
 
 def _required(context: Context, kind: str) -> ContextRecord:

@@ -19,8 +19,12 @@ from harness.contracts.values import Point, encode
 from harness.projections.exploration import TARGETS, choices
 from harness.projections.mission import Mission, required_contract
 
-EXPLORES = "explores"
-"""The parameter of the stage that stays open while there is something to explore: how many views are wanted."""
+EXPLORES, COVERAGE, REGION = "explores", "coverage", "region"
+"""Parameters of the stage that stays open while there is something to explore.
+
+`coverage` is the share of the reachable floor that is to be seen, of `region` where that is given, else of all zones.
+Older contracts state `explores`, how many views are wanted.
+"""
 LEG, LOOK = "leg", "look"
 TOLERANCE_M, TIMEOUT_S = 0.40, 120.0
 LEG_BUDGET = RecoveryLimits(re_perceive=2, adjust_view=2, retry=1, local_replan=0, switch_skill=1, total=4)
@@ -29,7 +33,7 @@ LEG_BUDGET = RecoveryLimits(re_perceive=2, adjust_view=2, retry=1, local_replan=
 
 def exploring(contract: TaskContract) -> Node | None:
     """The stage that waits until the exploration is over; None for a contract that explores nothing."""
-    return next((node for node in contract.nodes if EXPLORES in node.parameters), None)
+    return next((node for node in contract.nodes if {EXPLORES, COVERAGE} & node.parameters.keys()), None)
 
 
 def extended(contract: TaskContract, choice: TargetChoice, *, route_m: tuple[Point, ...]) -> TaskContract:

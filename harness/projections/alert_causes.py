@@ -236,10 +236,13 @@ def _raise(
 
 
 def _ended(event: events.MissionEnded, about: About) -> tuple[AlertChange, ...]:
-    """A bad end is trouble of its own; after any end, this mission's vetoes no longer hold."""
+    """A bad end is trouble of its own, an end verified in part is worth a look; after any end, this mission's vetoes
+    no longer hold."""
     title = because("alert_mission_ended", status=event.status)
     bad = event.status in ("failed", "safe_stopped", "handed_off")
     raised = (_raise(about, "mission_failed", "high", title, event.reason),) if bad else ()
+    if event.status == "partly_verified":
+        raised = (_raise(replace(about, node="", failure=""), "partly_verified", "low", title, event.reason),)
     over = (told for layer in about.vetoes for told in _clear(about, f"veto {layer}", because("the_mission_ended")))
     return (*raised, *over)
 

@@ -2,7 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 
-from harness.contracts.events import CommitRejected, MissionEvent, NodeCommitted, PacketRetained, VerdictRecorded
+from harness.contracts.events import (
+    CommitRejected,
+    EffectDeclared,
+    MissionEvent,
+    NodeCommitted,
+    PacketRetained,
+    VerdictRecorded,
+)
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import PacketId, RobotId
 from harness.contracts.protocol import Receipt
@@ -26,7 +33,7 @@ def touched(events: Sequence[MissionEvent]) -> set[PacketId]:
                 found.add(event.packet.identity.packet_id)
             case VerdictRecorded():
                 found.add(event.verdict.packet_id)
-            case NodeCommitted() | CommitRejected():
+            case NodeCommitted() | EffectDeclared() | CommitRejected():
                 found.add(event.packet_id)
             case _:
                 continue
@@ -46,6 +53,8 @@ def evidence_rows(history: Sequence[Placed], packets: set[PacketId], *, robot_id
                 verdicts[event.verdict.packet_id] = event.verdict.verdict
             case NodeCommitted():
                 decisions[event.packet_id] = ("accepted", "")
+            case EffectDeclared():
+                decisions[event.packet_id] = ("declared", "")
             case CommitRejected():
                 decisions[event.packet_id] = ("refused", event.rule)
             case _:

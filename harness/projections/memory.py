@@ -12,6 +12,7 @@ from harness.contracts.events import (
     ContractCompiled,
     ContractRecompiled,
     DispatchIntended,
+    EffectDeclared,
     EpochChanged,
     FailureClassified,
     FailureReported,
@@ -34,6 +35,7 @@ from harness.contracts.events import (
     ObservationRecorded,
     OperatorRetryGranted,
     PacketRetained,
+    PartialCompletionReported,
     PreconditionRefused,
     RecoveryAuthorised,
     StopAcknowledged,
@@ -151,7 +153,8 @@ def follow(thread: MissionThread, event: MissionEvent) -> MissionThread:
             | InvocationEnded() | PreconditionRefused() | ObservationRecorded() | EpochChanged() | VetoRaised()
             | VetoCleared() | FailureClassified() | RecoveryAuthorised() | NodeFailed() | HandoffRequested()
             | HandoffAnswered() | OperatorRetryGranted() | MissionPaused() | MissionResumed() | StopRequested()
-            | StopAcknowledged() | GoalVerified() | CompletionReported() | FailureReported()
+            | StopAcknowledged() | GoalVerified() | CompletionReported() | FailureReported() | EffectDeclared()
+            | PartialCompletionReported()
             | AutonomySet() | ConstraintsTightened() | AttestationRecorded() | CompletionDisputed()
         ):  # fmt: skip
             return nxt

@@ -8,24 +8,30 @@ from harness.contracts import ids
 from harness.contracts.actors import Actor
 from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
 from harness.contracts.control import Autonomy, stricter
+from harness.contracts.effects import Condition
 from harness.contracts.events import DispatchIntended, StopAcknowledged, StopRequested
-from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
+from harness.contracts.evidence import CommittedFact, DeclaredEffect, EvidencePacket, EvidenceReference
 from harness.contracts.proposals import Signature
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.reasons import Explanation
-from harness.contracts.tasks import TaskContract, order
+from harness.contracts.rules import FIRST_RULES, RulesVersion
+from harness.contracts.tasks import TaskContract, order, rests_on
 from harness.contracts.values import Count, Value
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
 
 MissionStatus = Literal[
     "draft", "compiled", "awaiting_approval", "active", "paused", "awaiting_human", "stopping", "goal_check",
-    "succeeded", "failed", "cancelled", "safe_stopped", "handed_off",
+    "succeeded", "partly_verified", "failed", "cancelled", "safe_stopped", "handed_off",
 ]  # fmt: skip
-TERMINAL_MISSION: frozenset[str] = frozenset({"succeeded", "failed", "cancelled", "safe_stopped", "handed_off"})
+TERMINAL_MISSION: frozenset[str] = frozenset(
+    {"succeeded", "partly_verified", "failed", "cancelled", "safe_stopped", "handed_off"}
+)
 NodeStatus = Literal[
-    "pending", "eligible", "dispatched", "executed", "verifying", "committed", "rejected", "recovering", "escalated",
-    "failed", "superseded",
+    "pending", "eligible", "dispatched", "executed", "verifying", "committed", "declared", "rejected", "recovering",
+    "escalated", "failed", "superseded",
 ]  # fmt: skip
+SETTLED: frozenset[str] = frozenset({"committed", "declared"})
+"""What ends a dependency: accepted, or only declared where the evidence policy says so (D17)."""
 
 
 class Failure(Value):
@@ -78,6 +84,7 @@ class NodeState(Value):
     verdicts: tuple[NodeVerdict, ...] = ()
     rejections: tuple[str, ...] = ()
     committed_k: Count | None = None
+    declared_k: Count | None = None
     begun_at: Count = 0
     aborting: bool = False
     attested: tuple[EvidenceReference, ...] = ()
@@ -131,13 +138,16 @@ class Mission(Value):
     autonomy_limit: Autonomy = "autonomous"
     replay: bool = False
     trial: bool = False
+    channel: str | msgspec.UnsetType = msgspec.UNSET
     status: MissionStatus = "draft"
     contract: TaskContract | None = None
     policy: RecoveryPolicy | None = None
+    rules: RulesVersion = FIRST_RULES
     graph_revision: Count = 0
     nodes: dict[ids.NodeId, NodeState] = msgspec.field(default_factory=dict)
     invocation: Invocation | None = None
     facts: tuple[CommittedFact, ...] = ()
+    declared: tuple[DeclaredEffect, ...] = ()
     observed: tuple[EvidenceReference, ...] = ()
     vetoes: dict[str, Explanation] = msgspec.field(default_factory=dict)
     handoff_id: ids.HandoffId | None = None
@@ -153,6 +163,13 @@ class Mission(Value):
     @property
     def ended(self) -> bool:
         return self.status in TERMINAL_MISSION
+
+    @property
+    def goal_outcome(self) -> str:
+        """What is known of the goal: the newest goal verdict, or that it was verified in part only; empty before."""
+        if self.status == "partly_verified":
+            return self.status
+        return self.goal_verdict.verdict if self.goal_verdict else ""
 
     @property
     def level(self) -> Autonomy:
@@ -193,14 +210,14 @@ def required_policy(mission: Mission) -> RecoveryPolicy:
 
 
 def eligible(mission: Mission) -> tuple[ids.NodeId, ...]:
-    """Nodes that may be dispatched: every dependency committed, not merely finished (R11), in graph order."""
+    """Nodes that may be dispatched: every dependency settled, not merely finished (R11), in graph order."""
     contract = required_contract(mission)
     ready = []
     for node_id in order(contract):
         node, state = contract.node(node_id), mission.of(node_id)
-        settled = all(mission.of(dependency).status == "committed" for dependency in node.depends_on)
+        settled = all(mission.of(dependency).status in SETTLED for dependency in node.depends_on)
         salvage = node.runs_after_failure and all(
-            mission.of(dependency).status in ("committed", "failed", "pending") for dependency in node.depends_on
+            mission.of(dependency).status in (*SETTLED, "failed", "pending") for dependency in node.depends_on
         )
         open_to_start = state.status in ("pending", "recovering") and state.failure is None
         if open_to_start and (settled or (salvage and failed(mission))):
@@ -214,6 +231,31 @@ def failed(mission: Mission) -> bool:
     return any(node.required and mission.of(node.node_id).status == "failed" for node in contract.nodes)
 
 
-def all_required_committed(mission: Mission) -> bool:
+def all_required_settled(mission: Mission) -> bool:
+    """Whether every required node is committed, or declared where its evidence policy names the effect."""
     contract = required_contract(mission)
-    return all(mission.of(node.node_id).status == "committed" for node in contract.nodes if node.required)
+    return all(mission.of(node.node_id).status in SETTLED for node in contract.nodes if node.required)
+
+
+def declared_nodes(mission: Mission) -> frozenset[ids.NodeId]:
+    """The stages that ended with an effect which only its provider declares."""
+    return frozenset(node_id for node_id, state in mission.nodes.items() if state.status == "declared")
+
+
+def declared_goals(mission: Mission) -> tuple[Condition, ...]:
+    """The completion conditions that name a declared stage: they cannot be verified (D17)."""
+    nodes = declared_nodes(mission)
+    if not nodes or mission.contract is None:
+        return ()
+    own = [
+        condition.effect
+        for node in mission.contract.nodes
+        if node.node_id in nodes
+        for condition in node.success_conditions
+        if condition.condition_id in node.declared
+    ]
+    return tuple(
+        one
+        for one in mission.contract.completion_conditions
+        if rests_on(one.effect, nodes) or any(one.effect == effect for effect in own)
+    )

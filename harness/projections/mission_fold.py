@@ -37,11 +37,13 @@ def _folded(m: Mission, event: events.MissionEvent) -> Mission:
             return _created(m, event)
         case events.ContractCompiled():
             nodes = {node.node_id: NodeState(node_id=node.node_id) for node in event.contract.nodes}
-            return replace(m, contract=event.contract, policy=event.policy, status="compiled", nodes=nodes)
+            compiled = replace(m, contract=event.contract, policy=event.policy, status="compiled", nodes=nodes)
+            return replace(compiled, rules=event.rules)
         case events.ContractRecompiled():
             nodes = {node.node_id: NodeState(node_id=node.node_id) for node in event.contract.nodes}
             compiled = replace(m, contract=event.contract, policy=event.policy, status="compiled", nodes=nodes)
-            return replace(compiled, configuration=event.configuration, trial=event.trial, k=m.k + 1)
+            pinned = replace(compiled, configuration=event.configuration, rules=event.rules)
+            return replace(pinned, trial=event.trial, k=m.k + 1)
         case events.MissionActivated():
             return replace(m, status="active")
         case events.NodePlanned():
@@ -75,6 +77,8 @@ def _folded(m: Mission, event: events.MissionEvent) -> Mission:
                 aborting=event.aborting,
             )
             return replace(done, k=m.k + 1, facts=kept + event.facts)
+        case events.EffectDeclared():
+            return _declared(m, event)
         case events.CommitRejected():
             return _rejected(replace(m, k=m.k + 1), event)
         case events.ObservationRecorded():
@@ -134,7 +138,7 @@ def _folded(m: Mission, event: events.MissionEvent) -> Mission:
             return replace(m, goal_verdict=event.verdict, status="goal_check", relooks=m.relooks + again, k=m.k + again)
         case events.MissionEnded():
             return replace(m, status=event.status, reason=event.reason, invocation=None)
-        case events.CompletionReported() | events.FailureReported():
+        case events.CompletionReported() | events.PartialCompletionReported() | events.FailureReported():
             return replace(m, report=event.text)
         case _:
             assert_never(event)
@@ -154,6 +158,7 @@ def _created(m: Mission, event: events.MissionCreated) -> Mission:
         autonomy=event.autonomy,
         replay=event.replay,
         trial=event.trial,
+        channel=event.channel,
     )
 
 
@@ -208,6 +213,23 @@ def _retained(m: Mission, packet: EvidencePacket) -> Mission:
 def _judged(node: NodeState, event: events.VerdictRecorded) -> bool:
     packet = node.packets[-1] if node.packets else None
     return packet is not None and packet.identity.invocation_id == event.invocation_id
+
+
+def _declared(m: Mission, event: events.EffectDeclared) -> Mission:
+    """The stage is over without a fact; an abort-return is no stage, so that its effects are none of the mission's."""
+    status: NodeStatus = "superseded" if event.aborting else "declared"
+    over = _node(
+        m,
+        event.node_id,
+        status=status,
+        declared_k=m.k + 1,
+        failure=None,
+        waiting_for="",
+        aborting=event.aborting,
+    )
+    kept = tuple(fact for fact in m.facts if fact.condition_id not in event.withdrawn)
+    effects = m.declared if event.aborting else m.declared + event.effects
+    return replace(over, k=m.k + 1, facts=kept, declared=effects)
 
 
 def _rejected(m: Mission, event: events.CommitRejected) -> Mission:

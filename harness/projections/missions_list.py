@@ -3,13 +3,16 @@
 from collections.abc import Mapping
 from typing import Any
 
+from msgspec.structs import replace
+
 from harness.contracts.ids import NodeId
 from harness.contracts.read_models import HandoffItem, ListRow, MissionItem
 from harness.contracts.reasons import Explanation, Reason, because, plain
 from harness.contracts.tasks import order
 from harness.contracts.values import encode
 from harness.projections.handoffs import Handoff
-from harness.projections.mission import TERMINAL_MISSION, Mission
+from harness.projections.mission import SETTLED, TERMINAL_MISSION, Mission
+from harness.projections.readings import goal_in_words
 
 WAITING = frozenset({"awaiting_human", "awaiting_approval", "paused"})
 
@@ -28,7 +31,7 @@ def mission_row(mission: Mission, *, seq: int, began_s: float, ended_s: float | 
         robot_id=mission.robot_id,
         status=mission.status,
         stage=current_stage(mission),
-        verdict=mission.goal_verdict.verdict if mission.goal_verdict else "",
+        verdict=mission.goal_outcome,
         began_s=began_s,
         ended_s=ended_s,
         spent=mission.spent_total,
@@ -36,11 +39,14 @@ def mission_row(mission: Mission, *, seq: int, began_s: float, ended_s: float | 
         handoff_id=mission.handoff_id or "",
         k=mission.k,
     )
+    told = goal_in_words(contract) if contract else ""
+    if isinstance(told, Reason):
+        item = replace(item, reading=told)
     facets = {
         "status": item.status,
         "open": "no" if mission.ended else "yes",
         "waits": "yes" if item.status in WAITING else "",
-        "end": "otherwise" if item.status in TERMINAL_MISSION and item.status != "succeeded" else "",
+        "end": "otherwise" if item.status in TERMINAL_MISSION - {"succeeded", "partly_verified"} else "",
         "robot": item.robot_id,
         "template": item.template,
         "verdict": item.verdict,
@@ -131,9 +137,12 @@ def current_stage(mission: Mission) -> Reason:
         return because("not_compiled_yet")
     names = order(mission.contract)
     done = sum(mission.of(name).status == "committed" for name in names)
+    declared = sum(mission.of(name).status == "declared" for name in names)
     if done == len(names):
         return because("stages_accepted", count=len(names))
-    current = next((name for name in names if mission.of(name).status not in ("committed", "pending")), None)
+    if declared and done + declared == len(names):
+        return because("stages_accepted_in_part", done=done, count=len(names), declared=declared)
+    current = next((name for name in names if mission.of(name).status not in (*SETTLED, "pending")), None)
     if current is None:
         current = next(name for name in names if mission.of(name).status == "pending")
     return because("stage_of_mission", stage=current, number=names.index(current) + 1, count=len(names))

@@ -36,7 +36,7 @@ def revised(m: mission.Mission, event: GraphRevised) -> mission.Mission:
     )
     nodes[event.responsible] = replace(
         payer,
-        spends=(*payer.spends, spend),
+        spends=payer.spends if event.cause == "recovery" else (*payer.spends, spend),
         failure=None,
         begun_at=payer.attempt,
         status="recovering" if payer.status in ("rejected", "recovering", "escalated") else payer.status,
@@ -49,6 +49,7 @@ def revised(m: mission.Mission, event: GraphRevised) -> mission.Mission:
         graph_revision=event.revision,
         nodes=nodes,
         facts=tuple(fact for fact in m.facts if fact.node_id not in closed),
+        declared=tuple(effect for effect in m.declared if effect.node_id not in closed),
         history=(*m.history, *history),
     )
 

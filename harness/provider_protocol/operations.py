@@ -13,11 +13,18 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import ProviderFailed, UnknownName
 from harness.contracts.ids import Digest, RequestId
 from harness.contracts.ports import Provider, Robot
-from harness.contracts.protocol import InvocationReport, Observations, PhysicalStart, RobotStatus, StartRequest
+from harness.contracts.protocol import (
+    PROTOCOL,
+    InvocationReport,
+    Observations,
+    PhysicalStart,
+    RobotStatus,
+    StartRequest,
+)
 from harness.contracts.values import Value
 from harness.provider_protocol.wire import Problem
 
-VERSION = "1.0.0"
+VERSION = f"{PROTOCOL}.0"
 MOST_SAMPLES = 20_000
 Names = dict[str, str]
 

@@ -21,6 +21,7 @@ _WORDS: dict[str, FailureClass] = {
     "blocked": "no_progress",
     "blocked_passage": "no_progress",
     "unreachable": "no_progress",
+    "route_not_reachable": "no_progress",
     "nothing_found": "target_not_found",
     "passage_not_seen": "target_not_found",
     "poses_disagree": "ambiguous",

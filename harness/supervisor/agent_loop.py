@@ -4,6 +4,8 @@
 time needs no event loop. None means that nothing will change until a person answers or the mission has ended.
 """
 
+from msgspec.structs import replace
+
 from harness.contexts.verifier import goal_context
 from harness.contracts import commands
 from harness.contracts.contexts import Context
@@ -12,7 +14,7 @@ from harness.contracts.errors import ContextOverflow, ContractInvalid
 from harness.contracts.ids import MissionId, NodeId
 from harness.contracts.reasons import Explanation, because
 from harness.planning.planner import Plan
-from harness.projections.mission import Mission, NodeState, all_required_committed, eligible, failed
+from harness.projections.mission import Mission, NodeState, all_required_settled, eligible, failed
 from harness.runtime import Live, Runtime
 from harness.supervisor.dispatch import DispatchAttempt, Dispatcher
 from harness.supervisor.exploration import Explorer
@@ -20,6 +22,7 @@ from harness.supervisor.handoff_timeouts import HandoffTimeouts
 from harness.supervisor.handoffs import HandoffService
 from harness.supervisor.invocation_monitor import POLL_S, InvocationMonitor
 from harness.supervisor.leases import SUPERVISOR, expired
+from harness.supervisor.measurements import IndependentMeasurements
 from harness.supervisor.observations import ObservationBuffer
 from harness.supervisor.pinned_configurations import begin
 from harness.supervisor.recovery import Recovery
@@ -42,6 +45,7 @@ class AgentLoop:
         self._connection = connection
         self._observations = ObservationBuffer(runtime=runtime, connection=connection)
         self._roles = RoleContexts(runtime=runtime, connection=connection, observations=self._observations)
+        self._measurements = IndependentMeasurements(self._roles)
         self._dispatcher = Dispatcher(self._roles)
         self.handoff_service = HandoffService(self._roles, self._dispatcher)
         self.handoff_timeouts = HandoffTimeouts(self._roles)
@@ -117,7 +121,7 @@ class AgentLoop:
             mission = self._runtime.mission(self.mission_id)
         if eligible(mission):
             return self._dispatch(mission, now_s)
-        if all_required_committed(mission):
+        if all_required_settled(mission):
             return self._judge(mission, now_s)
         if failed(mission):
             self._recovery.give_up(mission)
@@ -196,7 +200,8 @@ class AgentLoop:
             self._relook_s = self._relook_s or now_s + RELOOK_S
             if now_s < self._relook_s:
                 return min(now_s + POLL_S, self._relook_s)
-        context = goal_context(self._roles.view(mission))
+        measured = self._measurements.of_goal(mission)
+        context = goal_context(replace(self._roles.view(mission), measured=measured))
         verdict = verify_goal(context, self._runtime.blob)
         self._runtime.submit(
             mission.mission_id, commands.JudgeGoal(verdict=verdict), records=(context_record(context),)

@@ -4,26 +4,32 @@ It starts nothing itself: an admitted target becomes a revision of the contract,
 like any other stage. When nothing is left to choose, the stage that waited for it continues.
 """
 
+from msgspec import convert
+
+from harness.contexts.view import forbidden_m
 from harness.contracts import exploration
 from harness.contracts.commands import RecordObservation
 from harness.contracts.decisions import Accepted
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import Digest, NodeId
-from harness.contracts.observations import Pose, Trajectory
+from harness.contracts.observations import Trajectory
 from harness.contracts.revision_commands import ReviseContract
 from harness.contracts.tasks import Node
 from harness.contracts.values import Point, decode, encode
-from harness.exploration.frontiers import frontiers
+from harness.exploration.frontiers import edges
 from harness.exploration.grid import area_m2, changed_m2, merged, unexplored, usable
 from harness.exploration.paths import Ways
 from harness.exploration.targets import answered
-from harness.planning.targets import EXPLORES, exploring, extended
-from harness.projections.exploration import MAP, feedback, newest_image, unmapped, updates, views
+from harness.planning.targets import COVERAGE, EXPLORES, REGION, exploring, extended
+from harness.projections.exploration import MAP, choices, feedback, newest_image, unmapped, updates, views
+from harness.projections.floor import coverage
 from harness.projections.mission import Mission, eligible, required_contract
 from harness.recovery.state import left_now, left_of
 from harness.supervisor.roles import RoleContexts, record
 
-LONGEST_WAY_M = 12.0
+LONGEST_WAY_M = 30.0
+FRUITLESS, LEAST_NEW_M2 = 3, 0.4
+"""After so many targets in a row that opened less floor than this, more of them would not show more."""
 
 
 class Explorer:
@@ -47,12 +53,14 @@ class Explorer:
             self._draw(mission, fresh)
             mission = self._runtime.mission(mission.mission_id)
         closing = exploring(required_contract(mission))
-        position = self._position()
+        position = self._roles.position()
         image = newest_image(mission)
         known = updates(mission)
-        if closing is None or position is None or image is None or not known or _enough(mission, closing):
+        if closing is None or position is None or image is None or not known:
             return False
         grid = decode(self._runtime.blob(known[-1][1].after), exploration.GridMap)
+        if _enough(mission, closing, grid):
+            return False
         question = self._question(mission, closing, grid=grid, position=position, image=image)
         if not question.left:
             return False
@@ -95,14 +103,18 @@ class Explorer:
         self._runtime.submit(mission.mission_id, update)
 
     def _unexplored(self, mission: Mission) -> exploration.GridMap:
-        return unexplored(self._runtime.site_of(mission), map_version=required_contract(mission).map_version)
+        contract = required_contract(mission)
+        closing = exploring(contract)
+        stated = closing.parameters.get(REGION, ()) if closing else ()
+        region_m = convert(stated, exploration.Region) if stated else ()
+        return unexplored(self._runtime.site_of(mission), map_version=contract.map_version, region_m=region_m)
 
     def _question(
         self, mission: Mission, closing: Node, *, grid: exploration.GridMap, position: Point, image: Digest
     ) -> exploration.TargetQuestion:
         contract, site = required_contract(mission), self._runtime.site_of(mission)
         state = mission.of(closing.node_id)
-        keep_out = tuple(one.region_m for one in site.places if one.place_id in contract.constraints.keep_out)
+        keep_out = tuple(forbidden_m(site, contract.constraints.keep_out).values())
         left = min(*left_now(mission, closing.node_id), left_of(closing.recovery, state.spends)["local_replan"])
         return exploration.TargetQuestion(
             mission_id=mission.mission_id,
@@ -115,7 +127,7 @@ class Explorer:
             position_m=position,
             image=image,
             map=updates(mission)[-1][1].after,
-            frontiers=frontiers(grid, Ways(grid, position, keep_out_m=keep_out)),
+            frontiers=edges(grid, Ways(grid, position, keep_out_m=keep_out)),
             feedback=feedback(mission),
             left=left,
             longest_way_m=LONGEST_WAY_M,
@@ -149,16 +161,22 @@ class Explorer:
         )
         return isinstance(self._runtime.submit(mission.mission_id, command, records=(asked, said)), Accepted)
 
-    def _position(self) -> Point | None:
-        """Where the localiser last saw the body, which is at rest between two stages; None if it has not recently."""
-        poses = [one for one in self._roles.observations.recent if isinstance(one, Pose)]
-        return (poses[-1].x_m, poses[-1].y_m) if poses else None
+
+def _enough(mission: Mission, closing: Node, grid: exploration.GridMap) -> bool:
+    """Whether the share of the floor is seen, or the views are accepted, that the contract wants.
+
+    The last view is still to be taken then.
+    """
+    share, count = closing.parameters.get(COVERAGE), closing.parameters.get(EXPLORES)
+    if isinstance(share, int | float) and not isinstance(share, bool):
+        return coverage(grid).share >= share or _nothing_new(mission)
+    return isinstance(count, int | float) and not isinstance(count, bool) and len(views(mission)) >= count
 
 
-def _enough(mission: Mission, closing: Node) -> bool:
-    """Whether as many views are accepted as the contract requires, the last one still to be taken."""
-    wanted = closing.parameters[EXPLORES]
-    return isinstance(wanted, int | float) and not isinstance(wanted, bool) and len(views(mission)) >= wanted
+def _nothing_new(mission: Mission) -> bool:
+    """Whether the last targets, one after the other, opened no floor worth a way."""
+    changes = [change for leg, change in updates(mission) if leg in choices(required_contract(mission))][-FRUITLESS:]
+    return len(changes) == FRUITLESS and all(change.opened_m2 < LEAST_NEW_M2 for change in changes)
 
 
 def _followed(packets: tuple[EvidencePacket, ...]) -> NodeId:

@@ -2,17 +2,21 @@
 
 from typing import Literal
 
+from msgspec import UNSET
+
 from harness.contracts import commands, protocol
+from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContextOverflow, ProviderFailed, ProviderUnreachable
 from harness.contracts.events import DispatchIntended, NodeCommitted
 from harness.contracts.ids import InvocationId, handoff_stream, mission_stream
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.gate.commit import CommandEnvelope
-from harness.projections.mission import Invocation, Mission
+from harness.projections.mission import Invocation, Mission, required_contract
 from harness.runtime import Live
 from harness.supervisor.approvals import clear_to_send, withdraw
 from harness.supervisor.leases import Held, Sent, give_back, holds
+from harness.supervisor.measurements import IndependentMeasurements
 from harness.supervisor.packets import build_packet
 from harness.supervisor.roles import RoleContexts, context_record
 from harness.supervisor.standstill import at_rest
@@ -43,6 +47,7 @@ class InvocationMonitor:
         self._roles = roles
         self._runtime = roles.runtime
         self._connection = roles.connection
+        self._measurements = IndependentMeasurements(roles)
         self._handles: dict[InvocationId, str] = {}
         self._sent = {found.intent.invocation_id} if found else set[InvocationId]()
         self._ended_since: float | None = None
@@ -96,7 +101,7 @@ class InvocationMonitor:
         if known is None and (refused := clear_to_send(self._runtime, mission, invocation)):
             return refused
         self._sent.add(intent.invocation_id)
-        report = own(known or provider.start(_request(mission, intent)), intent)
+        report = own(known or provider.start(_request(mission, intent, provider.card)), intent)
         self._accepted(mission, intent, report)
         return report
 
@@ -180,6 +185,8 @@ class InvocationMonitor:
             return now_s + POLL_S
         until_s = report.at_s if mission.replay else now_s
         samples = [one for one in self._connection.spool.samples(intent.invocation_id) if one.at_s <= until_s]
+        card = self._connection.provider(intent.provider_id).card
+        self._roles.observations.keep_receipts(report.receipts)
         packet = build_packet(
             mission,
             invocation,
@@ -187,9 +194,10 @@ class InvocationMonitor:
             samples=samples,
             observations=self._roles.observations,
             collected_s=until_s,
+            protocol=protocol.version_of(card.protocol),
+            measured=self._measurements.of_invocation(mission, invocation, report=report, until_s=until_s),
         )
         try:
-            card = self._connection.provider(intent.provider_id).card
             c3, verdict = judgement(self._roles, mission, packet, card=card)
         except ContextOverflow as error:
             self._abandon(mission, invocation, failure="verifier_unavailable", reason=error.reason)
@@ -284,7 +292,8 @@ def own(report: protocol.InvocationReport, intent: Sent) -> protocol.InvocationR
     return report
 
 
-def _request(mission: Mission, intent: DispatchIntended) -> protocol.StartRequest:
+def _request(mission: Mission, intent: DispatchIntended, card: CapabilityCard) -> protocol.StartRequest:
+    """The request as it is sent; only a provider whose protocol knows of proposals is told the intended effects."""
     identity = protocol.InvocationIdentity(
         mission_id=mission.mission_id,
         node_id=intent.node_id,
@@ -301,4 +310,12 @@ def _request(mission: Mission, intent: DispatchIntended) -> protocol.StartReques
         deadline_s=intent.deadline_s,
         fencing=intent.resources,
         blobs=intent.blobs,
+        intended=_intended(mission, intent) if protocol.proposes_facts(card.protocol) else UNSET,
+    )
+
+
+def _intended(mission: Mission, intent: DispatchIntended) -> tuple[protocol.IntendedEffect, ...]:
+    node = required_contract(mission).node(intent.node_id)
+    return tuple(
+        protocol.IntendedEffect(condition_id=one.condition_id, effect=one.effect) for one in node.success_conditions
     )

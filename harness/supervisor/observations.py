@@ -7,10 +7,10 @@ from statistics import median
 from typing import assert_never
 
 from harness.contracts import observations
-from harness.contracts.errors import ProviderUnreachable
+from harness.contracts.errors import BlobDamaged, ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.evidence import EvidenceReference
-from harness.contracts.ids import InvocationId
-from harness.contracts.protocol import RobotStatus
+from harness.contracts.ids import InvocationId, sha256
+from harness.contracts.protocol import Receipt, RobotStatus
 from harness.contracts.values import encode
 from harness.runtime import Runtime
 from harness.supervisor.robot_connection import RobotConnection
@@ -79,6 +79,18 @@ class ObservationBuffer:
             map_version=maps.pop() if len(maps) == 1 else "",
         )
         return reference, trajectory
+
+    def keep_receipts(self, receipts: Iterable[Receipt]) -> None:
+        """Fetch the bytes that receipts name. What the provider no longer holds, or holds otherwise, stays missing."""
+        for receipt in receipts:
+            if receipt.blob is None or self._runtime.has_blob(receipt.blob):
+                continue
+            try:
+                body = self._connection.robot.blob(receipt.blob)
+            except (BlobDamaged, UnknownName, ProviderFailed):
+                continue
+            if sha256(body) == receipt.blob:
+                self._runtime.keep(body)
 
     def _keep_blobs(self, samples: list[observations.AnySample]) -> None:
         for sample in samples:

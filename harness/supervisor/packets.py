@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from msgspec.structs import replace
 
 from harness.contracts.events import DispatchIntended
-from harness.contracts.evidence import EvidencePacket, EvidenceReference, PacketIdentity, ProposedFact
+from harness.contracts.evidence import EvidencePacket, EvidenceReference, PacketIdentity
 from harness.contracts.ids import packet_id
 from harness.contracts.observations import AnySample, Image
 from harness.contracts.protocol import InvocationReport
 from harness.contracts.reasons import Explanation
-from harness.projections.mission import Invocation, Mission, required_contract
+from harness.projections.mission import Invocation, Mission
 from harness.supervisor.observations import ObservationBuffer, image_reference
 
 
@@ -22,8 +22,14 @@ def build_packet(
     samples: Sequence[AnySample],
     observations: ObservationBuffer,
     collected_s: float,
+    protocol: str,
+    measured: Sequence[EvidenceReference] = (),
 ) -> EvidencePacket:
-    """Z = (I, k_ctx, O_before, O_after, P, proposed facts). The identity is the provider's own echo, not ours."""
+    """Z = (I, k_ctx, O_before, O_after, P, proposed facts). Identity and proposals are the provider's own, never ours.
+
+    `protocol` is the version of the provider protocol that the provider speaks. `measured` is what independent
+    sources found.
+    """
     intent = invocation.intent
     estimates: tuple[EvidenceReference, ...] = ()
     after: tuple[EvidenceReference, ...] = ()
@@ -32,7 +38,6 @@ def build_packet(
         tail, _ = observations.seal([s for s in samples if s.at_s >= report.at_s - 1.0], source="robot")
         estimates, after = (trajectory,), (replace(tail, kind="after"),)
     images = tuple(image_reference(sample) for sample in samples if isinstance(sample, Image))
-    node = required_contract(mission).node(intent.node_id)
     return EvidencePacket(
         identity=PacketIdentity(
             mission_id=report.identity.mission_id,
@@ -53,15 +58,13 @@ def build_packet(
         failure=_failure_word(invocation, report),
         declared=report.declared,
         before=intent.before,
-        after=(*images, *after, *_attested(mission, intent)),
+        after=(*images, *after, *measured, *_attested(mission, intent)),
         estimates=estimates,
-        proposed=tuple(
-            ProposedFact(name=condition.effect.predicate, arguments=dict(report.declared))
-            for condition in node.success_conditions
-        ),
+        proposed=report.proposed_facts,
         receipts=report.receipts,
         cites=intent.cites,
         verify_only=intent.verify_only,
+        protocol=protocol,
     )
 
 

@@ -36,22 +36,30 @@ def begin(runtime: Runtime, mission: Mission) -> Accepted[AnyEvent] | Refused:
 
 def _again(runtime: Runtime, mission: Mission, current: Digest) -> Accepted[AnyEvent] | Refused:
     configuration = runtime.stored_configuration(current)
+    contract = _recompiled(runtime, mission, configuration)
     command = RecompileContract(
         configuration=current,
-        contract=_recompiled(runtime, mission, configuration),
+        contract=contract,
         policy=configuration.recovery,
         trial=runtime.on_trial(current),
+        rules=mission.rules if contract == mission.contract else runtime.rules,
     )
     return runtime.submit(mission.mission_id, command, records=(runtime.configuration_record(current),))
 
 
 def _recompiled(runtime: Runtime, mission: Mission, configuration: Configuration) -> TaskContract:
-    """The goal compiled with the version's own template; a template outside the versions is the same in all."""
+    """The goal compiled with the version's own template; a template outside the versions is the same in all.
+
+    A mission with a reading is compiled from it; one of an earlier release as it was begun (D62).
+    """
+    again = runtime.compiled_under(mission, configuration)
+    if again is not None:
+        return again
     contract = required_contract(mission)
     if mission.template not in {template.name for template in runtime.configuration_of(mission).templates}:
         return contract
     template = by_name(mission.template, configuration.templates)
-    return compile_again(contract, template=template, site=runtime.site)
+    return compile_again(contract, template=template, site=runtime.site, rules=runtime.rules)
 
 
 def check_readable(runtime: Runtime, mission: Mission) -> None:

@@ -1,7 +1,7 @@
 """A connected robot with its providers, its clock and the roles that serve it."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from harness.contracts import ports
 from harness.contracts.capabilities import CapabilityCard
@@ -21,7 +21,8 @@ class RobotConnection:
     `prepare` tells a simulated world which mission begins; a real robot ignores it. `revive` tries to bring back a
     robot that does not answer, and says whether it did. `verifier` judges packets, `planner` proposes what comes next
     and `proposer` where to explore; none of them decides anything. `camera` is its live camera and `hand` its
-    teleoperation interface, where the robot has such.
+    teleoperation interface, where the robot has such. `origins`: the process or address behind each provider and each
+    source of samples. `sources` measure, without the providers, what a stage left.
     """
 
     robot_id: RobotId
@@ -39,6 +40,8 @@ class RobotConnection:
     proposer: Proposer = NEAREST_EDGE
     camera: ports.LiveCamera | None = None
     hand: ports.Teleoperable | None = None
+    origins: Mapping[str, str] = field(default_factory=dict)
+    sources: tuple[ports.IndependentSource, ...] = ()
 
     def provider(self, provider_id: ProviderId) -> ports.Provider:
         """Raises UnknownName for a provider that is no longer there."""

@@ -42,7 +42,7 @@ class Teleoperation:
         self._runtime = runtime
         self._connections = connections
         self._turned_s: dict[ids.RequestId, float] = {}
-        self._worker = Worker("wheel", self._look, every_s=LOOK_S, close_within_s=SETTLE_WITHIN_S)
+        self._worker = Worker("teleoperation", self._look, every_s=LOOK_S, close_within_s=SETTLE_WITHIN_S)
 
     def watch(self) -> None:
         """Start the background watch: a session without orders for IDLE_S of wall time is ended."""

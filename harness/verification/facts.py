@@ -1,23 +1,45 @@
 """Derives the facts that a satisfied verdict would establish. Pure: it proposes; only the gate commits (R29, R113)."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from harness.contracts import effects
-from harness.contracts.evidence import CommittedFact, EvidencePacket
+from harness.contracts.evidence import CommittedFact, DeclaredEffect, EvidencePacket
+from harness.contracts.protocol import ProposedFact
+from harness.contracts.rules import FIRST_RULES, LINEAGE, RulesVersion
 from harness.contracts.tasks import Node
 from harness.contracts.values import Count
 from harness.contracts.verdicts import ConditionResult, NodeVerdict
+from harness.projections.proposals import proposed, written_by_harness
 
 
-def facts_of(verdict: NodeVerdict, *, packet: EvidencePacket, node: Node, k: Count) -> tuple[CommittedFact, ...]:
-    """One fact per satisfied condition, named as its predicate, with the values that later nodes bind.
+def facts_of(
+    verdict: NodeVerdict,
+    *,
+    packet: EvidencePacket,
+    node: Node,
+    k: Count,
+    proposals: Sequence[ProposedFact] = (),
+    rules: RulesVersion = FIRST_RULES,
+) -> tuple[CommittedFact, ...]:
+    """One fact per satisfied condition that a provider proposed, with the values that later nodes bind.
+
+    The values are those that were tested, never the provider's. In a packet of a release whose harness wrote the
+    proposals itself, every condition counts as proposed.
+
+    From the rules on that trace levels, each fact keeps the level that it was accepted at.
 
     panorama: frames, yaws_rad (index, heading in map), position, heading_rad. analysis_of: report, frames, text (the
-    harness's own words from the report's numbers). delivered: frames, images (how many), text_digest.
+    harness's own words from the report's numbers). passage_checked: the same, and region_m.
+    delivered, message_stored: frames, images (how many), text_digest.
     pictured: images. same_image: images (the one that both share), report. transcript: digest. played: sound.
     arrival, circuit: frame, map_version, target_m, tolerance_m.
     """
-    declared = {condition.condition_id: condition for condition in node.success_conditions}
+    declared = {
+        condition.condition_id: condition
+        for condition in node.success_conditions
+        if written_by_harness(packet) or proposed(condition, proposals)
+    }
     return tuple(
         CommittedFact(
             name=declared[result.condition_id].effect.predicate,
@@ -29,9 +51,33 @@ def facts_of(verdict: NodeVerdict, *, packet: EvidencePacket, node: Node, k: Cou
             at_s=packet.terminal_s,
             arguments=_arguments(declared[result.condition_id], result),
             measured=result.measured,
+            independence=result.independence if rules >= LINEAGE else None,
         )
         for result in verdict.results
         if result.verdict == "satisfied" and result.condition_id in declared
+    )
+
+
+def declared_effects_of(verdict: NodeVerdict, *, packet: EvidencePacket, node: Node) -> tuple[DeclaredEffect, ...]:
+    """The effects that the node's evidence policy lets stand on the provider's word, where only that word shows them.
+
+    Nothing that was refuted, and nothing that lacks mandatory evidence.
+    """
+    conditions = {one.condition_id: one for one in node.success_conditions if one.condition_id in node.declared}
+    return tuple(
+        DeclaredEffect(
+            name=condition.effect.predicate,
+            node_id=node.node_id,
+            condition_id=result.condition_id,
+            text=condition.text,
+            packet_id=packet.identity.packet_id,
+            at_s=packet.terminal_s,
+            arguments=_arguments(condition, result),
+            measured=result.measured,
+        )
+        for result in verdict.results
+        if (condition := conditions.get(result.condition_id)) is not None
+        if result.verdict == "ambiguous" and result.short is True
     )
 
 
@@ -60,9 +106,14 @@ def _arguments(condition: effects.Condition, result: ConditionResult) -> dict[st
             return {"images": list(result.evidence)}
         case effects.Visual():
             return {"report": result.evidence[0], "frames": list(result.evidence[1:])}
-        case effects.Relational(predicate="same_image") as effect:
+        case effects.Relational(predicate="same_image" | "kept_picture") as effect:
             image, report = result.evidence
             return {"subject": effect.subject, "object": effect.object, "images": [image], "report": report}
+        case effects.Relational(predicate="passage_checked") as effect:
+            report, *rest = result.evidence
+            named = {"subject": effect.subject, "object": effect.object, "report": report, "frames": rest[:-1]}
+            region_m = [list(point) for point in effect.region_m]
+            return {**named, "text": finding_in_words(result.measured), "region_m": region_m}
         case effects.Relational() as effect if effect.predicate != "analysis_of":
             return {"relation": effect.relation, "subject": effect.subject, "object": effect.object}
         case effects.Relational() as effect:
@@ -90,11 +141,14 @@ def _panorama(result: ConditionResult) -> dict[str, Any]:
 
 def _symbolic(effect: effects.Symbolic, result: ConditionResult) -> dict[str, Any]:
     match effect.predicate:
-        case "delivered":
+        case "delivered" | "message_stored":
             *images, text = result.evidence
             return {"frames": images, "images": len(images), "text_digest": text}
-        case "transcript":
+        case "transcript" | "recorded_request":
             return {"digest": result.evidence[0]}
+        case "heard":
+            sound, recognition = result.evidence
+            return {**effect.arguments, "sound": sound, "recognition": recognition}
         case "played":
             return {"sound": result.evidence[0]}
         case _:

@@ -10,6 +10,10 @@ from harness.contracts.verdicts import PRECEDENCE, PredicateVerdict
 RECEIPTS = "receipts"
 """The name of the provider's own word among a finding's sources: alone it is independence level 0 (D17)."""
 
+SUPERVISOR, FACTS = "supervisor", "accepted facts"
+BOOKKEEPING = (SUPERVISOR, FACTS)
+"""The harness's own records among a finding's sources: they show what was recorded, never what is so in the world."""
+
 UNAVAILABLE = "unavailable"
 """The name of the verifier where none could answer: it was absent, crashed or late (R45)."""
 

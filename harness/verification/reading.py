@@ -1,6 +1,6 @@
 """Reads C3 for the verifier: typed records, checked blobs and tracks. Raises Undecidable for what it cannot read."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any, TypeVar, cast
@@ -11,13 +11,14 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import Blobs, Context, ContextRecord
 from harness.contracts.effects import Condition
 from harness.contracts.errors import HarnessError
-from harness.contracts.evidence import CommittedFact, EvidenceReference
-from harness.contracts.ids import Digest, sha256
+from harness.contracts.evidence import CommittedFact, DeclaredEffect, EvidenceReference
+from harness.contracts.ids import Digest, NodeId, sha256
 from harness.contracts.observations import Odometry, Pose, Trajectory
 from harness.contracts.protocol import Receipt
 from harness.contracts.reasons import Reason, because
 from harness.contracts.verifier_inputs import CommittedNode, Execution, RecentSamples, VerificationPolicy
 from harness.verification.finding import Undecidable
+from harness.verification.independence import Lineage
 
 T = TypeVar("T")
 FUTURE_S = 0.05
@@ -58,6 +59,9 @@ class Evidence:
     context: Context
     blobs: Blobs
     until_s: float | None = None
+    scope: str = ""
+    lineage: Lineage = field(default_factory=Lineage, compare=False, repr=False)
+    """Which accepted facts were read since it was last cleared."""
     found: dict[Hashable, Any] = field(default_factory=dict, compare=False, repr=False)
     """What was computed of this evidence before: it does not change, and several conditions ask the same of it."""
 
@@ -70,7 +74,14 @@ class Evidence:
 
     def at(self, instant_s: float) -> "Evidence":
         """The same evidence as it stood at an earlier instant: nothing younger is seen (R14)."""
-        return Evidence(self.context, self.blobs, until_s=instant_s)
+        return Evidence(self.context, self.blobs, until_s=instant_s, scope=self.scope, lineage=self.lineage)
+
+    def within(self, name: str) -> "Evidence":
+        """The same evidence without facts of other clauses, for a condition of that name: `2.goal.linked` is of 2."""
+        scope = scope_of(name)
+        if scope == self.scope:
+            return self
+        return Evidence(self.context, self.blobs, until_s=self.until_s, scope=scope, lineage=self.lineage)
 
     @cached_property
     def conditions(self) -> tuple[Condition, ...]:
@@ -97,10 +108,28 @@ class Evidence:
         record = self.context.one("card")
         return (read(record, CapabilityCard).sources or None) if record else None
 
-    @cached_property
+    @property
     def facts(self) -> tuple[CommittedFact, ...]:
+        """All accepted facts of the context: whoever reads them builds on each of them."""
+        for fact in self._facts:
+            self.lineage.note(fact.condition_id, fact.independence)
+        return self._facts
+
+    @cached_property
+    def _facts(self) -> tuple[CommittedFact, ...]:
         record = self.context.one("facts")
-        return read(record, tuple[CommittedFact, ...]) if record else ()
+        every = read(record, tuple[CommittedFact, ...]) if record else ()
+        return tuple(one for one in every if not self.scope or scope_of(one.node_id) in ("", self.scope))
+
+    def build_on(self, nodes: Iterable[NodeId]) -> None:
+        """Note that an answer rests on these stages: on their accepted facts, or on effects that are only declared."""
+        wanted = set(nodes)
+        for fact in self._facts:
+            if fact.node_id in wanted:
+                self.lineage.note(fact.condition_id, fact.independence)
+        for effect in self.declared_effects:
+            if effect.node_id in wanted:
+                self.lineage.note(effect.condition_id, 0)
 
     @cached_property
     def receipts(self) -> tuple[Receipt, ...]:
@@ -118,9 +147,28 @@ class Evidence:
         found = [read(record, EvidenceReference) for record in self.context.all("image")]
         return tuple(sorted(found, key=lambda image: image.from_s))
 
+    def measured(self, kind: str) -> tuple[EvidenceReference, ...]:
+        """What an independent source measured, oldest first; nothing younger than what the evidence speaks of."""
+        found = [read(record, EvidenceReference) for record in self.context.all(kind)]
+        return tuple(sorted((one for one in found if one.from_s <= self.speaks_at_s), key=lambda one: one.from_s))
+
     @cached_property
     def nodes(self) -> tuple[CommittedNode, ...]:
-        return tuple(read(record, CommittedNode) for record in self.context.all("node"))
+        """The accepted stages."""
+        return tuple(node for node in self.ended if not node.declared)
+
+    @cached_property
+    def ended(self) -> tuple[CommittedNode, ...]:
+        """The accepted stages, and those that are only declared."""
+        single = (read(record, CommittedNode) for record in self.context.all("node"))
+        listed = (read(record, tuple[CommittedNode, ...]) for record in self.context.all("nodes"))
+        return (*single, *(node for nodes in listed for node in nodes))
+
+    @cached_property
+    def declared_effects(self) -> tuple[DeclaredEffect, ...]:
+        """What only its provider declares, with the mission's consent."""
+        record = self.context.one("declared_effects")
+        return read(record, tuple[DeclaredEffect, ...]) if record else ()
 
     @cached_property
     def tracks(self) -> tuple[AdmittedTrack, ...]:
@@ -130,6 +178,8 @@ class Evidence:
         for record in self.context.all("trajectory"):
             reference = read(record, EvidenceReference)
             (current if reference.values.get("role") == "current" else cited).append(reference)
+        for record in self.context.all("tracks"):
+            cited.extend(read(record, tuple[EvidenceReference, ...]))
         found = [self._track([one], current=False) for one in cited]
         return (*sorted(found, key=lambda track: track.dispatched_s), *self._now(current))
 
@@ -169,14 +219,32 @@ class Evidence:
 
     def fact(self, name: str, *, node_id: str = "") -> CommittedFact:
         """The newest committed fact of that name (of that node). Raises Undecidable if there is none."""
-        found = [one for one in self.facts if one.name == name and node_id in ("", one.node_id)]
+        found = [one for one in self._facts if one.name == name and node_id in ("", one.node_id)]
         if not found:
             raise Undecidable(
                 because("no_accepted_fact_of_stage", name=name, stage=node_id)
                 if node_id
                 else because("no_accepted_fact", name=name)
             )
-        return max(found, key=lambda one: one.k)
+        newest = max(found, key=lambda one: one.k)
+        self.lineage.note(newest.condition_id, newest.independence)
+        return newest
+
+    def newest_fact(self, names: Sequence[str], *, node_id: str = "") -> CommittedFact:
+        """The newest committed fact of any of these names (of that node). Raises Undecidable if there is none."""
+        found = [one for one in self._facts if one.name in names and node_id in ("", one.node_id)]
+        if not found:
+            raise Undecidable(because("no_accepted_fact", name=names[0]))
+        newest = max(found, key=lambda one: one.k)
+        self.lineage.note(newest.condition_id, newest.independence)
+        return newest
+
+    def facts_of(self, *, node_id: str = "", names: Sequence[str] = ()) -> tuple[CommittedFact, ...]:
+        """The accepted facts of a node, or of these names, or both: an answer that reads them rests on them."""
+        found = [one for one in self._facts if node_id in ("", one.node_id) and (not names or one.name in names)]
+        for fact in found:
+            self.lineage.note(fact.condition_id, fact.independence)
+        return tuple(found)
 
     def _now(self, references: Sequence[EvidenceReference]) -> list[AdmittedTrack]:
         record = self.context.one("observations")
@@ -217,6 +285,12 @@ class Evidence:
         if record is None:
             raise Undecidable(because("context_lacks", kind=kind))
         return read(record, of)
+
+
+def scope_of(name: str) -> str:
+    """The part of a composite mission that a stage or condition belongs to: `2` of `2.go`; empty for all others."""
+    head, dot, _ = name.partition(".")
+    return head if dot and head.isdecimal() else ""
 
 
 @lru_cache(maxsize=4)

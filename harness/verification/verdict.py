@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from harness.contracts import verdicts
@@ -9,10 +10,14 @@ from harness.contracts.contexts import Blobs, Context
 from harness.contracts.effects import Condition
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.evidence import EvidenceReference
+from harness.contracts.ids import NodeId
 from harness.contracts.reasons import Reason, because, several
+from harness.contracts.rules import FIRST_RULES, LINEAGE, RulesVersion
+from harness.contracts.tasks import named_nodes
+from harness.contracts.verifier_inputs import Origins
 from harness.verification.admission import missing, stale, unsafe
-from harness.verification.finding import UNAVAILABLE, Finding, Undecidable, ambiguous
-from harness.verification.independence import independence, labelled
+from harness.verification.finding import FACTS, RECEIPTS, UNAVAILABLE, Finding, Undecidable, ambiguous
+from harness.verification.independence import derived_independence, independence, labelled
 from harness.verification.predicates.registry import predicate_of
 from harness.verification.reading import Evidence, read
 
@@ -89,16 +94,27 @@ def _results(evidence: Evidence) -> tuple[tuple[verdicts.ConditionResult, bool],
         conditions = evidence.conditions
     except Undecidable as error:
         raise ContractInvalid(error.reason, where="context", do=because("compile_context_again")) from error
-    found = [(condition, *_found(condition, evidence)) for condition in conditions]
-    return tuple((_result(condition, evidence, finding), broken) for condition, finding, broken in found)
+    results = []
+    for condition in conditions:
+        own = evidence.within(condition.condition_id)
+        own.lineage.levels.clear()
+        finding, broken = _found(condition, own)
+        results.append((_result(condition, own, finding), broken))
+    return tuple(results)
 
 
 def _result(condition: Condition, evidence: Evidence, finding: Finding) -> verdicts.ConditionResult:
-    level = independence(finding.sources, provider=_or_none(evidence))
+    """The result of a predicate's answer, whose lineage the evidence still holds."""
+    traced = _rules(evidence) >= LINEAGE
+    declared = _declared_stages(condition, evidence) if traced else ()
+    level = _level(finding, evidence) if traced else independence(finding.sources, provider=_or_none(evidence))
     level, finding = _attested(condition, finding, evidence, level=level)
     required = _required(condition, evidence)
     labelling = replace(finding, reason=labelled(finding, level=level, required=required))
+    if declared and finding.verdict == "ambiguous":
+        labelling = replace(finding, reason=because("rests_on_declared", stages=declared, reason=finding.reason))
     verdict, reason = _admitted(labelling, evidence, short=level < required)
+    only_short = traced and finding.verdict == "satisfied" and verdict == "ambiguous" and reason == labelling.reason
     return verdicts.ConditionResult(
         condition_id=condition.condition_id,
         text=condition.text,
@@ -111,7 +127,40 @@ def _result(condition: Condition, evidence: Evidence, finding: Finding) -> verdi
         required_independence=required,
         age_s=finding.age_s,
         evidence=finding.evidence,
+        short=True if only_short else UNSET,
+        rests_on=tuple(sorted(evidence.lineage.levels)) if traced and evidence.lineage.levels else UNSET,
     )
+
+
+def _level(finding: Finding, evidence: Evidence) -> int:
+    """Of the goal nobody is the provider: the receipts there are those of the stages, as well shown as these are."""
+    sources = finding.sources
+    if RECEIPTS in sources and evidence.context.one("execution") is None:
+        said = {receipt.request_id for receipt in evidence.receipts}
+        evidence.build_on(node.node_id for node in evidence.ended if said & set(node.requests))
+        sources = tuple(source for source in sources if source != RECEIPTS)
+    if FACTS in sources and not evidence.lineage.levels:
+        return 0
+    try:
+        origins = evidence.policy.origins
+    except Undecidable:
+        origins = Origins()
+    return derived_independence(sources, provider=_or_none(evidence), origins=origins, lineage=evidence.lineage)
+
+
+def _declared_stages(condition: Condition, evidence: Evidence) -> tuple[NodeId, ...]:
+    """Stages that the condition names and that are only declared: it rests on their providers' word."""
+    declared = {effect.node_id for effect in evidence.declared_effects}
+    named = tuple(name for name in named_nodes(condition.effect) if name in declared)
+    evidence.build_on(named)
+    return named
+
+
+def _rules(evidence: Evidence) -> RulesVersion:
+    try:
+        return evidence.policy.rules
+    except Undecidable:
+        return FIRST_RULES
 
 
 def _found(condition: Condition, evidence: Evidence) -> tuple[Finding, bool]:
@@ -152,9 +201,14 @@ def _attested(condition: Condition, finding: Finding, evidence: Evidence, *, lev
     """A person's attestation supplies the missing source of a condition that is satisfied without it (D17)."""
     words = [read(record, EvidenceReference) for record in evidence.context.all("attestation")]
     seen = [one for one in words if one.values.get("condition_id") == condition.condition_id and one.origin == "human"]
-    if not seen or finding.verdict != "satisfied":
+    if not seen or finding.verdict != "satisfied" or not _attestable(evidence):
         return level, finding
     return 2, replace(finding, sources=(*finding.sources, f"attested by {seen[-1].source}"))
+
+
+def _attestable(evidence: Evidence) -> bool:
+    """Whether the evidence policy names a person's attestation; contexts of older rules hold none where it does not."""
+    return _rules(evidence) < LINEAGE or evidence.policy.evidence.attestation
 
 
 def _required(condition: Condition, evidence: Evidence) -> int:

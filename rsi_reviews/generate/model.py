@@ -66,6 +66,10 @@ class ModelSettings(BaseSettings):
                 do="name a file that holds only the key",
             ) from error
 
+    def secret(self) -> SecretStr:
+        """The key, read now: the process that uses it cannot open the file any more."""
+        return SecretStr(self.key())
+
 
 class ModelPrompt(Value):
     """Everything the model is shown."""

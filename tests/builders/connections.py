@@ -10,12 +10,15 @@ from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.baseline.load import baseline
-from harness.bootstrap import Deciders, Harness, NullSignals, Parts, Select, assemble, local_providers, nothing_selected
+from harness.baseline.load import site as shipped_site
+from harness.bootstrap import Deciders, Harness, NullSignals, Parts, Select, assemble, local_services, nothing_selected
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import Digest, MissionId, RequestId
+from harness.contracts.places import Site
 from harness.contracts.ports import Provider
 from harness.contracts.protocol import InvocationReport, Observations, PhysicalStart, RobotStatus, StartRequest
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.tasks import TaskTemplate
 from harness.exploration.targets import NEAREST_EDGE, Proposer
 from harness.planning.planner import GRAPH_ORDER, Planner
@@ -123,6 +126,12 @@ class Stage:
         assert isinstance(decision, Accepted), decision
         return self.runtime.missions()[0].mission_id
 
+    def begin_at(self, template: str, *, seed: int = 3, **arguments: str) -> MissionId:
+        """Create a mission with arguments of its template, without running it."""
+        start = Start(actor=OPERATOR, robot_id=ROBOT, template=template, seed=seed, arguments={**arguments})
+        assert isinstance(self.runtime.start(start), Accepted)
+        return self.runtime.missions()[0].mission_id
+
     def until(self, mission_id: MissionId, true: Callable[[Mission], bool], *, steps: int = 20_000) -> Mission:
         """Step until the condition holds for the mission; fails if the mission ends or waits before."""
         for _ in range(steps):
@@ -152,9 +161,11 @@ def staged(
     proposer: Proposer = NEAREST_EDGE,
     deciders: Deciders = MappingProxyType({}),
     select: Select = nothing_selected,
+    rules: RulesVersion = CURRENT_RULES,
+    site: Site | None = None,
 ) -> Iterator[Stage]:
     """The kinematic robot at speed 0, everything in this process; `select` pins new missions by a release service's
-    `deciders`.
+    `deciders`, `rules` are the ones that they are judged by.
     """
     with ExitStack() as stack:
         robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=seed), robot_id=ROBOT)
@@ -170,18 +181,22 @@ def staged(
             proposer=proposer,
             deciders=deciders,
             select=select,
+            site=site or shipped_site(),
+            rules=rules,
         )
 
         def configure(mission: Mission) -> None:
             names = [name for name in mission.labels.get("faults", "").split(",") if name]
             robot.configure(mission.mission_id, mission.seed, parse_faults(names))
 
+        beside = local_services(parts, camera=CAMERA, folder=None, room=robot.room)
         harness = assemble(
             stack,
             HarnessSettings(speed=0, fidelity="kinematic"),
             parts,
             robot=CrewRobot(robot, wrap),
-            local=[wrap(provider) for provider in local_providers(parts, camera=CAMERA, folder=None)],
+            local=[wrap(provider) for provider in beside.providers],
+            sources=beside.sources,
             configure=configure,
         )
         yield Stage(harness, robot, parts)

@@ -19,6 +19,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import HandoffId, MissionId, RobotId
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.projections.mission import Mission
 from harness.runtime import Start
 from harness.settings import HarnessSettings
@@ -88,8 +89,10 @@ class Stand:
 
 
 @contextmanager
-def console_stand(*, seed: int = 1, settings: ConsoleSettings | None = None) -> Iterator[Stand]:
-    """Kinematic robot, stores in memory, virtual time."""
+def console_stand(
+    *, seed: int = 1, settings: ConsoleSettings | None = None, rules: RulesVersion = CURRENT_RULES
+) -> Iterator[Stand]:
+    """Kinematic robot, stores in memory, virtual time. `rules`: those that new missions are judged by."""
     settings = settings or ConsoleSettings(
         port=8000, robots=("vbot-1",), owner_token=SecretStr(OWNER), password_memory_kib=19456
     )
@@ -101,6 +104,7 @@ def console_stand(*, seed: int = 1, settings: ConsoleSettings | None = None) -> 
         deciders=DECIDERS,
         select=selected,
         authority=authority(accounts),
+        rules=rules,
     ) as harness:
         scenes = Scenes(harness.runtime)
         try:
@@ -113,6 +117,7 @@ def console_stand(*, seed: int = 1, settings: ConsoleSettings | None = None) -> 
                     scenes,
                     accounts=accounts,
                     answer=harness.supervisor.answer,
+                    free=harness.supervisor.free,
                     starts=harness.starts,
                     fleet=Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s),
                     teleoperation=harness.teleoperation,

@@ -18,9 +18,10 @@ from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import MissionId
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.runtime import Start
 from tests.builders.missions_run import ROBOT
-from tests.builders.patience import PATIENCE_S
+from tests.builders.timeouts import TIMEOUT_S
 from tests.builders.waiting import ADA, Waiting, waiting
 from tests.builders.wires import Wire
 
@@ -71,12 +72,14 @@ class Serving:
 
 
 @contextmanager
-def serving(*, finished: bool = False, waits: bool = True, wire: Wire | None = None) -> Iterator[Serving]:
+def serving(
+    *, finished: bool = False, waits: bool = True, wire: Wire | None = None, rules: RulesVersion = CURRENT_RULES
+) -> Iterator[Serving]:
     """`finished`: a mission has ended before; `waits`: another one asks a person. Browsers connect through the
-    `wire`.
+    `wire`. `rules` are those that new missions are judged by.
     """
     broker = SignalBroker()
-    with waiting(signals=broker) as made:
+    with waiting(signals=broker, rules=rules) as made:
         listener = bind(0)
         settings = ConsoleSettings(
             port=wire.port if wire else listener.getsockname()[1],
@@ -114,5 +117,5 @@ def serving(*, finished: bool = False, waits: bool = True, wire: Wire | None = N
                 page.context.close()
             broker.close()
             server.should_exit = True
-            thread.join(timeout=PATIENCE_S)
+            thread.join(timeout=TIMEOUT_S)
             listener.close()

@@ -13,7 +13,7 @@ from harness.adapters.failpoints import parse, with_failpoint
 from harness.adapters.ids import SeededIds
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.sql import SqlEventStore
-from harness.assembly import Harness, Member, NullSignals, Parts, joined, local_providers
+from harness.assembly import Harness, Member, NullSignals, Parts, joined, local_services
 from harness.baseline.load import site as shipped_site
 from harness.contracts.actors import Actor
 from harness.contracts.commands import ApproveHandoff, RejectHandoff
@@ -35,6 +35,7 @@ from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Site
 from harness.contracts.ports import EventStore, Provider, Signals
 from harness.contracts.protocol import InvocationReport, PhysicalStart, StartRequest
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.gate.handoffs import DECIDER
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
@@ -223,10 +224,12 @@ def waiting(
     signals: Signals | None = None,
     failpoint: str = "",
     journals: Path | None = None,
+    rules: RulesVersion = CURRENT_RULES,
 ) -> Iterator[Waiting]:
     """The kinematic robot at speed 0, everything in this process; the log in memory, in a file, or in a given store.
 
-    With `journals` the robot keeps its own in that folder; `failpoint` kills the process that runs into it.
+    With `journals` the robot keeps its own in that folder; `failpoint` kills the process that runs into it; `rules` are
+    those that new missions are judged by.
     """
     wall = [time.time()]
     link = Link()
@@ -247,12 +250,15 @@ def waiting(
             select=selected,
             authority=lambda command: link.authority(command),
             site=site or shipped_site(),
+            rules=rules,
         )
+        beside = local_services(parts, camera=CAMERA, folder=None, room=robot.room)
         member = Member(
             robot_id=ROBOT,
             robot=CrewRobot(robot, lambda provider: Linked(provider, link)),
             clock=clock,
-            local=local_providers(parts, camera=CAMERA, folder=None),
+            local=beside.providers,
+            sources=beside.sources,
             configure=_configured(robot),
             camera=robot,
             hand=SimulatedTeleoperation(robot),

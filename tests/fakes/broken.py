@@ -4,6 +4,7 @@ that one.
 
 from dataclasses import replace as reissued
 
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from harness.conformance.subject import ProviderUnderTest
@@ -146,6 +147,33 @@ class Borrowing(Passing):
         said = super().report(handle)
         strange = tuple(replace(receipt, request_id=RequestId("e" * 64)) for receipt in said.receipts)
         return replace(said, receipts=strange)
+
+
+class Silent(Passing):
+    """proposes_facts: what it did is reported, and nothing of it proposed."""
+
+    def report(self, handle: str) -> InvocationReport:
+        return replace(super().report(handle), proposed_facts=())
+
+
+class Elsewhere(Passing):
+    """proposes_facts: the arrival that it proposes is at another target than the request's."""
+
+    def report(self, handle: str) -> InvocationReport:
+        said = super().report(handle)
+        moved = tuple(replace(one, arguments={**one.arguments, "target_m": (9.0, 9.0)}) for one in said.proposed_facts)
+        return replace(said, proposed_facts=moved)
+
+
+class Earlier(Passing):
+    """proposes_facts: a provider of protocol 1.0, which knows of no proposals."""
+
+    def __init__(self, inner: Provider) -> None:
+        super().__init__(inner, protocol="1.0")
+
+    def start(self, request: StartRequest) -> InvocationReport:
+        assert request.intended is UNSET, "a provider of protocol 1.0 is sent nothing that it does not know"
+        return replace(self.inner.start(request), proposed_facts=())
 
 
 class Inventive(Passing):

@@ -339,6 +339,7 @@ def test_the_budget_of_targets_bounds_the_exploration(free: Explored) -> None:
     assert target_refusal(target, question=question, grid=grid, ways=ways) is None
     spent = target_refusal(target, question=replace(question, left=0), grid=grid, ways=ways)
     assert spent is not None and spent.rule == "over_budget"
-    assert [one.left for one in free.questions] == [5 - place for place in range(len(free.questions))]
+    limit = required_contract(free.mission).node(NodeId("close")).recovery.local_replan
+    assert [one.left for one in free.questions] == [limit - place for place in range(len(free.questions))]
     first = decisions(free.mission)[0]
     assert (first.planner, first.question) == (NEAREST_EDGE.name, digest(question))

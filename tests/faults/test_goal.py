@@ -26,7 +26,7 @@ from harness.contracts.revision_commands import DisputeCompletion, TightenConstr
 from harness.contracts.revision_events import CompletionDisputed, GraphRevised
 from harness.contracts.tasks import Constraints, TaskTemplate
 from harness.planning.planner import Planner
-from harness.projections.mission import all_required_committed, required_contract
+from harness.projections.mission import all_required_settled, required_contract
 from tests.builders.connections import Failing, Stage, only, staged, template, with_node
 from tests.builders.missions_run import OPERATOR, Ran
 
@@ -40,7 +40,7 @@ T = TypeVar("T")
 
 def carried_away(stage: Stage, mission_id: MissionId) -> None:
     """Run until every stage is committed; then somebody carries the robot away before the goal is tested."""
-    stage.until(mission_id, all_required_committed)
+    stage.until(mission_id, all_required_settled)
     body = stage.robot.world.body.state
     body.x_m, body.y_m = BESIDE_THE_ROUTE
     for _ in range(12):
@@ -90,7 +90,7 @@ def test_without_a_budget_for_it_all_stages_are_done_and_the_goal_is_not_met() -
         assert ran.mission.status == "failed"
         assert sentence(ran.mission.reason).startswith("All stages done, goal not met (violated)")
         assert "nothing is left for local replan" in sentence(ran.mission.reason)
-        assert all_required_committed(ran.mission) and told(ran, GraphRevised) == []
+        assert all_required_settled(ran.mission) and told(ran, GraphRevised) == []
         assert told(ran, CompletionReported) == []
         assert [one.text for one in told(ran, FailureReported)] == [ran.mission.reason]
 
@@ -120,7 +120,7 @@ def test_a_spent_stage_that_moves_nothing_fails_and_the_way_back_is_no_return_st
         accepted = next(event for event in told(ran, NodeCommitted) if event.node_id == RETURN)
         assert accepted.aborting
         assert ran.mission.of(RETURN).status == "superseded" and ran.mission.of(RETURN).aborting
-        assert ran.mission.of(REPORT).status == "pending" and not all_required_committed(ran.mission)
+        assert ran.mission.of(REPORT).status == "pending" and not all_required_settled(ran.mission)
         assert told(ran, CompletionReported) == [] and told(ran, GoalVerified) == []
 
 
@@ -134,7 +134,7 @@ def greeted() -> TaskTemplate:
         "depends_on": ["request"],
         "parameters": {"text": "Hello, I begin my round."},
         "resources": [],
-        "evidence": {"mandatory": ["receipts"]},
+        "evidence": {"mandatory": ["receipts"], "declared": ["hello.played"]},
         "timeout_s": 60.0,
         "required": False,
         "recovery": {"re_perceive": 1, "adjust_view": 0, "retry": 1, "local_replan": 0, "switch_skill": 0, "total": 2},
@@ -154,11 +154,11 @@ def greeted() -> TaskTemplate:
 def test_an_optional_stage_really_runs() -> None:
     with staged() as stage:
         ran = stage.run(stage.begin(greeted()))
-        assert ran.mission.status == "succeeded"
-        assert ran.mission.of(NodeId("hello")).status == "committed"
+        assert ran.mission.status == "partly_verified", "nobody heard the greeting"
+        assert ran.mission.of(NodeId("hello")).status == "declared"
 
 
-@pytest.mark.ledger("R12", symbol="harness.projections.mission:all_required_committed")
+@pytest.mark.ledger("R12", symbol="harness.projections.mission:all_required_settled")
 def test_an_optional_stage_that_fails_is_given_up_and_blocks_nothing() -> None:
     with staged(wrap=only("speak", lambda one: Failing(one, word="provider_failed"))) as stage:
         ran = stage.run(stage.begin(greeted()))
@@ -177,16 +177,16 @@ def test_a_disputed_completion_is_marked_with_what_builds_on_it_and_nothing_is_d
     with staged() as stage:
         ran = stage.run(stage.begin(INSPECTION))
         assert ran.mission.status == "succeeded" and ran.mission.false_completions == 0
-        assert isinstance(dispute(stage, ran.mission.mission_id, "analysis.of_panorama"), Accepted)
+        assert isinstance(dispute(stage, ran.mission.mission_id, "analysis.checked"), Accepted)
         after = stage.runtime.mission(ran.mission.mission_id)
         assert after.facts == ran.mission.facts and after.status == "succeeded"
         assert after.false_completions == 1
         marked = {fact.condition_id for fact in after.disputed}
-        assert {"analysis.of_panorama", "delivery.acknowledged", "return.arrival", "report.played"} <= marked
+        assert {"analysis.checked", "delivery.stored", "return.arrival", "report.heard"} <= marked
         assert "panorama.frames" not in marked and "go.arrival" not in marked
         (event,) = told(ran, CompletionDisputed)
         assert (event.actor, event.reason) == (OPERATOR, "it was another room")
-        again = dispute(stage, ran.mission.mission_id, "analysis.of_panorama")
+        again = dispute(stage, ran.mission.mission_id, "analysis.checked")
         assert isinstance(again, Accepted) and again.events == ()
         refused = dispute(stage, ran.mission.mission_id, "goal.home")
         assert isinstance(refused, Refused) and refused.rule == "no_such_fact"
@@ -197,10 +197,10 @@ def test_a_completion_that_is_disputed_while_the_mission_runs_keeps_it_from_succ
     with staged() as stage:
         mission_id = stage.begin(INSPECTION)
         stage.until(mission_id, lambda mission: mission.of(DELIVERY).status == "committed")
-        assert isinstance(dispute(stage, mission_id, "delivery.acknowledged"), Accepted)
+        assert isinstance(dispute(stage, mission_id, "delivery.stored"), Accepted)
         ran = stage.run(mission_id)
         (revised,) = told(ran, GraphRevised)
-        assert revised.responsible == DELIVERY and revised.condition_id == "delivery.acknowledged"
+        assert revised.responsible == DELIVERY and revised.condition_id == "delivery.stored"
         assert ran.mission.status == "succeeded" and ran.mission.disputed == ()
         assert ran.mission.false_completions == 1
         kinds = order_of(ran, GraphRevised, CompletionReported, MissionEnded)

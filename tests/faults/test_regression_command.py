@@ -23,6 +23,7 @@ from rsi_reviews.trial import HeldOut, Means, Trial, carried_out, judged_on, pre
 from simulator.in_process import SIMULATOR
 from tests.builders.evaluations import BASELINE, Saying, candidate, suite
 from tests.builders.releases import LAUNCHER, bench, say
+from tests.saying import raises_saying
 from tests.saying import said as said_by
 
 
@@ -105,7 +106,7 @@ def test_the_executor_is_what_was_asked_for() -> None:
     assert isinstance(executor("", 0), Here)
     assert isinstance(executor("", 2), Processes)
     assert isinstance(executor("local", 2), RayCluster)
-    with pytest.raises(HarnessError, match="-1 processes"):
+    with raises_saying(HarnessError, match="-1 processes"):
         executor("", -1)
 
 

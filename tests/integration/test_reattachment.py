@@ -9,7 +9,7 @@ import pytest
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
-from harness.bootstrap import NullSignals, Parts, assemble, local_providers
+from harness.bootstrap import NullSignals, Parts, assemble, local_services
 from harness.contracts.events import (
     InvocationAccepted,
 )
@@ -35,12 +35,14 @@ class House:
     def opened(self, wrap: Wrap) -> Iterator[Stage]:
         """A supervisor of its own over the same log and the same robot."""
         with ExitStack() as stack:
+            beside = local_services(self.parts, camera=CAMERA, folder=None, room=self.robot.room)
             harness = assemble(
                 stack,
                 HarnessSettings(speed=0, fidelity="kinematic"),
                 self.parts,
                 robot=CrewRobot(self.robot, wrap),
-                local=[wrap(provider) for provider in local_providers(self.parts, camera=CAMERA, folder=None)],
+                local=[wrap(provider) for provider in beside.providers],
+                sources=beside.sources,
                 configure=lambda mission: self.robot.configure(mission.mission_id, mission.seed, ()),
             )
             yield Stage(harness, self.robot, self.parts)

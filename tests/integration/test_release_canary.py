@@ -291,6 +291,13 @@ def test_versions_are_active_draining_drained_or_inactive_by_what_runs_under_the
         assert on.releases.versions()[H1] == "drained"
 
 
+def test_the_shipped_version_is_active_while_nothing_was_ever_proposed() -> None:
+    with bench() as on:
+        on.begun("stale-pose:persistent")
+        assert on.releases.pointer().version == 0
+        assert on.releases.versions() == {H0: "active"}
+
+
 def test_a_version_with_pinned_missions_or_one_that_is_in_use_is_not_retired() -> None:
     with bench() as on:
         name = on.in_canary(MADE)

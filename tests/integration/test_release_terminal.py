@@ -109,7 +109,7 @@ def test_a_refused_proposal_says_by_which_rules_and_leaves_nothing(terminal: Ter
 
 
 def test_an_impossible_policy_and_an_unknown_candidate_are_refused_in_words(terminal: Terminal) -> None:
-    policy = ("policy", "--kind", "two_person", "--reason", "we are two", "--person", "solo")
+    policy = ("policy", "--kind", "two_person", "--reason", "we are two")
     assert "nobody_could" in terminal.refused("solo", *policy)
     assert "cooling_off" in terminal.refused("solo", "policy", "--kind", "single_operator", "--reason", "alone")
     alone = ("policy", "--kind", "single_operator", "--cooling-off-s", "3600", "--reason", "I am alone here")

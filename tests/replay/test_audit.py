@@ -19,7 +19,7 @@ from harness.contracts.ids import Digest, MissionId, StreamId, mission_stream
 from harness.contracts.ports import State, StoredEvent
 from harness.contracts.stored_commands import command_of
 from harness.contracts.upcasting import name_of
-from harness.projections.mission import Mission, all_required_committed
+from harness.projections.mission import Mission, all_required_settled
 from harness.settings import HarnessSettings
 from tests.builders.connections import Failing, Stage, only, staged, template
 from tests.builders.missions_run import OPERATOR
@@ -195,7 +195,7 @@ def test_all_missions_of_a_log_are_replayed() -> None:
 def test_a_reopened_goal_is_derived_again() -> None:
     with staged() as stage:
         mission_id = stage.begin("warehouse-inspection")
-        stage.until(mission_id, all_required_committed)
+        stage.until(mission_id, all_required_settled)
         stage.robot.world.body.state.x_m = 1.0
         stage.robot.world.body.state.y_m = 2.5
         for _ in range(12):

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from app.i18n.reasons.rendering import sentence
+from harness.adapters.providers.recording.reader import open_recording
 from harness.contracts.events import Actor
 from harness.projections.mission import Mission
 from harness.recordings import replayed
@@ -45,10 +46,12 @@ def test_a_target_that_was_never_reached_fails_without_recovery_or_handoff(tmp_p
 @pytest.mark.real_data
 @pytest.mark.parametrize("name", ["derived/husky_test1.mcap", "bags/test1.bag"])
 def test_a_real_drive_is_measured_and_its_single_source_is_named(real_data: Path, name: str, tmp_path: Path) -> None:
-    with replayed(HarnessSettings(data_folder=tmp_path), real_data / name, target=None, topics=[]) as replayer:
+    with open_recording(real_data / name) as recording:
+        *_, (_, target) = recording.track()
+    with replayed(HarnessSettings(data_folder=tmp_path), real_data / name, target=target, topics=[]) as replayer:
         mission, facts = replayer.run(ADA, watch=unwatched)
     assert facts["path_length_m"] == pytest.approx(358.8, rel=0.005)
-    assert facts["target_source"] == "last position of the recording"
+    assert facts["target_source"] == "--target"
     assert mission.contract is not None and mission.contract.map_version.startswith("recording:")
     (node,) = mission.nodes.values()
     (result,) = node.verdicts[-1].results

@@ -30,6 +30,10 @@ SENTENCES: Mapping[str, str] = {
     "deadline_too_late": N_("The deadline exceeds the node's timeout of {timeout_s:g} s."),
     "driven_from_other_window": N_("The robot is driven from another window. Hand it back there first."),
     "effect_changed": N_("An attempt keeps the node's effect; changed: {parameters}."),
+    "effects_not_proposed": N_(
+        "{provider_id} did not propose what was to become true: {conditions}. "
+        "Only what a provider proposes is accepted."
+    ),
     "execution_ended": N_("The execution ended {terminal:word}, without a reason."),
     "execution_failed": N_("The execution ended {terminal:word} ({failure:word})."),
     "failure_open": N_("Node {node_id} already has a failure to answer."),
@@ -86,6 +90,7 @@ SENTENCES: Mapping[str, str] = {
     "not_observed": N_("Nobody has looked at the robot since. Look again, then decide."),
     "nothing_to_approve": N_("This handoff proposes no action: reject it or take over."),
     "obsolete_version": N_("The packet was made at state version {k_ctx}; the mission is at {k}."),
+    "on_its_own_word": N_("{results}"),
     "only_retry_is_free": N_("{action:word} costs {cost}; only a retry is free for a person."),
     "other_window": N_("You claimed this question in another window. Decide there, or claim it here."),
     "over_speed": N_("{speed_mps:g} m/s exceeds the contract's {limit_mps:g} m/s."),
@@ -95,6 +100,10 @@ SENTENCES: Mapping[str, str] = {
     "place_region_invalid": N_("A region has 3 to {corners} corners, or none."),
     "plan_unpaid": N_("A plan costs a local_replan: {why}."),
     "plan_without_its_stage": N_("The plan for {node_id} does not hold that stage."),
+    "provider_cannot_propose": N_(
+        "{provider_id} speaks provider protocol {protocol}, which proposes no facts, so nothing it does is accepted. "
+        "Bring it to protocol 1.1."
+    ),
     "request_id_not_of_node": N_("The request id is not derived from task, node and attempt."),
     "request_id_not_of_retreat": N_("The request id is not derived from task, return and attempt."),
     "resource_must_be_freed": N_("{resource} is quarantined and must be freed."),

@@ -22,6 +22,15 @@ SENTENCES: Mapping[str, str] = {
     "robot_condition_unknown": N_("the robot's condition is unknown"),
     "robot_lies_down": N_("the robot lies down"),
     "robot_moves": N_("the robot moves"),
+    "no_provider_passed": N_("no provider passed the hard filter"),
+    "only_provider_passed": N_("{provider_id} is the only provider that passed the hard filter"),
+    "routing_decided": N_(
+        "{provider_id} scores {score:.3f}, {over} {other:.3f}; most in its favour: {term:word} ({lead:+.3f})"
+    ),
+    "routing_decided_by_history": N_(
+        "{provider_id} instead of {over}: {failed} of {judged} verified executions of {over} at {place} failed. "
+        "History weighs {lead:+.3f} in its favour; the scores are {score:.3f} and {other:.3f}"
+    ),
     "robot_on_other_map": N_("the robot is on map {robot_map}, the task on {task_map}"),
     "velocity_interface_armed": N_("the velocity interface is armed"),
 }

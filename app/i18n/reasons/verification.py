@@ -70,6 +70,10 @@ SENTENCES: Mapping[str, str] = {
     "no_playback_receipt": N_("no playback receipt names a sound"),
     "no_pose_in_route_map": N_("no pose of the route's frame and map was received"),
     "no_pose_in_target_map": N_("no pose of the target's frame and map was received in this execution"),
+    "no_target": N_(
+        "the recording names no target: give one with --target X,Y or --place, "
+        "or name its goal topic with --topic goal=NAME"
+    ),
     "no_predicate": N_("no predicate tests {predicate}"),
     "no_samples_of_execution": N_("no samples of this execution are known"),
     "no_transcript_receipt": N_("no transcript receipt names a text"),
@@ -117,6 +121,7 @@ SENTENCES: Mapping[str, str] = {
         "it says {width_px}x{height_px} pixels, the picture has {picture_width_px}x{picture_height_px}"
     ),
     "report_verdict_does_not_follow": N_("its verdict does not follow from its findings"),
+    "rests_on_declared": N_("it rests on {stages:words}, which is declared and not verified: {reason}"),
     "returned_before_departure": N_("the return was measured before the departure"),
     "robot_says_not_localised": N_("the robot says that it is not localised"),
     "route_not_covered": N_("{share:.1%} of the route was measured, bound {bound:.0%}"),
@@ -148,8 +153,65 @@ SENTENCES: Mapping[str, str] = {
     "transcript_of_another_goal": N_("the transcript is not of this goal"),
     "transcript_of_goal": N_("the transcript's checksum {checksum} is that of the goal"),
     "verifier_did_not_answer": N_("the verifier did not answer: {kind}: {error}"),
+    "floor_not_seen": N_(
+        "{percent:.0f} % of the floor that can be reached was seen, {wanted:.0f} % wanted: {unseen_m2:.1f} m² were not "
+        "seen, {seen_m2:.1f} m² were; {closed_m2:.1f} m² are closed off"
+    ),
+    "floor_seen": N_(
+        "{percent:.0f} % of the floor that can be reached was seen ({seen_m2:.1f} m²); {unseen_m2:.1f} m² of it were "
+        "not, and {closed_m2:.1f} m² are closed off"
+    ),
     "views_apart": N_("{views} views from places {apart_m:g} m apart or more, {wanted:g} wanted"),
     "was_in_closed_region": N_("the body was in {region}, which is closed to it"),
     "wav_without_sound": N_("the WAV has no complete sound"),
     "waypoints_missed": N_("{passed} of {of} waypoints were passed in order"),
+    "another_text_stored": N_("the channel holds another text than the one to be sent"),
+    "camera_and_lidar_disagree": N_(
+        "camera and lidar disagree: {camera_share:.0%} of the passage's width is obstructed by the images, "
+        "{lidar_share:.0%} by the lidar; bound {bound:.0%}"
+    ),
+    "findings_not_in_sight": N_(
+        "{findings} findings are out of view, range or line of sight in the images that are to show them"
+    ),
+    "findings_outside_passage": N_("{findings} findings are not in the passage"),
+    "frames_without_heading": N_("no measured heading of the frames is known"),
+    "message_changed": N_("the message was changed after it was accepted"),
+    "message_not_found": N_("the channel holds no such message"),
+    "message_not_read_back": N_("the message was not read back from the channel"),
+    "message_of_another_request": N_("the message read back is of another request"),
+    "message_read_back": N_("read back from the channel: the text and {images} images"),
+    "no_camera_model": N_("the robot does not describe its camera"),
+    "no_lidar_sweep": N_("no lidar sweep of the passage is among the evidence"),
+    "no_odometry_with_sweep": N_("no odometry shows whether the body stood during the sweep"),
+    "no_pose_with_sweep": N_("no pose says from where the lidar swept"),
+    "no_request_record": N_("no record of the request is known"),
+    "no_sweep_at_rest": N_("no lidar sweep was taken after the body came to rest"),
+    "passage_checked_by_lidar": N_(
+        "images and lidar agree: {camera_share:.0%} of the passage's width is obstructed by the images, "
+        "{lidar_share:.0%} by the lidar"
+    ),
+    "passage_not_in_view": N_(
+        "the images show {seen:.0%} of the passage's floor, {wanted:.0%} wanted: floor that was not seen is not clear"
+    ),
+    "passage_not_swept": N_("the lidar sees {seen:.0%} of the passage's floor, {wanted:.0%} wanted"),
+    "read_path_failed": N_("the channel could not be read back: {problem}"),
+    "report_of_another_passage": N_("the report is about another passage"),
+    "request_differs_from_record": N_("the request differs from the record of what was submitted"),
+    "request_recorded": N_("{requested_by} submitted it, channel {channel}"),
+    "stored_images_of_elsewhere": N_("{images} stored images are not of the analysis"),
+    "sweep_cut_short": N_("a lidar sweep is cut short: {points} points in {bytes} bytes"),
+    "sweep_of_another_map": N_("the lidar sweep is of map {map_version}"),
+    "sweep_of_another_time": N_("{sweeps} lidar sweeps are of another time"),
+    "too_few_images_stored": N_("the channel holds {images} of {wanted} images"),
+    "another_place_heard": N_("the report was not heard to name {place}"),
+    "contrary_heard": N_("what was heard contradicts the finding: {heard}"),
+    "finding_not_heard": N_("what was heard does not state the finding: {heard}"),
+    "no_room_recording": N_("the report was synthesised and checked, not played: no microphone recorded the room"),
+    "recognition_of_another_sound": N_("the recognition is of another recording"),
+    "recording_silent": N_("the microphone recorded nothing but silence"),
+    "report_heard": N_("heard in the room: {heard}"),
+    "report_heard_before_analysis": N_("the report was heard before the analysis"),
+    "speech_not_recognised": N_("what was recorded could not be recognised"),
+    "unknown_words": N_("the recogniser does not know {words}"),
+    "words_not_heard": N_("not heard: {words}"),
 }

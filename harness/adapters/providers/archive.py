@@ -8,11 +8,13 @@ import numpy as np
 from harness.adapters.providers.local import LocalProvider, Outcome, ReceiptDraft, Result
 from harness.adapters.providers.models.description import only_image
 from harness.contracts import capabilities
+from harness.contracts.effects import Relational
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.ports import BlobStore, Clock
-from harness.contracts.protocol import StartRequest
+from harness.contracts.protocol import PROTOCOL, StartRequest
 from harness.contracts.values import Count, Value, encode
+from harness.provider_protocol.proposals import claims
 
 CARD = capabilities.CapabilityCard(
     provider_id=ProviderId("evidence-keeper"),
@@ -32,6 +34,7 @@ CARD = capabilities.CapabilityCard(
     moves=False,
     sources=("camera",),
     software="evidence-keeper",
+    protocol=PROTOCOL,
 )
 
 
@@ -68,4 +71,5 @@ class EvidenceArchiver(LocalProvider):
             drafts=(ReceiptDraft(kind="keeping", text=image, blob=blob, values={"bytes": float(len(body))}),),
             declared={"bytes": float(len(body))},
             blobs=(image, blob),
+            proposes=claims(request, Relational, {"images": (image,), "certificate": blob}),
         )

@@ -4,10 +4,12 @@ from pathlib import Path
 
 from harness.adapters.providers.local import LocalProvider, ReceiptDraft, Result
 from harness.contracts import capabilities
+from harness.contracts.effects import Symbolic
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import ProviderId
 from harness.contracts.ports import BlobStore, Clock
-from harness.contracts.protocol import StartRequest
+from harness.contracts.protocol import PROTOCOL, StartRequest
+from harness.provider_protocol.proposals import claims
 
 CARD = capabilities.CapabilityCard(
     provider_id=ProviderId("text-intake"),
@@ -27,6 +29,7 @@ CARD = capabilities.CapabilityCard(
     moves=False,
     sources=("keyboard",),
     software="text-intake",
+    protocol=PROTOCOL,
 )
 
 
@@ -48,4 +51,5 @@ class TextIntake(LocalProvider):
             drafts=(ReceiptDraft(kind="transcript", text="typed", blob=blob, values={"characters": float(len(text))}),),
             declared={"characters": float(len(text))},
             blobs=(blob,),
+            proposes=claims(request, Symbolic, {"digest": blob}),
         )

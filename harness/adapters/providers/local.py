@@ -28,13 +28,17 @@ class ReceiptDraft(Value):
 
 
 class Result(Value):
-    """What finished work leaves behind. `at_s` is when it ended, if that was before the poll that saw it."""
+    """What finished work leaves behind. `at_s` is when it ended, if that was before the poll that saw it.
+
+    `proposes` are the facts that the provider believes to be true now (D52).
+    """
 
     message: str
     drafts: tuple[ReceiptDraft, ...]
     declared: dict[str, float]
     blobs: tuple[Digest, ...] = ()
     at_s: float | None = None
+    proposes: protocol.ProposedFacts = ()
 
 
 class Failed(Value):
@@ -165,7 +169,13 @@ class LocalProvider(ABC):
             for index, draft in enumerate(result.drafts)
         )
         return self._end(
-            msgspec.structs.replace(report, receipts=receipts, declared=result.declared, blobs=result.blobs),
+            msgspec.structs.replace(
+                report,
+                receipts=receipts,
+                declared=result.declared,
+                blobs=result.blobs,
+                proposed_facts=result.proposes,
+            ),
             status="succeeded",
             message=result.message,
             at_s=at_s,

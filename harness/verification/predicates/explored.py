@@ -6,7 +6,7 @@ from harness.contracts.effects import AnyEffect, Symbolic
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.reasons import because
 from harness.contracts.values import Point
-from harness.verification.finding import RECEIPTS, Finding, Undecidable
+from harness.verification.finding import FACTS, RECEIPTS, Finding, Undecidable
 from harness.verification.reading import Evidence
 
 
@@ -29,7 +29,7 @@ def explored(effect: AnyEffect, evidence: Evidence) -> Finding:
         reason=because("views_apart", views=len(kept), apart_m=apart_m, wanted=wanted),
         measured={"views": float(len(kept)), "pictures": float(len(placed))},
         bounds={"views": wanted, "apart_m": apart_m},
-        sources=("accepted facts", "localiser", RECEIPTS),
+        sources=(FACTS, "localiser", RECEIPTS),
         evidence=images,
     )
 

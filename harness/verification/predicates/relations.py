@@ -9,22 +9,24 @@ from harness.contracts.ids import NodeId
 from harness.contracts.reasons import Reason, because, several
 from harness.contracts.tasks import Goal
 from harness.contracts.verifier_inputs import CommittedNode
-from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
+from harness.verification.finding import FACTS, RECEIPTS, SUPERVISOR, Finding, Undecidable, ambiguous
 from harness.verification.predicates.analysis import AnalysisReport
 from harness.verification.reading import Evidence, read
 
-SUPERVISOR = "supervisor"
-FACTS = "accepted facts"
 OBSTRUCTED = ("obstruct", "block")
 CLEAR = ("is clear", "is free", "no obstruction", "not obstructed", "not blocked")
 
 
 def in_order(effect: AnyEffect, evidence: Evidence) -> Finding:
-    """The named nodes ended, and were accepted, in this order, by the supervisor's own record."""
+    """The named nodes ended, and were accepted, in this order, by the supervisor's own record.
+
+    That record is no source of the world: the order is as well shown as the acceptances in it.
+    """
     if not isinstance(effect, Temporal) or len(effect.nodes) < 2:
         raise Undecidable(because("effect_not_testable", predicate="in_order"))
-    known = {node.node_id: node for node in evidence.nodes}
+    known = {node.node_id: node for node in evidence.ended}
     missing = [name for name in effect.nodes if name not in known]
+    evidence.build_on(effect.nodes)
     if missing:
         return ambiguous(because("not_accepted_yet", stages=tuple(missing)), accepted=float(len(known)))
     nodes = [known[name] for name in effect.nodes]
@@ -80,9 +82,10 @@ def reported(effect: AnyEffect, evidence: Evidence) -> Finding:
     """
     if not isinstance(effect, Symbolic):
         raise Undecidable(because("effect_not_testable", predicate="reported"))
-    analysis = evidence.fact("analysis_of", node_id=effect.arguments.get("analysis", ""))
+    analysis = evidence.newest_fact(("analysis_of", "passage_checked"), node_id=effect.arguments.get("analysis", ""))
     spoken = evidence.fact("played", node_id=effect.arguments.get("report", ""))
-    text = evidence.bytes_of(evidence.fact("delivered").arguments["text_digest"]).decode(errors="replace").lower()
+    sent = evidence.newest_fact(("delivered", "message_stored"))
+    text = evidence.bytes_of(sent.arguments["text_digest"]).decode(errors="replace").lower()
     report = evidence.decoded(analysis.arguments["report"], AnalysisReport)
     problems = [] if names_finding(text, blocked=report.blocked) else [because("text_does_not_name_finding")]
     speaker = next((node for node in evidence.nodes if node.node_id == spoken.node_id), None)

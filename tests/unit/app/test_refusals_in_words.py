@@ -41,7 +41,7 @@ def test_no_two_tables_say_the_same_code() -> None:
 
 
 def test_every_rule_of_the_gate_has_a_sentence_of_its_name() -> None:
-    assert [rule.__name__ for rule in GATE_RULES if rule.__name__ not in gate.SENTENCES] == []
+    assert [rule.__name__ for rule in GATE_RULES[2] if rule.__name__ not in gate.SENTENCES] == []
 
 
 @pytest.mark.parametrize(("reason", "english", "chinese"), EXAMPLES)

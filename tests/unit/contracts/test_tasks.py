@@ -14,7 +14,7 @@ from harness.contracts.effects import Metric
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import NodeId
 from harness.contracts.tasks import Node, TaskContract, check, order
-from harness.projections.mission import all_required_committed, failed
+from harness.projections.mission import all_required_settled, failed
 from tests.saying import raises_saying
 from tests.unit.planning.building import contract, mission
 
@@ -98,7 +98,7 @@ def test_every_acyclic_graph_has_an_order_that_respects_it_and_ties_stay_as_decl
         assert backwards.index(NAMES[sooner]) < backwards.index(NAMES[later])
 
 
-@pytest.mark.ledger("R12", symbol="harness.projections.mission:all_required_committed")
+@pytest.mark.ledger("R12", symbol="harness.projections.mission:all_required_settled")
 def test_an_optional_node_does_not_keep_the_goal_check_waiting() -> None:
     task = only("delivery", required=False)
     states = {node.node_id: "committed" if node.required else "pending" for node in task.nodes}
@@ -108,8 +108,8 @@ def test_an_optional_node_does_not_keep_the_goal_check_waiting() -> None:
         nodes = {name: replace(node, status=(states | changes)[name]) for name, node in whole.nodes.items()}  # type: ignore[arg-type]
         return replace(whole, nodes=nodes)
 
-    assert all_required_committed(with_states())
-    assert not all_required_committed(with_states(analysis="executed"))
+    assert all_required_settled(with_states())
+    assert not all_required_settled(with_states(analysis="executed"))
     assert failed(with_states(analysis="failed"))
     assert not failed(with_states(delivery="failed"))
 

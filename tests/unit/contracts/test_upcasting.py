@@ -1,16 +1,17 @@
 """Events of earlier releases: brought up in memory, never rewritten; a later release's shape is not guessed at."""
 
-from typing import Any
+from typing import Any, get_args
 
 import msgspec
 import pytest
 
 from harness.contracts.actors import Event
+from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
 from harness.contracts.errors import LogDamaged, StoreNewer
 from harness.contracts.ids import Digest, StreamId
 from harness.contracts.ports import StoredEvent
-from harness.contracts.upcasting import UPCASTERS, Upcaster, Upcasting
+from harness.contracts.upcasting import UPCASTERS, Upcaster, Upcasting, name_of
 from harness.contracts.values import encode
 from tests.saying import raises_saying
 
@@ -111,5 +112,8 @@ def test_ways_that_fork_or_turn_are_refused(wrong: tuple[Upcaster, ...], says: s
         Upcasting(wrong)
 
 
-def test_the_upcasters_of_every_release_lead_somewhere() -> None:
-    Upcasting(UPCASTERS)
+def test_the_upcasters_of_every_release_lead_to_an_event_of_today() -> None:
+    chain, today = Upcasting(UPCASTERS), {kind.__name__ for kind in get_args(AnyEvent)}
+    for step in UPCASTERS:
+        assert chain.is_old(step.old) and not chain.is_old(chain.written(name_of(step.new)))
+        assert name_of(step.new) in today

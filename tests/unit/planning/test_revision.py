@@ -72,7 +72,7 @@ def test_the_order_of_restrictions_makes_no_difference() -> None:
 
 def test_two_lists_that_allow_nothing_together_are_refused_and_not_read_as_no_limit() -> None:
     other = replace(BASE, resources=(ResourceId("gripper"),))
-    with pytest.raises(ContractInvalid, match="No resource is allowed by both"):
+    with raises_saying(ContractInvalid, match="No resource is allowed by both"):
         tightest(BASE, other)
     state = replace(active(), contract=replace(contract(), constraints=BASE))
     refused = decide(state, TightenConstraints(layer="plugin", constraints=other, reason="so"), NOW)

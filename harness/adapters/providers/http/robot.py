@@ -10,6 +10,7 @@ from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.ids import Digest, MissionId, RequestId
+from harness.contracts.measurements import Sound
 from harness.contracts.values import Value, decode, encode
 from harness.provider_protocol import wire
 
@@ -71,6 +72,14 @@ class HttpRobot:
 
     def rest(self, order: protocol.PostureOrder) -> protocol.RobotStatus:
         return self.write("/hand/posture", protocol.RobotStatus, order)
+
+    def play(self, sound: Sound) -> None:
+        """Simulation only: a loudspeaker plays in the robot's room."""
+        self.write("/simulation/room/sound", wire.Done, sound)
+
+    def recording(self, from_s: float, until_s: float) -> bytes:
+        """Simulation only: what the microphone of the robot's room heard, as a WAV."""
+        return self._get(f"/simulation/room/recording?from_s={from_s!r}&until_s={until_s!r}")
 
     def clock(self) -> wire.ClockReading:
         """The robot's mission time now."""

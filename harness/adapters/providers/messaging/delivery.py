@@ -7,10 +7,12 @@ import msgspec
 from harness.adapters.providers.local import LocalProvider, ReceiptDraft, Result
 from harness.adapters.providers.messaging.selection import RULE, cited_then_evenly_spaced
 from harness.contracts import capabilities
+from harness.contracts.effects import Symbolic
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId, ResourceId
 from harness.contracts.ports import BlobStore, Clock, MessageOutbox
-from harness.contracts.protocol import StartRequest
+from harness.contracts.protocol import PROTOCOL, StartRequest
+from harness.provider_protocol.proposals import claims
 
 CARD = capabilities.CapabilityCard(
     provider_id=ProviderId("message-outbox"),
@@ -34,6 +36,7 @@ CARD = capabilities.CapabilityCard(
     moves=False,
     sources=("message-channel",),
     software="message-outbox",
+    protocol=PROTOCOL,
 )
 
 
@@ -77,6 +80,7 @@ class OutboxDelivery(LocalProvider):
             ),
             declared={"images": float(len(images)), "texts": 1.0},
             blobs=items,
+            proposes=claims(request, Symbolic, {"items": items, "acknowledgement": acknowledgement}),
         )
 
     def _cited(self, request: StartRequest) -> tuple[Digest, ...]:

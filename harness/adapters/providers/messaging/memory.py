@@ -20,3 +20,7 @@ class MemoryOutbox:
                 f"Message {key} was sent before with other contents", where="message outbox", do="use a new key"
             )
         return f"ack-{sha256(key.encode())[:16]}"
+
+    def held(self, key: str) -> tuple[str, Sequence[Digest]] | None:
+        """The message of this key, or None."""
+        return self._sent.get(key)

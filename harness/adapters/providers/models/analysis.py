@@ -11,12 +11,14 @@ from harness.adapters.providers import local
 from harness.adapters.providers.models.faces import Pixels
 from harness.adapters.providers.models.passage import METHOD, OrientedFrame, analyse
 from harness.contracts import capabilities
+from harness.contracts.effects import Relational
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.observations import Camera
 from harness.contracts.ports import BlobStore, Clock
-from harness.contracts.protocol import StartRequest
+from harness.contracts.protocol import PROTOCOL, StartRequest
 from harness.contracts.values import Point, Value, encode
+from harness.provider_protocol.proposals import claims
 
 CARD = capabilities.CapabilityCard(
     provider_id=ProviderId("opencv-analysis"),
@@ -42,6 +44,7 @@ CARD = capabilities.CapabilityCard(
     moves=False,
     sources=("camera", "localiser"),
     software=METHOD,
+    protocol=PROTOCOL,
 )
 
 _LEAST_IN_VIEW = 0.8
@@ -105,6 +108,7 @@ class OpenCvAnalysis(local.LocalProvider):
             drafts=(local.ReceiptDraft(kind="analysis", text=report.text, blob=blob, values=values),),
             declared=declared,
             blobs=(blob, *report.cited),
+            proposes=claims(request, Relational, {"report": blob, "images": asked.images, **declared}),
         )
 
     def _pixels(self, image: Digest) -> Pixels:

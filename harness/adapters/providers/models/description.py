@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from harness.adapters.providers.local import LocalProvider, Outcome, ReceiptDraft, Result
 from harness.contracts import capabilities, values
+from harness.contracts.effects import Relational
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.ports import BlobStore, Clock
-from harness.contracts.protocol import StartRequest
+from harness.contracts.protocol import PROTOCOL, StartRequest
+from harness.provider_protocol.proposals import claims
 
 METHOD = "measured-picture-1"
 CARD = capabilities.CapabilityCard(
@@ -34,6 +36,7 @@ CARD = capabilities.CapabilityCard(
     moves=False,
     sources=("camera",),
     software=METHOD,
+    protocol=PROTOCOL,
 )
 DARK, BRIGHT, EDGES, SHARP = 0.25, 0.75, 0.05, 20.0
 COLOURED, LEAST_SHARE, MOST_COLOURS = 40, 0.03, 3
@@ -114,6 +117,7 @@ class OpenCvDescription(LocalProvider):
             drafts=(ReceiptDraft(kind="analysis", text=description.text, blob=blob, values=declared),),
             declared=declared,
             blobs=(blob, image),
+            proposes=claims(request, Relational, {"images": (image,), "report": blob}),
         )
 
 

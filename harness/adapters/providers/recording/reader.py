@@ -1,7 +1,6 @@
 """Opens a recording: one full verified read first, then samples, routes and declarations from it."""
 
-from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -11,7 +10,14 @@ from harness.adapters.providers.recording.container import Container
 from harness.adapters.providers.recording.messages import Decoder
 from harness.adapters.providers.recording.roles import Topic, TopicRoles, assigned, listed
 from harness.adapters.providers.recording.samples import Arrival, Clocks, Samples
-from harness.adapters.providers.recording.segments import DeclaredSegment, DispatchedRoute, Segment, measured, merged
+from harness.adapters.providers.recording.segments import (
+    DeclaredSegment,
+    DispatchedRoute,
+    Segment,
+    measured,
+    merged,
+    planned,
+)
 from harness.adapters.providers.recording.survey import Survey
 from harness.adapters.providers.recording.topics import StaticTransform, TopicSettings
 from harness.adapters.providers.recording.transforms import Frames, planar
@@ -20,6 +26,8 @@ from harness.contracts.errors import RecordingInvalid
 from harness.contracts.ids import Digest
 from harness.contracts.observations import AnySample, Pose
 from harness.contracts.values import Count, Name, Point, Value
+
+NO_TARGET = "no target"
 
 
 class RecordingSummary(Value):
@@ -156,20 +164,31 @@ class Recording:
         return tuple(self._frames.transforms.values())
 
     def segments(self, target: Point | None = None) -> tuple[Segment, ...]:
-        """One segment per dispatched route that positions follow; else, or to a `target`, one over everything."""
+        """One segment per recorded goal or dispatched route that positions follow; else one over everything.
+
+        To a given `target` it is one over everything too. Where nothing names a target the segment has none: the last
+        position of a recording is where the robot was, and not where it was to be (D38).
+        """
         lines = self.declarations()
-        names = [name for name in self._recorded.get("legs", "").split("\n") if name]
-        routes = merged(self.paths(), names=names, arrivals=[line for line in lines if line.kind == "arrival"])
-        legs = measured(routes, track=self.track(), lines=lines) if routes and target is None else ()
+        legs = self._legs(lines) if target is None else ()
         if legs:
             return legs
-        whole = DispatchedRoute(at_s=self._first_s(), frame=self.frame, route_m=(target or self.last_position(),))
-        source = "given target" if target else "last position of the recording"
+        whole = DispatchedRoute(at_s=self._first_s(), frame=self.frame, route_m=(), target_m=target)
+        source = "given target" if target else NO_TARGET
         return measured([("recording", whole)], track=self.track(), lines=lines, target_source=source)
 
-    def last_position(self) -> Point:
-        """The position that arrived last, metres in `frame`."""
-        return deque(self.track(), maxlen=1)[0][1]
+    def _legs(self, lines: Sequence[DeclaredSegment]) -> tuple[Segment, ...]:
+        goals = self.goals()
+        names = [name for name in self._recorded.get("legs", "").split("\n") if name]
+        arrivals = [line for line in lines if line.kind == "arrival"]
+        routes = merged(planned(goals, self.paths()), names=names, arrivals=arrivals)
+        source = "recorded goal" if goals else "dispatched route"
+        return measured(routes, track=self.track(), lines=lines, target_source=source) if routes else ()
+
+    def goals(self) -> tuple[DispatchedRoute, ...]:
+        """Goals that were sent to the recorded robot, in order of time, in the frame of the positions."""
+        sent = sorted(self._survey.goals, key=lambda pair: pair[0])
+        return tuple(self._goal(message, log_ns) for log_ns, message in sent)
 
     def summary(self) -> RecordingSummary:
         """What the recording holds; `left_out` of images and clouds is known after they were read."""
@@ -245,14 +264,24 @@ class Recording:
 
     def _route(self, message: Any, log_ns: int) -> DispatchedRoute:
         own = message.header.frame_id or message.poses[0].header.frame_id or self.frame
+        points = self._points([stamped.pose for stamped in message.poses], own, what="path", log_ns=log_ns)
+        return DispatchedRoute(at_s=self._times.arrival_s(log_ns), frame=self.frame, route_m=points)
+
+    def _goal(self, message: Any, log_ns: int) -> DispatchedRoute:
+        own = message.header.frame_id or self.frame
+        (point,) = self._points([message.pose], own, what="goal", log_ns=log_ns)
+        return DispatchedRoute(at_s=self._times.arrival_s(log_ns), frame=self.frame, route_m=(), target_m=point)
+
+    def _points(self, poses: Sequence[Any], own: str, *, what: str, log_ns: int) -> tuple[Point, ...]:
+        """Poses stated in the frame `own` as points in the frame of the positions."""
         matrix = None if own == self.frame else self._frames.between(self.frame, own)
-        points = [planar(stamped.pose, matrix) for stamped in message.poses]
+        points = [planar(pose, matrix) for pose in poses]
         usable = tuple((point[0], point[1]) for point in points if point is not None)
         if len(usable) < len(points) or (matrix is None and own != self.frame):
             reason = f"is stated in {own}, positions in {self.frame}" if own != self.frame else "is not finite"
             raise RecordingInvalid(
-                f"A recorded path {reason}",
+                f"A recorded {what} {reason}",
                 where=f"{self.path}, log time {log_ns / 1e9:.3f} s",
-                do="give the missing static transform in the topic settings",
+                do="give the missing static transform in the topic settings, or the target with --target",
             )
-        return DispatchedRoute(at_s=self._times.arrival_s(log_ns), frame=self.frame, route_m=usable)
+        return usable

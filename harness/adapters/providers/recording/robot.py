@@ -12,11 +12,13 @@ from harness.adapters.providers.recording.reader import Recording
 from harness.adapters.providers.recording.samples import Arrival
 from harness.adapters.providers.recording.segments import Segment
 from harness.contracts import capabilities, protocol
+from harness.contracts.effects import Metric
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId, RequestId
 from harness.contracts.observations import AnySample, Pose
 from harness.contracts.ports import BlobStore, Clock, Provider
-from harness.contracts.values import Moment, Point
+from harness.contracts.values import Moment, Point, encode
+from harness.provider_protocol.proposals import intended
 
 REMEMBERED = 20_000
 SETTLE_S = 2.0
@@ -29,7 +31,7 @@ CARD = capabilities.CapabilityCard(
     version="1",
     embodiments=("any",),
     parameters=(
-        capabilities.Parameter(name="target", type="point", unit="m"),
+        capabilities.Parameter(name="target", type="point", unit="m", required=False),
         capabilities.Parameter(name="frame", type="frame"),
         capabilities.Parameter(name="route", type="points", unit="m", required=False),
         capabilities.Parameter(name="tolerance_m", type="number", unit="m", required=False, minimum=0.0),
@@ -51,6 +53,7 @@ CARD = capabilities.CapabilityCard(
     sources=("localiser", "odometry"),
     reattach="by_request",
     software="recording",
+    protocol=protocol.PROTOCOL,
 )
 
 
@@ -72,7 +75,7 @@ class RecordedRobot:
         self._anchor: Pose | None = None
         self._speed_mps = 0.0
         self.segments = recording.segments(target)
-        self._navigator = RecordingNavigator(self.segments, clock=self, blobs=self._spill)
+        self._navigator = RecordingNavigator(self.segments, frame=recording.frame, clock=self, blobs=self._spill)
         self._show()
 
     def close(self) -> None:
@@ -158,8 +161,9 @@ class RecordingNavigator(LocalProvider):
     success means that the replay is over, never that anything arrived.
     """
 
-    def __init__(self, segments: Sequence[Segment], *, clock: Clock, blobs: BlobStore) -> None:
+    def __init__(self, segments: Sequence[Segment], *, frame: str, clock: Clock, blobs: BlobStore) -> None:
         super().__init__(CARD, clock=clock, blobs=blobs, journal=None)
+        self._frame = frame
         self._segments = tuple(segments)
         self._chosen: dict[RequestId, Segment] = {}
         self._started: list[protocol.PhysicalStart] = []
@@ -204,19 +208,47 @@ class RecordingNavigator(LocalProvider):
             )
         if segment.arrived_s is None:
             return Result(
-                message=f"{segment.name} is over; its recording declares nothing.", drafts=(), declared={}, at_s=ends_s
+                message=f"{segment.name} is over; its recording declares nothing.",
+                drafts=(),
+                declared={},
+                at_s=ends_s,
+                proposes=self._proposals(request, segment, segment.last_pose_distance_m),
             )
         distance = segment.declared_distance_m
         declared = {"at_s": segment.arrived_s} | ({"distance_m": distance} if distance is not None else {})
         if segment.departed_s is not None:
             declared["departed_at_s"] = segment.departed_s
         text = "GOAL REACHED" if distance is None else f"GOAL REACHED, {distance:.2f} m"
-        draft = ReceiptDraft(kind="arrival", text=f"{text}, as the recorded supervisor declared", values=declared)
+        draft = ReceiptDraft(
+            kind="arrival",
+            text=f"{text}, as the recorded supervisor declared",
+            blob=self._blobs.put(encode(segment)),
+            values=declared,
+        )
         return Result(
             message=f"{segment.name}: the recorded supervisor declared arrival.",
             drafts=(draft,),
             declared=declared,
             at_s=ends_s,
+            proposes=self._proposals(request, segment, distance),
+        )
+
+    def _proposals(
+        self, request: protocol.StartRequest, segment: Segment, distance_m: float | None
+    ) -> protocol.ProposedFacts:
+        """Arrival, where the recorded supervisor declared it, else where the last recorded position lies near enough.
+
+        The positions are the recorded robot's own, so this is its word; the harness measures arrival itself.
+        """
+        metric = [one.effect for one in intended(request) if isinstance(one.effect, Metric)]
+        said = {} if distance_m is None else {"distance_m": distance_m}
+        return tuple(
+            protocol.ProposedFact(
+                name=effect.predicate,
+                arguments={"frame": self._frame, "target_m": effect.target_m, **said},
+            )
+            for effect in metric
+            if segment.arrived_s is not None or (distance_m is not None and distance_m <= effect.tolerance_m)
         )
 
     def _next(self, now_s: float) -> Segment | None:

@@ -60,6 +60,7 @@ class Survey:
         self.channels: dict[str, set[Channel]] = defaultdict(set)
         self.positions: dict[str, Positions] = defaultdict(Positions)
         self.dispatched: list[tuple[int, Any]] = []
+        self.goals: list[tuple[int, Any]] = []
         self.lines: list[LogLine] = []
         self.transforms: list[StaticTransform] = []
         self.slam_path: Raw | None = None
@@ -78,7 +79,9 @@ class Survey:
         self.channels[topic].add(raw.channel)
         self.first_log_ns = min(self.first_log_ns, raw.log_ns)
         self.last_log_ns = max(self.last_log_ns, raw.log_ns)
-        if kind in POSITIONS and (
+        if topic in self._settings.goals and kind == messages.POSE:
+            self.goals.append((raw.log_ns, self._decoder.decode(raw)))
+        elif kind in POSITIONS and (
             topic in self._wanted() or (kind == messages.ODOMETRY and self._settings.odometry is None)
         ):
             self.positions[topic].add(raw, self._decoder.decode(raw))

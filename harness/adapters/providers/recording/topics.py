@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 Clock = Literal["header", "log"]
+GOAL_TOPICS = ("/goal_pose", "/move_base_simple/goal")
+"""Where navigation stacks publish the goal that a person or a program sent, by custom."""
 
 
 class _Settings(BaseModel):
@@ -28,12 +30,14 @@ class TopicSettings(_Settings):
     `clock` says which time becomes sensor time: the message's header stamp or the recorder's log time. `camera_clock`
     is log time as in the paper. `arrival`, `departure` and `closing` are regular expressions over the supervisor's log
     lines; a group `distance_m` in `arrival` is the declared distance, and a closing ends a leg's evidence.
-    `static_transforms` win over recorded ones.
+    `static_transforms` win over recorded ones. `goal` is the topic of the goals that were sent (PoseStamped), None for
+    those of GOAL_TOPICS that are there.
     """
 
     body_pose: str = "/vbot_planner/body_pose"
     odometry: str | None = None
     dispatched_path: str = "/initial_path"
+    goal: str | None = None
     slam_path: str = "/path"
     supervisor_log: str = "/rosout"
     recorded_transforms: str = "/tf_static"
@@ -51,6 +55,11 @@ class TopicSettings(_Settings):
     camera_period_s: Annotated[float, Field(ge=0)] = 1.0
     cloud_period_s: Annotated[float, Field(ge=0)] = 1.0
     cloud_points: Annotated[int, Field(ge=1)] = 4096
+
+    @property
+    def goals(self) -> tuple[str, ...]:
+        """The topics that goals are read from."""
+        return GOAL_TOPICS if self.goal is None else (self.goal,)
 
     @field_validator("arrival", "departure", "closing")
     @classmethod

@@ -14,10 +14,12 @@ Samples = npt.NDArray[np.int16]
 
 _CHILD = Path(__file__).with_name("espeak_child.py")
 _LONGEST_S = 30.0
+VOICE = "en-us"
+"""American English, as the recogniser of the report was trained on."""
 
 
 @lru_cache(maxsize=32)
-def synthesise(text: str, *, voice: str = "en") -> tuple[Samples, int]:
+def synthesise(text: str, *, voice: str = VOICE) -> tuple[Samples, int]:
     """Mono samples (N,) int16, read-only, and their rate in Hz. Raises ProviderFailed if the library fails."""
     command = [sys.executable, "-P", str(_CHILD), voice]
     try:

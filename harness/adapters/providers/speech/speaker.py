@@ -6,7 +6,10 @@ from typing import Protocol
 import numpy as np
 
 from harness.adapters.providers.speech.espeak import Samples
+from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.ids import Digest
+from harness.contracts.measurements import Sound
+from harness.contracts.ports import Room
 
 _SILENCE: Samples = np.zeros(0, dtype="<i2")
 _CLOCK_GRAIN = 0.01
@@ -54,3 +57,26 @@ class PacedSpeaker:
 
     def halt(self) -> None:
         self._samples, self._taken = _SILENCE, 0
+
+
+class RoomSpeaker(PacedSpeaker):
+    """Plays into a room as its samples are taken. What happens to the sound there is not its affair."""
+
+    def __init__(self, room: Room) -> None:
+        super().__init__()
+        self._room = room
+
+    def consumed(self, now_s: float) -> int:
+        before = self._taken
+        taken = super().consumed(now_s)
+        if taken > before:
+            sound = Sound(
+                at_s=self._begun_s + before / self._rate_hz,
+                rate_hz=self._rate_hz,
+                pcm=self._samples[before:taken].astype("<i2").tobytes(),
+            )
+            try:
+                self._room.play(sound)
+            except ProviderUnreachable:
+                return taken
+        return taken

@@ -8,10 +8,12 @@ from harness.adapters.providers import local
 from harness.adapters.providers.speech.espeak import Samples, synthesise
 from harness.adapters.providers.speech.speaker import Speaker
 from harness.contracts import capabilities, ids
+from harness.contracts.effects import Symbolic
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ports import BlobStore, Clock
-from harness.contracts.protocol import Progress, StartRequest
+from harness.contracts.protocol import PROTOCOL, Progress, StartRequest
 from harness.contracts.values import Value
+from harness.provider_protocol.proposals import claims
 
 CARD = capabilities.CapabilityCard(
     provider_id=ids.ProviderId("espeak-voice"),
@@ -31,6 +33,7 @@ CARD = capabilities.CapabilityCard(
     moves=False,
     sources=("speaker",),
     software="espeak-ng",
+    protocol=PROTOCOL,
 )
 
 
@@ -102,10 +105,10 @@ class EspeakVoice(local.LocalProvider):
             return local.Failed(
                 failure="playback_differs", message="The speaker took other samples than were synthesised."
             )
-        return _played(playback)
+        return _played(playback, request)
 
 
-def _played(playback: _Playback) -> local.Result:
+def _played(playback: _Playback, request: StartRequest) -> local.Result:
     duration_s = playback.samples / playback.rate_hz
     values = {
         "samples": float(playback.samples),
@@ -120,6 +123,7 @@ def _played(playback: _Playback) -> local.Result:
         declared={"duration_s": duration_s},
         blobs=(playback.wav,),
         at_s=playback.end_s,
+        proposes=claims(request, Symbolic, {"sound": playback.wav, "duration_s": duration_s}),
     )
 
 

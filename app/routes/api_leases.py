@@ -1,0 +1,39 @@
+"""/api/v1/leases: who holds what, and freeing what is in quarantine on what the robot shows now."""
+
+from typing import Any
+
+from fastapi import APIRouter
+from starlette.responses import JSONResponse
+
+from app.acts.leases import FreeLeaseAct
+from app.console import ConsoleDep
+from app.routes import api_requests
+from harness.contracts.decisions import Refused
+from harness.contracts.ids import ResourceId
+from harness.projections.leases import Lease
+
+router = APIRouter(
+    prefix="/api/v1",
+    default_response_class=JSONResponse,
+    responses=api_requests.PROBLEMS,
+    dependencies=api_requests.CHECKED,
+    tags=["leases"],
+)
+
+
+@router.get("/leases", responses=api_requests.answers(Lease, many=True))
+def leases(console: ConsoleDep) -> Any:
+    """Every resource that was ever leased: free, held or in quarantine, with its newest fencing token."""
+    streams = console.runtime.streams("lease/")
+    return api_requests.plain([console.runtime.lease(ResourceId(one.partition("/")[2])) for one in streams])
+
+
+@router.post("/leases/{resource:path}/free", responses=api_requests.answers(Lease))
+def free(console: ConsoleDep, resource: ResourceId, body: FreeLeaseAct) -> Any:
+    """Free what is in quarantine: its robot must stand by its odometry, or have its hardware stop engaged."""
+    decision = console.runtime.free(resource, reason=body.reason)
+    return (
+        api_requests.refusal(decision)
+        if isinstance(decision, Refused)
+        else api_requests.plain(console.runtime.lease(resource))
+    )

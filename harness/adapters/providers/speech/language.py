@@ -1,0 +1,132 @@
+"""Builds what the recogniser may expect to hear: what was to be said, and with equal weight what would contradict it.
+
+Pure text: no recogniser and no synthesis here.
+"""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise, product
+
+UNITS = (
+    "zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve",
+    "thirteen", "fourteen", "fifteen", "sixteen", "seventeen", "eighteen", "nineteen",
+)  # fmt: skip
+TENS = ("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety")
+STATES = ("clear", "free", "obstructed", "blocked")
+STANDING = (
+    "nothing stands on its floor", "something stands on its floor", "one thing stands on its floor",
+    "two things stand on its floor", "three things stand on its floor",
+)  # fmt: skip
+ELSEWHERE = ("somewhere_else", "another_place")
+"""Names that every list of places has beside its own, so that not every name must be one of the site's."""
+WEIGHT = 20
+"""How often a whole sentence counts, beside each of its variants with another number."""
+DISCOUNT = 0.5
+MOST_PRONUNCIATIONS = 8
+
+
+def spoken(text: str, names: Sequence[str] = ()) -> tuple[str, ...]:
+    """The words that are heard when a text is read aloud; a name of a place is one word with underscores."""
+    lowered = re.sub(r"(\d)\s*%", r"\1 percent", text.lower())
+    joined = re.sub(r"[^a-z0-9' ]+", " ", lowered)
+    words = " ".join(word for token in joined.split() for word in (_number(token) if token.isdigit() else [token]))
+    for name in sorted({_plain(one) for one in names}, key=len, reverse=True):
+        if name:
+            words = re.sub(rf"\b{re.escape(name)}\b", name.replace(" ", "_"), words)
+    return tuple(words.split())
+
+
+def sentences(text: str, names: Sequence[str]) -> Iterator[tuple[tuple[str, ...], int]]:
+    """Sentences that may be heard, with their weights: the text's own, its variants, and the contraries of findings."""
+    known = tuple(dict.fromkeys([*(_plain(one).replace(" ", "_") for one in names if _plain(one)), *ELSEWHERE]))
+    for sentence in (one for one in re.split(r"(?<=[.!?])\s+", text) if one.strip()):
+        words = spoken(sentence, names)
+        yield from ((variant, WEIGHT) for variant in _elsewhere(words, known))
+        for clause in re.split(r"[,:;]", sentence):
+            yield from ((variant, 1) for variant in _counted(spoken(clause, names)))
+    yield spoken(text, names), 1
+    for state, negated in product(STATES, ("", "not ")):
+        yield tuple(f"the passage is {negated}{state}".split()), WEIGHT
+        for standing in STANDING:
+            yield tuple(f"the passage is {negated}{state} {standing}".split()), WEIGHT // 5
+
+
+def pronunciations(words: Sequence[str], known: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
+    """How each word may sound; a word of several parts as its parts in a row. Unknown words are left out."""
+    found: dict[str, tuple[str, ...]] = {}
+    for word in words:
+        parts = [known.get(part, ()) for part in word.split("_")]
+        if all(parts):
+            found[word] = tuple(" ".join(one) for one in product(*parts))[:MOST_PRONUNCIATIONS]
+    return found
+
+
+def bigrams(sentences_heard: Sequence[tuple[tuple[str, ...], int]]) -> str:
+    """A bigram model in ARPA form, with absolute discounting."""
+    single: Counter[str] = Counter()
+    double: Counter[tuple[str, str]] = Counter()
+    for sentence, weight in sentences_heard:
+        words = ("<s>", *sentence, "</s>")
+        for word in words:
+            single[word] += weight
+        for pair in pairwise(words):
+            double[pair] += weight
+    vocabulary = sorted(single)
+    total = sum(single.values()) + len(vocabulary)
+    alone = {word: (single[word] + 1) / total for word in vocabulary}
+    following: dict[str, list[str]] = {word: [] for word in vocabulary}
+    began: Counter[str] = Counter()
+    for (first, second), count in double.items():
+        following[first].append(second)
+        began[first] += count
+    lines = ["\\data\\", f"ngram 1={len(vocabulary)}", f"ngram 2={len(double)}", "", "\\1-grams:"]
+    for word in vocabulary:
+        left = DISCOUNT * len(following[word]) / began[word] if began[word] else 1.0
+        rest = max(1.0 - sum(alone[other] for other in following[word]), 1e-9)
+        lines.append(f"{math.log10(alone[word]):.4f}\t{word}\t{math.log10(left / rest):.4f}")
+    lines += ["", "\\2-grams:"]
+    lines += [
+        f"{math.log10((count - DISCOUNT) / began[first]):.4f}\t{first} {second}"
+        for (first, second), count in sorted(double.items())
+    ]
+    return "\n".join([*lines, "", "\\end\\", ""])
+
+
+def _plain(name: str) -> str:
+    """A name in spoken words, without underscores."""
+    return " ".join(spoken(name))
+
+
+def _elsewhere(words: tuple[str, ...], known: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """The sentence, and the same of every other place."""
+    yield words
+    for place in [word for word in words if word in known]:
+        for other in known:
+            if other != place:
+                yield tuple(other if word == place else word for word in words)
+
+
+def _counted(words: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+    """The clause with every other number in place of its own; nothing for a clause without one."""
+    numbers = [index for index, word in enumerate(words) if word in UNITS or word in TENS or word == "hundred"]
+    if not numbers:
+        return
+    first, last = numbers[0], numbers[-1]
+    if last - first != len(numbers) - 1:
+        last = first
+    for number in range(101):
+        yield (*words[:first], *_number(str(number)), *words[last + 1 :])
+
+
+def _number(digits: str) -> list[str]:
+    """A number in words; a long one digit by digit."""
+    number = int(digits)
+    if number < len(UNITS):
+        return [UNITS[number]]
+    if number < 100:
+        return [TENS[number // 10 - 2], *([UNITS[number % 10]] if number % 10 else [])]
+    if number == 100:
+        return ["one", "hundred"]
+    return [UNITS[int(digit)] for digit in digits]

@@ -1,0 +1,56 @@
+"""Records what was heard in the room while a report was spoken, and has it recognised (D47)."""
+
+from collections.abc import Callable
+
+from harness.adapters.providers.speech.recogniser import recognised
+from harness.contracts.evidence import EvidenceReference
+from harness.contracts.ids import Digest
+from harness.contracts.measurements import Measurement
+from harness.contracts.ports import Room
+from harness.contracts.values import encode
+
+MICROPHONE = "room microphone"
+RECOGNISER = "recogniser"
+Keep = Callable[[bytes], Digest]
+Read = Callable[[Digest], bytes]
+
+
+class RoomMicrophone:
+    """IndependentSource of `heard`: the recording of the playback, kind "room_sound", and its "recognition".
+
+    Without a room to record, the sound that the speaker's receipt names is recognised: that shows what was
+    synthesised, never that it was played. `read` fetches that sound.
+    """
+
+    predicate = "heard"
+    lasting = False
+
+    def __init__(self, room: Room | None, *, keep: Keep, read: Read) -> None:
+        self._room, self._keep, self._read = room, keep, read
+
+    def measure(self, asked: Measurement) -> tuple[EvidenceReference, ...]:
+        """Nothing for a look that speaks nothing. Raises ProviderFailed if the recogniser fails."""
+        if not asked.executes or asked.until_s <= asked.from_s:
+            return ()
+        if self._room is not None:
+            recording = self._room.recording(asked.from_s, asked.until_s)
+            kept = self._keep(recording)
+            return (self._reference("room_sound", MICROPHONE, kept, asked), self._recognition(recording, asked))
+        played = [one.blob for one in asked.receipts if one.kind == "playback" and one.blob]
+        return (self._recognition(self._read(played[-1]), asked),) if played else ()
+
+    def _recognition(self, recording: bytes, asked: Measurement) -> EvidenceReference:
+        found = recognised(recording, text=asked.text, names=asked.names)
+        return self._reference("recognition", RECOGNISER, self._keep(encode(found)), asked)
+
+    def _reference(self, kind: str, source: str, blob: Digest, asked: Measurement) -> EvidenceReference:
+        return EvidenceReference(
+            kind=kind,
+            origin="sensor",
+            source=source,
+            from_s=asked.from_s,
+            until_s=asked.until_s,
+            confidence=1.0,
+            blob=blob,
+            values={"asked_text": self._keep(asked.text.encode())},
+        )

@@ -1,0 +1,79 @@
+"""What independent sources measure for the verifier, outside the provider that is judged: read back, swept, heard."""
+
+from harness.contracts.ids import Digest, RequestId
+from harness.contracts.observations import AnySample, Camera, Trajectory
+from harness.contracts.protocol import Receipt, RobotStatus
+from harness.contracts.values import Value
+
+
+class Measurement(Value):
+    """What an independent source is asked: about which requests of a stage, over which mission time.
+
+    `requests` are those of the newest execution, `text` what the harness asked it to send or say, `receipts` what its
+    provider gave. `executes`: it was asked to do something now, rather than looked at again. `names` are the places of
+    the mission's site. `samples` are the robot's own of the last seconds, `status` its newest report.
+    """
+
+    requests: tuple[RequestId, ...]
+    text: str
+    from_s: float
+    until_s: float
+    executes: bool = True
+    receipts: tuple[Receipt, ...] = ()
+    names: tuple[str, ...] = ()
+    samples: tuple[AnySample, ...] = ()
+    status: RobotStatus | None = None
+
+
+class StoredMessage(Value):
+    """A message as its channel holds it: the text, and the checksum of each file's bytes as they were read."""
+
+    text: str
+    images: tuple[Digest, ...]
+
+
+class ReadBack(Value):
+    """What the channel's read path answered about one message. `found`: it is there, whole and readable."""
+
+    request_id: RequestId
+    found: bool
+    asked_text: Digest
+    text: Digest | None = None
+    images: tuple[Digest, ...] = ()
+    problem: str = ""
+
+
+class LidarLook(Value):
+    """Lidar sweeps with the poses and the odometry of the same seconds, and the camera as the robot describes it."""
+
+    trajectory: Trajectory
+    camera: Camera | None = None
+
+
+class RequestRecord(Value):
+    """The harness's own record of a request: its text's checksum, who gave it, in which role, over which channel."""
+
+    text: Digest
+    requested_by: str
+    role: str
+    channel: str
+
+
+class Sound(Value):
+    """A stretch of sound that a loudspeaker plays from `at_s` on: 16-bit little-endian mono samples."""
+
+    at_s: float
+    rate_hz: int
+    pcm: bytes
+
+
+class Recognition(Value):
+    """What a recogniser understood of a sound, word by word. `asked` is what was to be said, in the same form;
+    `unknown` are words that it could not have understood, because its dictionary lacks them.
+    """
+
+    sound: Digest
+    recogniser: str
+    asked: tuple[str, ...]
+    heard: tuple[str, ...]
+    unknown: tuple[str, ...] = ()

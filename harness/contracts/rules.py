@@ -1,0 +1,48 @@
+"""The versions of the rules that a mission is judged by, and the predicates that new missions may no longer name."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Annotated
+
+import msgspec
+
+from harness.contracts.capabilities import Risk
+
+RulesVersion = Annotated[int, msgspec.Meta(ge=1, le=2)]
+"""A mission is pinned to one when it is compiled, and replay judges with that one (D57).
+
+1: a condition of low risk may rest on its provider's word alone; a condition derived from facts counts them as sources.
+2: no effect is committed on its provider's word, and what is derived is no better than what it rests on (D17).
+"""
+FIRST_RULES: RulesVersion = 1
+"""Of missions whose log names none."""
+CURRENT_RULES: RulesVersion = 2
+"""What new missions are compiled under."""
+LINEAGE: RulesVersion = 2
+"""The first version that records where each level comes from, and knows effects that are only declared."""
+
+REQUIRED: Mapping[RulesVersion, Mapping[Risk, int]] = MappingProxyType(
+    {1: {"low": 0, "medium": 1, "high": 2}, 2: {"low": 1, "medium": 1, "high": 2}}
+)
+"""The independence level that the evidence of each risk class needs at least."""
+
+
+def required_independence(rules: RulesVersion, *, risk: Risk, asked: int | None) -> int:
+    """The level that a condition needs: that of its risk, and what its contract asks beyond it."""
+    return max(REQUIRED[rules][risk], asked or 0)
+
+
+Retired = Mapping[tuple[str, str], RulesVersion]
+RETIRED: Retired = MappingProxyType(
+    {
+        ("relational", "analysis_of"): 2,
+        ("relational", "linked"): 2,
+        ("symbolic", "delivered"): 2,
+        ("symbolic", "explored"): 2,
+        ("symbolic", "played"): 2,
+        ("symbolic", "reported"): 2,
+        ("symbolic", "transcript"): 2,
+    }
+)
+"""Predicates by effect type and name, and the first rules under which a new contract may name them only for a declared
+effect: they ask nobody but the provider, or were replaced. Old contracts are judged by them for ever."""

@@ -1,0 +1,44 @@
+"""A mission that is verified in part only, on its page, in the list and in its report: wide and narrow, light and
+dark."""
+
+import pytest
+from playwright.sync_api import expect
+
+from harness.contracts.decisions import Accepted
+from harness.runtime import Start
+from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
+from tests.browser.test_accessible import found
+from tests.builders.declared import DESCRIBED, ORDER, two_pictures
+from tests.builders.missions_run import ROBOT
+from tests.builders.serving import VIEWER, serving
+from tests.builders.waiting import ADA
+
+
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 1280), ("light", 390)])
+def test_what_is_declared_stands_apart_from_what_is_accepted(
+    open_page: OpenPage, take_picture: TakePicture, console_watch: ConsoleWatch, scheme: str, width: int
+) -> None:
+    console_watch.expect(VIEWER)
+    with serving(waits=False, rules=2) as served:
+        template = two_pictures(goals=(ORDER, DESCRIBED))
+        begun = served.asked.runtime.start(
+            Start(actor=ADA, robot_id=ROBOT, template=template.name, seed=3), template=template
+        )
+        assert isinstance(begun, Accepted), begun
+        mission_id = served.asked.runtime.missions()[0].mission_id
+        assert served.run(mission_id) == "partly_verified"
+        page = served.enter(open_page(width=width, scheme=scheme), f"/missions/{mission_id}")
+        stage = page.locator("#stage-describe")
+        expect(stage).to_contain_text("nothing: declared only")
+        expect(page.locator("#head .sentence")).to_contain_text("Partly verified")
+        expect(page.locator("body")).not_to_contain_text("Goal met")
+        take_picture(page, f"declared-mission-{scheme}-{width}")
+        served.open(page, f"/missions/{mission_id}/report")
+        expect(page.get_by_role("heading", name="Declared by a provider, not verified")).to_be_visible()
+        expect(page.locator("body")).not_to_contain_text("Goal met")
+        take_picture(page, f"declared-report-{scheme}-{width}")
+        served.open(page, "/missions?status=partly_verified")
+        expect(page.locator("#list")).to_contain_text("partly verified")
+        take_picture(page, f"declared-list-{scheme}-{width}", whole=False)
+        for path in (f"/missions/{mission_id}", f"/missions/{mission_id}/report"):
+            assert found(served, page, path) == []

@@ -1,0 +1,169 @@
+"""Builds a console with a person of every role and valid request bodies for every route, for tests of permissions."""
+
+import re
+from dataclasses import dataclass
+
+from fastapi.testclient import TestClient
+
+from harness.contracts.ids import MissionId
+from harness.contracts.values import encode
+from tests.builders.consoles import Stand
+from tests.builders.people import PASSWORD
+from tests.builders.releases import candidate, tried
+
+TURNS = ("claim", "release", "on-my-way", "choose", "take-over", "hand-back", "close")
+ALERT_TURNS = ("acknowledge", "shelve", "suppress", "restore", "assign")
+REASONED = ("stop", "pause", "resume", "dispute", "withdraw", "case", "free")
+
+
+@dataclass(frozen=True)
+class ConsoleWithRoles:
+    """A console with a mission that ended, one in progress, a question, and a person of every role."""
+
+    stand: Stand
+    people: dict[str, TestClient]
+    mission_id: MissionId
+    handoff_id: str
+    token_id: str
+    alert_id: str = "alert_1"
+    candidate: str = "none"
+
+    def address(self, path: str) -> str:
+        names = {
+            "mission_id": self.mission_id,
+            "handoff_id": self.handoff_id,
+            "token_id": self.token_id,
+            "alert_id": self.alert_id,
+            "place_id": "office_storage",
+            "name": "somebody",
+            "robot_id": "vbot-1",
+            "digest": "0" * 64,
+            "position": "1",
+            "form": "viser",
+            "candidate": self.candidate,
+            "verb": "comment",
+            "resource": "vbot-1/mobile_base",
+        }
+        return re.sub(r"\{(\w+)(:\w+)?\}", lambda found: names.get(found[1], "1"), path)
+
+    def body(self, path: str) -> dict[str, object]:
+        """A valid body for a route that changes something, so that only the permission of the caller decides."""
+        handoff = self.stand.harness.runtime.handoff(self.handoff_id)  # type: ignore[arg-type]
+        assert handoff.opened is not None
+        last = path.rsplit("/", 1)[-1]
+        if "/{candidate}/" in path:
+            return about_candidate(last)
+        if last in ("missions", "preview"):
+            return {"template": "circuit", "robot_id": "vbot-1", "goal": "Walk the circuit", "key": "k1"}
+        if last == "decision":
+            return {
+                "decision": "reject",
+                "reason": "not safe",
+                "key": "k2",
+                "cycle": handoff.cycle,
+                "subject": handoff.opened.subject,
+                "evidence": handoff.opened.evidence,
+            }
+        if last == "dispute" and not path.startswith("/api/"):
+            return {"reason": "because", "from": "report"}
+        if path == "/api/v1/places/{place_id}":
+            return {"name": "Office", "x_m": 1.0, "y_m": 1.0, "reason": "because"}
+        if path == "/api/v1/places/{place_id}/remove":
+            return {"basis": 7, "reason": "because"}
+        if last in ALERT_TURNS or path.startswith("/places/"):
+            return self.looked_after(last)
+        if last in (*TURNS, "attest"):
+            return self.turn(last, handoff.cycle, api=path.startswith("/api/"))
+        if last in ("people", "accounts"):
+            return {"name": "newcomer", "roles": ["viewer"], "password": PASSWORD}
+        if last in ("candidates", "check"):
+            return proposal(api=path.startswith("/api/"))
+        if last == "cloud":
+            corner = [0.0, 0.0, 0.0]
+            place = {"origin_m": corner, "low_m": corner, "high_m": corner, "points": 0, "dropped": 0, "chunks": []}
+            named = {"map_version": "1", "frame": "map", "source": "a.pcd", "source_digest": "0" * 64}
+            return {"cloud": {**named, **place}, "reason": "because"}
+        if last == "policy":
+            kept = {} if path.startswith("/api/") else {"key": "k4"}
+            return {"kind": "two_person", "quorum": 1, "reason": "because", **kept}
+        if last == "tokens":
+            return {"name": "newcomer", "scopes": ["read"]}
+        if last == "{name}":
+            return {"roles": ["viewer"]}
+        if last in ("autonomy", "safe", "stand", "posture", "teleoperation", "wheel", "drive", "turn", "return"):
+            return self.at_robot(last)
+        return {"reason": "because"} if last in REASONED else {}
+
+    def looked_after(self, last: str) -> dict[str, object]:
+        """A valid body for an alert or a place."""
+        place = {"name": "Bay", "x": "1", "y": "1", "heading": "0", "verification": "configured", "reason": "because"}
+        known: dict[str, dict[str, object]] = {
+            "acknowledge": {"seen": 1},
+            "shelve": {"reason": "because", "for_s": 900},
+            "suppress": {"reason": "because"},
+            "assign": {"assignee": "eve"},
+            "new": {**place, "place_id": "bay_1"},
+            "edit": {**place, "name": "Office", "basis": "0"},
+            "remove": {"reason": "because", "basis": "1"},
+        }
+        return known.get(last, {})
+
+    def at_robot(self, last: str) -> dict[str, object]:
+        """A valid body for a request to a robot."""
+        known: dict[str, dict[str, object]] = {
+            "autonomy": {"autonomy": "manual", "reason": "because"},
+            "posture": {"posture": "standing", "reason": "because"},
+            "turn": {"session": "s", "v_mps": 0.1},
+        }
+        return known.get(last, {"reason": "because"})
+
+    def turn(self, last: str, cycle: int, *, api: bool) -> dict[str, object]:
+        """A valid body for a request at a handoff."""
+        known: dict[str, dict[str, object]] = {
+            "on-my-way": {"reason": "because"},
+            "choose": {"action": "retry", "cycle": cycle},
+            "take-over": {"claim": "t", "device": "desk", "key": "k", "reason": "because"},
+            "hand-back": {"claim": "t", "key": "k", "reason": "because"},
+            "close": {"claim": "t", "key": "k", "reason": "because"},
+            "attest": {"condition_id": "c", "statement" if api else "reason": "because", "key": "k", "cycle": cycle},
+        }
+        return known.get(last, {"claim": "t"})
+
+    def send(self, who: str, method: str, path: str) -> int:
+        client, address, body = self.people[who], self.address(path), dict(self.body(path))
+        if method == "GET":
+            return client.get(address).status_code
+        if path.startswith("/api/") or path.endswith("/turn"):
+            body.pop("key", None) if path.endswith(("/missions", "/preview")) else None
+            return client.request(method, address, json=body).status_code
+        return client.request(method, address, data=body).status_code
+
+
+def about_candidate(verb: str) -> dict[str, object]:
+    """A valid body for an act on a candidate that is no longer what was shown."""
+    seen = {"cycle": 1, "subject": "0" * 64}
+    known: dict[str, dict[str, object]] = {
+        **dict.fromkeys(("request-changes", "request_changes", "approve", "reject", "authorise"), seen),
+        "release": {**seen, "robot_id": "vbot-1"},
+        "adjudicate": {"mission_id": "m", "finding": "sound"},
+    }
+    return {"reason": "because", "key": f"k3-{verb}", **known.get(verb, {})}
+
+
+def proposal(*, api: bool) -> dict[str, object]:
+    """A valid candidate, as the form or the API takes it."""
+    if api:
+        made = candidate(tried(wait_s=7.0))
+        return {"configuration": encode(made.configuration).decode(), "manifest": encode(made.manifest).decode()}
+    manifest = {"reason": "because", "intended_effect": "less waiting", "metric": "recovery_cost"}
+    return {**manifest, "smallest_effect": "0.1", "by": "fields", "recovery.wait_s": "8"}
+
+
+def routes(stand: Stand) -> list[tuple[str, str]]:
+    """(method, path) of every route of the running application."""
+    found = []
+    for route in stand.app.routes:
+        for inner in getattr(getattr(route, "original_router", None), "routes", [route]):
+            methods = getattr(inner, "methods", None) or set()
+            found += [(method, inner.path) for method in sorted(methods) if method not in ("HEAD", "OPTIONS")]
+    return found

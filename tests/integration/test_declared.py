@@ -1,0 +1,93 @@
+"""A mission verified in part only, on every surface that tells people and machines how it ended: never "Goal met"."""
+
+import json
+from collections.abc import Iterator
+
+import pytest
+from fastapi.testclient import TestClient
+
+from app.cli.output import exit_code
+from app.i18n.reasons.rendering import sentence
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Accepted
+from harness.contracts.ids import RobotId
+from harness.projections.mission import Mission
+from harness.runtime import Start
+from tests.builders.consoles import Stand, console_stand
+from tests.builders.declared import DESCRIBED, ORDER, two_pictures
+
+ADA = Actor(name="ada", role="operator")
+WHAT = "The description is of the accepted picture"
+
+
+@pytest.fixture(scope="module")
+def stand() -> Iterator[Stand]:
+    with console_stand(rules=2) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def ran(stand: Stand) -> Mission:
+    template = two_pictures(goals=(ORDER, DESCRIBED))
+    start = Start(actor=ADA, robot_id=RobotId("vbot-1"), template=template.name, seed=3)
+    assert isinstance(stand.harness.runtime.start(start, template=template), Accepted)
+    return stand.harness.supervisor.run(stand.harness.runtime.missions()[0].mission_id)
+
+
+@pytest.fixture
+def operator(stand: Stand) -> TestClient:
+    return stand.operator()
+
+
+@pytest.mark.parametrize("page", ["", "/report", "/contract", "/stages", "/head", "/evidence?node=describe", "/log"])
+def test_no_page_calls_it_met(operator: TestClient, ran: Mission, page: str) -> None:
+    answer = operator.get(f"/missions/{ran.mission_id}{page}")
+    assert answer.status_code == 200
+    assert "Goal met" not in answer.text and "目标已达成" not in answer.text
+
+
+@pytest.mark.parametrize("page", ["", "/report"])
+def test_the_page_and_the_report_name_what_is_only_declared(operator: TestClient, ran: Mission, page: str) -> None:
+    text = operator.get(f"/missions/{ran.mission_id}{page}").text
+    assert "Partly verified" in text and WHAT in text
+    assert 'data-verdict="declared"' in text
+
+
+def test_the_list_counts_it_apart(operator: TestClient, ran: Mission) -> None:
+    for group, shown in (("partly_verified", True), ("succeeded", False), ("ended", False)):
+        assert (ran.mission_id in operator.get(f"/missions?status={group}").text) is shown
+    row = operator.get("/api/v1/missions", params={"status": "partly_verified"}).json()[0]
+    assert (row["mission_id"], row["status"], row["goal_verdict"]) == (ran.mission_id, *["partly_verified"] * 2)
+
+
+def test_the_api_and_the_report_name_the_conditions(operator: TestClient, ran: Mission) -> None:
+    for path in (f"/api/v1/missions/{ran.mission_id}", f"/missions/{ran.mission_id}/report.json"):
+        outcome = operator.get(path).json()
+        assert (outcome["status"], outcome["goal_verdict"]) == ("partly_verified", "partly_verified")
+        named = {one["condition_id"]: one["node_id"] for one in outcome["declared_conditions"]}
+        assert named == {"describe.of_picture": "describe", "goal.described": None}
+        verdicts = {one["condition_id"]: (one["verdict"], one["independence"]) for one in outcome["goal_conditions"]}
+        assert verdicts == {"goal.in_order": ("satisfied", 1), "goal.described": ("declared", 0)}
+        assert "Goal met" not in json.dumps(outcome)
+        stages = {one["node_id"]: (one["status"], one["accepted_at_k"]) for one in outcome["stages"]}
+        assert stages["describe"] == ("declared", None)
+
+
+def test_the_command_line_has_an_exit_code_for_it() -> None:
+    assert exit_code("partly_verified") == 4
+
+
+def test_it_raises_a_low_alert_of_its_own(operator: TestClient, stand: Stand, ran: Mission) -> None:
+    stand.app.state.alert_watch.step()
+    alerts = operator.get("/api/v1/alerts").json()
+    (own,) = [one for one in alerts if one["kind"] == "partly_verified"]
+    assert own["priority"] == "low"
+    assert not [one for one in alerts if one["kind"] == "mission_failed"]
+
+
+def test_the_report_as_pdf_is_made(operator: TestClient, ran: Mission) -> None:
+    assert operator.get(f"/missions/{ran.mission_id}/report.pdf").content.startswith(b"%PDF-")
+
+
+def test_its_report_is_no_completion(ran: Mission) -> None:
+    assert sentence(ran.report).startswith("Partly verified: Take two pictures and describe the first.")

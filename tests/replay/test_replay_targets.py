@@ -1,0 +1,130 @@
+"""A replay is judged by a target that somebody named, and never by where the recording happens to end (D38)."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from app.cli.main import app
+from harness.adapters.providers.recording.messages import ODOMETRY, POSE
+from harness.adapters.providers.recording.ros_message_types import RosMessageTypes
+from harness.contracts.errors import HarnessError
+from harness.contracts.observations import Odometry
+from tests.fixtures.recordings import START_S, mcap_of, pose_at
+
+CARRIED = Path(__file__).resolve().parents[1] / "fixtures" / "warehouse-inspection.mcap"
+DROVE_M = 6.0
+
+
+def regen(*words: str) -> tuple[int, dict[str, Any], str]:
+    """Exit code, JSON and what was said; the program exits 2 for a typed error, which reaches us as it was raised."""
+    done = CliRunner().invoke(app, [*words, "--json"])
+    refused = isinstance(done.exception, HarnessError)
+    found = json.loads(done.stdout) if done.stdout.startswith("{") else {}
+    return 2 if refused else done.exit_code, found, str(done.exception) if refused else done.output
+
+
+def replay(path: Path, data: Path, *words: str) -> tuple[int, dict[str, Any], str]:
+    return regen("mission", "replay", str(path), "--data", str(data), *words)
+
+
+def drive(path: Path, *, goals: tuple[tuple[float, float, float], ...] = (), topic: str = "/goal_pose") -> Path:
+    """Six metres straight on and then 4 s at rest, by odometry alone; goals as (seconds, x_m, y_m)."""
+    words, messages = RosMessageTypes(), []
+    for index in range(200):
+        at_s = START_S + 0.1 * index
+        sample = Odometry(
+            seq=1, at_s=at_s, source="odometry", frame="odom", x_m=min(0.04 * index, DROVE_M), y_m=0.0,
+            yaw_rad=0.0, v_mps=0.4 if 0.04 * index < DROVE_M else 0.0, w_radps=0.0,
+        )  # fmt: skip
+        messages.append(("/odom", ODOMETRY, at_s, words.odometry(sample)))
+    for after_s, x_m, y_m in goals:
+        at_s = START_S + after_s
+        messages.append((topic, POSE, at_s, words.pose(pose_at(at_s, x_m, y_m, frame="odom"))))
+    return mcap_of(path, sorted(messages, key=lambda one: one[2]))
+
+
+def the_verdict(data: Path, mission_id: str) -> dict[str, Any]:
+    _, found, _ = regen("mission", "events", mission_id, "--data", str(data))
+    (verdict,) = [one["body"]["verdict"] for one in found["events"] if one["kind"] == "VerdictRecorded"]
+    return dict(verdict)
+
+
+def test_without_a_target_the_arrival_is_ambiguous_and_the_drive_is_still_measured(tmp_path: Path) -> None:
+    code, found, _ = replay(drive(tmp_path / "drive.mcap"), tmp_path / "data")
+    assert (code, found["status"], found["target_source"], found["target_m"]) == (1, "failed", "no target", None)
+    assert found["path_length_m"] == pytest.approx(DROVE_M, abs=0.1)
+    assert found["duration_s"] == pytest.approx(19.9, abs=0.1)
+    (segment,) = found["segments"]
+    assert segment["measured_distance_m"] is segment["last_pose_distance_m"] is None
+    verdict = the_verdict(tmp_path / "data", found["mission_id"])
+    assert verdict["verdict"] == "ambiguous"
+    assert verdict["results"][0]["reason"]["code"] == "no_target"
+    assert verdict["results"][0]["measured"]["path_length_m"] == pytest.approx(DROVE_M, abs=0.4)
+
+
+@pytest.mark.parametrize(("x_m", "code"), [(DROVE_M, 0), (DROVE_M + 2.0, 1)])
+def test_the_recorded_goal_is_the_target(tmp_path: Path, x_m: float, code: int) -> None:
+    path = drive(tmp_path / "drive.mcap", goals=((0.0, x_m, 0.0),))
+    exit_code, found, _ = replay(path, tmp_path / "data")
+    assert (exit_code, found["target_source"]) == (code, "recorded goal")
+    (segment,) = found["segments"]
+    assert segment["last_pose_distance_m"] == pytest.approx(x_m - DROVE_M, abs=0.05)
+
+
+def test_each_recorded_goal_is_a_leg_of_its_own(tmp_path: Path) -> None:
+    path = drive(tmp_path / "drive.mcap", goals=((0.0, 2.0, 0.0), (6.0, DROVE_M, 0.0)))
+    code, found, _ = replay(path, tmp_path / "data")
+    assert [one["name"] for one in found["segments"]] == ["segment 1", "segment 2"]
+    assert code == 1, "the robot drove through its first goal and did not stop there"
+
+
+def test_the_goal_may_come_over_a_topic_that_is_named(tmp_path: Path) -> None:
+    path = drive(tmp_path / "drive.mcap", goals=((0.0, DROVE_M, 0.0),), topic="/my/goal")
+    assert replay(path, tmp_path / "one")[1]["target_source"] == "no target"
+    code, found, _ = replay(path, tmp_path / "two", "--topic", "goal=/my/goal")
+    assert (code, found["target_source"]) == (0, "recorded goal")
+
+
+@pytest.mark.parametrize(("target", "code"), [("6.0,0.0", 0), ("0.0,0.0", 1)])
+def test_a_target_from_the_command_line_is_measured(tmp_path: Path, target: str, code: int) -> None:
+    path = drive(tmp_path / "drive.mcap", goals=((0.0, 40.0, 40.0),))
+    exit_code, found, _ = replay(path, tmp_path / "data", "--target", target)
+    assert (exit_code, found["target_source"]) == (code, "--target")
+
+
+@pytest.mark.parametrize(("place", "code"), [("home", 0), ("storage area", 1)])
+def test_a_place_is_a_target_on_the_map_of_its_site(tmp_path: Path, place: str, code: int) -> None:
+    exit_code, found, _ = replay(CARRIED, tmp_path / "data", "--place", place)
+    assert (exit_code, found["target_source"]) == (code, f"--place {place}")
+
+
+def test_a_place_on_another_map_an_unknown_place_and_two_targets_are_refused(tmp_path: Path) -> None:
+    path = drive(tmp_path / "drive.mcap")
+    code, _, said = replay(path, tmp_path / "data", "--place", "home")
+    assert code == 2
+    assert "--topic map_version=" in said
+    code, _, said = replay(CARRIED, tmp_path / "data", "--place", "the moon")
+    assert code == 2
+    assert "moon" in said
+    assert replay(path, tmp_path / "data", "--place", "home", "--target", "1,2")[0] == 2
+    assert replay(path, tmp_path / "data", "--target", "nan,0")[0] == 2
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize("name", ["derived/husky_test1.mcap", "bags/test1.bag", "bags/test2.bag"])
+def test_a_real_drive_without_a_goal_is_not_called_an_arrival(real_data: Path, name: str, tmp_path: Path) -> None:
+    code, found, _ = replay(real_data / name, tmp_path / "data")
+    assert (code, found["status"], found["target_source"]) == (1, "failed", "no target")
+    assert found["path_length_m"] > 1.0
+    assert the_verdict(tmp_path / "data", found["mission_id"])["results"][0]["reason"]["code"] == "no_target"
+
+
+@pytest.mark.real_data
+def test_a_real_drive_is_measured_at_the_target_that_is_given(real_data: Path, tmp_path: Path) -> None:
+    code, found, _ = replay(real_data / "derived/husky_test1.mcap", tmp_path / "data", "--target", "1000,1000")
+    assert (code, found["target_source"]) == (1, "--target")
+    (segment,) = found["segments"]
+    assert segment["measured_distance_m"] > 500.0
