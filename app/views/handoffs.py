@@ -195,7 +195,7 @@ def asking(robot: str, stage: str, *, waits: bool) -> str:
 
 
 def question(item: HandoffItem) -> str:
-    """The sentence of a question in a list."""
+    """The title of a question in a list."""
     bindings = {name: {"name": value} for name, value in item.names.items()}
     stage = bound_text(item.stage, item.template, bindings)
     return asking(item.robot_id, stage or word(item.node_id), waits=waits(item))

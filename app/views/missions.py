@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned
-from app.i18n.task_texts import told
 from app.views import list_params
-from app.views.measures import ConditionRow, condition_row, fields
+from app.views.measures import ConditionRow, condition_rows, fields
 from app.views.shell import Shell
 from app.views.timeline import TimelineEntry
 from harness.contracts.events import MissionEnded
@@ -20,7 +19,6 @@ from harness.projections.mission import Mission, declared_goals
 from harness.projections.missions_list import current_stage
 
 PATH = "/missions"
-"""The stage of a mission that is over with declared stages, as the list keeps it."""
 GROUPS: tuple[tuple[str, str, dict[str, str]], ...] = (
     ("", "all", {}),
     ("running", "running", {"open": "yes"}),
@@ -223,7 +221,7 @@ def goal_conditions(mission: Mission) -> tuple[ConditionRow, ...]:
     declared = {condition.condition_id for condition in declared_goals(mission)}
     return tuple(
         replace(row, declared=row.result.condition_id in declared and row.result.verdict == "ambiguous")
-        for row in map(condition_row, told(mission.goal_verdict.results, mission.contract))
+        for row in condition_rows(mission.goal_verdict.results, mission.contract)
     )
 
 
