@@ -1,4 +1,4 @@
-"""What every room of the console shares: the runtime, the doors, the scenes, and how a page is put together."""
+"""What every route of the console shares: the runtime, sign-in, 3D scenes, and the shell of a page."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -22,6 +22,7 @@ from app.background.presence import Presence
 from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
 from app.background.trajectories import Measurements
+from app.i18n.messages import reasoned
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.views.shell import Shell, Surroundings, shell
@@ -70,11 +71,11 @@ class TeleoperationPort(Protocol):
 
 
 def no_journal(mission_id: MissionId) -> None:
-    """The answer of an installation whose robots' journals cannot be read from here."""
+    """Used where the robots' journals cannot be read from here."""
 
 
 def no_cards() -> tuple[CapabilityCard, ...]:
-    """The answer of an installation without robots of its own."""
+    """Used by an installation without robots of its own."""
     return ()
 
 
@@ -135,7 +136,7 @@ class Console:
         )
 
     def control(self) -> SiteControl:
-        """The house's limit on autonomy, and who drives what by hand."""
+        """The fleet's autonomy limit, and who drives which robot by hand."""
         control: SiteControl = self.runtime.fold(CONTROL)
         return control
 
@@ -160,7 +161,7 @@ class Console:
         try:
             self.runtime.blob(digest)
         except BlobDamaged as error:
-            return error.what
+            return reasoned(error.what)
         return ""
 
     def context(self, digest: Digest) -> Context | None:
@@ -195,6 +196,16 @@ async def form_of(request: Request) -> dict[str, str]:
     return {name: value for name, value in (await request.form()).items() if isinstance(value, str)}
 
 
+async def form_lists_of(request: Request) -> dict[str, list[str]]:
+    """Every value of every field of a posted form, in the order in which they stand there; files are ignored."""
+    found: dict[str, list[str]] = {}
+    for name, value in (await request.form()).multi_items():
+        if isinstance(value, str):
+            found.setdefault(name, []).append(value)
+    return found
+
+
+FormListsDep = Annotated[dict[str, list[str]], Depends(form_lists_of)]
 FormDep = Annotated[dict[str, str], Depends(form_of)]
 ConsoleDep = Annotated[Console, Depends(console_of)]
 ActorDep = Annotated[Actor, Depends(actor_of)]

@@ -17,7 +17,7 @@ from app.auth.accounts import Accounts
 from app.auth.exposure import check_exposure
 from app.auth.guarded_releases import GuardedReleaseService
 from app.auth.guarded_runtime import GuardedRuntime
-from app.auth.oidc_settings import issuer_door
+from app.auth.oidc_settings import oidc_login
 from app.auth.rate_limits import Buckets
 from app.auth.sessions import SessionService
 from app.background.alert_watch import AlertWatch, Watched
@@ -82,6 +82,7 @@ from harness.adapters.notify.services import AppriseNotifier
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId
+from harness.contracts.reasons import because
 from harness.dossiers import export_dossier
 from harness.runtime import AnswerHandoff, FreeResource, Runtime, unobserved, unsupervised
 
@@ -157,7 +158,7 @@ def create_app(
         fleet=fleet or no_fleet(),
         teleoperation=teleoperation,
         dossier=_dossiers(runtime, folder),
-        issuer=issuer_door(settings, sessions, clock=time.time, fresh=_fresh),
+        issuer=oidc_login(settings, sessions, clock=time.time, fresh=_fresh),
     )
     app.mount("/static", StampedFiles(directory=settings.static), name="static")
     for room in (
@@ -216,7 +217,7 @@ def _free(folder: Path | None) -> Callable[[], int | None]:
 
 
 def _dossiers(runtime: Runtime, folder: Path | None) -> Dossier | None:
-    """Signed with the key of the data folder; without one there is no key."""
+    """Writes dossiers signed with the key of the data folder; None without a folder."""
     if folder is None:
         return None
 
@@ -227,7 +228,7 @@ def _dossiers(runtime: Runtime, folder: Path | None) -> Dossier | None:
 
 
 def open_accounts(settings: ConsoleSettings, folder: Path | None = None) -> Accounts:
-    """Who may use the console: kept in `folder`, or in memory without one."""
+    """The accounts of the console, stored in `folder`, or in memory without one."""
     store = SqlAccounts(folder / "accounts.db" if folder else None)
     hasher = PasswordHasher(memory_cost=settings.password_memory_kib)
     return Accounts(store, clock=time.time, fresh=_fresh, hasher=hasher)
@@ -270,15 +271,13 @@ def bind(port: int, host: str = "127.0.0.1") -> socket.socket:
     except OSError as error:
         listener.close()
         raise PortBusy(
-            f"The console cannot listen on port {port}: {error.strerror}",
-            where=f"{host}:{port}",
-            do="stop what listens there, or choose another port with REGEN_PORT",
+            because("port_busy", port=port, error=error.strerror or str(error)), where=f"{host}:{port}"
         ) from error
     return listener
 
 
 class _Server(uvicorn.Server):
-    """Ends the live streams as soon as a stop is asked for, so that no open page delays it."""
+    """A server that ends the live streams as soon as it is asked to stop, so that no open page delays it."""
 
     def __init__(self, config: uvicorn.Config, broker: SignalBroker) -> None:
         super().__init__(config)

@@ -1,4 +1,4 @@
-"""What an installation chooses for its console. Read once, passed down, never read again."""
+"""The settings of the console, read once at start and passed down."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,6 +8,7 @@ from pydantic import Field, SecretStr, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict, SettingsError
 
 from harness.contracts.errors import ContractInvalid
+from harness.contracts.reasons import because
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -47,16 +48,12 @@ def oidc_settings() -> OidcSettings:
         named = "_".join(str(part) for part in error.errors()[0]["loc"][:1])
     except SettingsError as error:
         named = next((one for one in OidcSettings.model_fields if f'"{one}"' in str(error)), "")
-    raise ContractInvalid(
-        "A setting of the identity provider cannot be read",
-        where=f"REGEN_OIDC_{named.upper()}",
-        do='lists are JSON, as in ["openid", "profile"], and roles too: {"robot-operators": ["operator"]}',
-    )
+    raise ContractInvalid(because("identity_setting_unreadable"), where=f"REGEN_OIDC_{named.upper()}")
 
 
 class ConsoleSettings(BaseSettings):
     """Settings of one console, from REGEN_* or from the caller. `owner_token` opens the API to the command line,
-    which acts under the name `owner`.
+    which acts under the name `owner`; `regen up` takes the name of whoever starts it.
 
     `names` are the host names (with a port unless it is the usual one) that people use beside loopback's; `proxies`
     the addresses of TLS proxies in front, whose word on where a request comes from is taken.
@@ -91,7 +88,7 @@ class ConsoleSettings(BaseSettings):
 
     @property
     def services(self) -> tuple[str, ...]:
-        """Names of the services outside that are told of alerts; their addresses are secrets and stand nowhere."""
+        """Names of the external services that are notified of alerts; their addresses are secret and never shown."""
         return tuple(self.notify)
 
     @property
@@ -108,7 +105,7 @@ class ConsoleSettings(BaseSettings):
 
     @property
     def address(self) -> str:
-        """Where people find it: the first declared name, else loopback."""
+        """The address that people use: the first declared name, else loopback."""
         scheme = "https" if self.secure else "http"
         return f"{scheme}://{self.names[0] if self.names else f'127.0.0.1:{self.port}'}"
 

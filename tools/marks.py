@@ -3,6 +3,8 @@ break.
 
 A mark is `@pytest.mark.ledger("R34", symbol="harness.gate.rules:obsolete_version")`. A structural test, which no
 broken function can turn red, names a planted offence instead: `planted="harness.routing.score:provider.start(x)"`.
+`entry` says that the test starts where a user does: at the command line, the API or a page. The rows of the table
+"To prove again" need such a mark.
 """
 
 import ast
@@ -21,6 +23,8 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
+ENTRIES = ("command line", "API", "page")
+_AGAIN = re.compile(r"^\| ((?:R\d+(?:, )?)+) \| (.+) \|$", re.MULTILINE)
 _ROW = re.compile(r"^(R\d+) \[(core|adapter|context)\] (.+)$", re.MULTILINE)
 _SECTION = re.compile(r"^## (.+)$", re.MULTILINE)
 
@@ -39,12 +43,16 @@ class LedgerRow:
 
 @dataclass(frozen=True)
 class LedgerMark:
-    """One test's claim: `rows` it proves, and what breaks it: a `symbol` or a `planted` offence."""
+    """One test's claim: `rows` it proves, and what breaks it: a `symbol` or a `planted` offence.
+
+    `entry` is where the test starts, if that is where a user does.
+    """
 
     test: str
     rows: tuple[str, ...]
     symbol: str
     planted: str
+    entry: str = ""
 
 
 @cache
@@ -57,6 +65,13 @@ def ledger(root: Path = ROOT) -> Mapping[str, LedgerRow]:
         section = next(title for start, title in reversed(sections) if start < found.start())
         rows[found.group(1)] = LedgerRow(name=found.group(1), mark=found.group(2), text=found.group(3), section=section)
     return rows
+
+
+@cache
+def to_prove_again(root: Path = ROOT) -> Mapping[str, str]:
+    """The rows that a test from an entry point must prove again, with what it must show."""
+    text = (root / "docs" / "ledger.md").read_text(encoding="utf-8")
+    return {row: found.group(2) for found in _AGAIN.finditer(text) for row in found.group(1).split(", ")}
 
 
 def module_file(module: str, *, root: Path = ROOT) -> Path | None:
@@ -91,6 +106,9 @@ def complaint(rows: tuple[object, ...], named: Mapping[str, object], *, root: Pa
     unknown = [str(row) for row in rows if row not in known]
     if not rows or unknown:
         return f"ledger mark: no such row: {', '.join(unknown) or '(none given)'}. The rows stand in docs/ledger.md"
+    if named.get("entry", ENTRIES[0]) not in ENTRIES:
+        return f"ledger mark: a test starts at one of {', '.join(ENTRIES)}"
+    named = {name: value for name, value in named.items() if name != "entry"}
     if set(named) not in ({"symbol"}, {"planted"}):
         return "ledger mark: give exactly one of symbol='module:qualname' and planted='module:expression'"
     [(kind, value)] = named.items()

@@ -18,7 +18,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     """Record every ledger mark of every collected test."""
     for item in session.items:
         for mark in item.iter_markers("ledger"):
-            named = {name: str(mark.kwargs.get(name, "")) for name in ("symbol", "planted")}
+            named = {name: str(mark.kwargs.get(name, "")) for name in ("symbol", "planted", "entry")}
             _marks.append({"test": item.nodeid, "rows": list(mark.args), **named})
 
 

@@ -1,15 +1,15 @@
-"""What every act shares: one model that a form, an API body and the command line fill in, for one gate command."""
+"""The base of every act: one model for form, API body and command line, which builds one gate command."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
-from app.i18n.catalogues import N_
 from app.views import forms
 from app.views.forms import Wrong
 from harness.contracts.actors import Actor, Command
 from harness.contracts.errors import ContractInvalid
+from harness.contracts.reasons import because
 
 Reason = Annotated[str, StringConstraints(min_length=1, max_length=forms.REASON_SIGNS)]
 Key = Annotated[str, StringConstraints(min_length=1, max_length=200)]
@@ -21,25 +21,16 @@ WHY = ("reason", "statement")
 """Fields that a person fills in on a form; a form that lacks any other field is not one of ours."""
 
 
-class Act(BaseModel):
-    """Something a person may do. `becomes` is the gate command it is; the address says what it is done to.
+class ActModel(BaseModel):
+    """What a person says when they do something: a form, an API body and the command line fill in the same fields.
 
-    A key, where an act has one, makes the same act again the same receipt.
+    The address says what it is done to. A key, where an act has one, makes the same act again the same receipt.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    becomes: ClassVar[type[Command]]
     sentences: ClassVar[Mapping[str, str]] = {}
-    """What a person is told about a field of a form that they chose wrongly."""
-
-    def to_command(self, actor: Actor) -> Any:
-        """The gate command, in the name of this person."""
-        return self.becomes(actor=actor, **self.fields())
-
-    def fields(self) -> dict[str, Any]:
-        """The command's fields other than its actor."""
-        return dict(self)
+    """What a person is told about a field of a form that they filled in wrongly."""
 
     def body(self) -> dict[str, Any]:
         """The JSON body that the API takes for this act."""
@@ -53,7 +44,7 @@ class Act(BaseModel):
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
-            raise ContractInvalid(f"{where}: {first['msg']}", where=where, do=N_("run it with --help")) from error
+            raise ContractInvalid(because("act_invalid", name=where, error=first["msg"]), where=where) from error
 
     @classmethod
     def from_form(cls, typed: Mapping[str, str]) -> Self | tuple[Wrong, ...]:
@@ -63,19 +54,33 @@ class Act(BaseModel):
         a field is missing that the page itself fills in.
         """
         known = {name: typed.get(name, "").strip() for name in cls.model_fields}
-        try:
-            return cls.model_validate({name: value for name, value in known.items() if value})
-        except ValidationError as error:
-            fields = [str(one["loc"][0]) for one in error.errors() if one["loc"]]
-        strange = next((name for name in fields if name not in (*WHY, *cls.sentences)), None)
-        if strange is not None:
-            raise ContractInvalid(
-                N_("The answer is not bound to what was shown"),
-                where=f"form field {strange}",
-                do=N_("open the page again and decide there"),
-            )
-        return tuple(Wrong(name, text) for name in fields for text in cls._told(name, typed.get(name, "")))
+        return cls._read({name: text for name, text in known.items() if text})
 
     @classmethod
-    def _told(cls, name: str, text: str) -> list[str]:
-        return [cls.sentences[name]] if name in cls.sentences else forms.wrong_reason(text)
+    def _read(cls, given: Mapping[str, Any]) -> Self | tuple[Wrong, ...]:
+        try:
+            return cls.model_validate(given)
+        except ValidationError as error:
+            fields = dict.fromkeys(str(one["loc"][0]) for one in error.errors() if one["loc"])
+        strange = next((name for name in fields if name not in (*WHY, *cls.sentences)), None)
+        if strange is not None:
+            raise ContractInvalid(because("answer_unbound"), where=f"form field {strange}")
+        return tuple(Wrong(name, text) for name in fields for text in cls._told(name, given.get(name, "")))
+
+    @classmethod
+    def _told(cls, name: str, value: Any) -> list[str]:
+        return [cls.sentences[name]] if name in cls.sentences else forms.wrong_reason(str(value))
+
+
+class Act(ActModel):
+    """An act that the gate decides. `becomes` is the gate command it is."""
+
+    becomes: ClassVar[type[Command]]
+
+    def to_command(self, actor: Actor, **named: Any) -> Any:
+        """The gate command, in the name of this person. `named`: what the address names and the command carries."""
+        return self.becomes(actor=actor, **self.fields(), **named)
+
+    def fields(self) -> dict[str, Any]:
+        """The command's fields other than its actor and what the address names."""
+        return dict(self)

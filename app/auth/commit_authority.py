@@ -1,4 +1,4 @@
-"""Asked again inside every commit: may whoever gave this command still give it? Accounts can change while it waits."""
+"""Checks inside every commit that the person may still give the command; accounts can change while it waits."""
 
 from app.auth.accounts import Accounts
 from app.auth.command_permissions import HARNESS_COMMANDS, PERMISSIONS, giver

@@ -1,4 +1,4 @@
-"""The release service as people reach it: every act is checked, signed with who asks, and written to the audit log."""
+"""Wraps the release service: every act is checked, signed with the person's name, and written to the audit log."""
 
 from typing import Any, Protocol
 
@@ -71,5 +71,5 @@ class GuardedReleaseService(CandidateQueries):
 
 
 def _signed(kind: type[Command], say: SignedBy) -> SignedBy:
-    """In the visitor's name and the role that allows it. Raises NotPermitted."""
+    """The principal as an actor in the role that allows the act. Raises NotPermitted."""
     return SignedBy(actor=principal().acting(asked_permission(kind)), reason=say.reason, key=say.key)

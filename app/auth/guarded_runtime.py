@@ -1,4 +1,4 @@
-"""The runtime as people and integrations reach it: every command is checked and signed, whatever page it came by."""
+"""Wraps the runtime for people and integrations: every command is checked and signed."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextvars import ContextVar
@@ -19,7 +19,9 @@ from harness.contracts.events import MissionCreated
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Place, Site
 from harness.contracts.ports import LogHead, Record, StoredEvent
+from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskContract, TaskTemplate
+from harness.goals.understanding import Understood
 from harness.memory.fabric import MemoryFabric
 from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
@@ -28,10 +30,10 @@ from harness.projections.places import Places
 from harness.runtime import AnswerHandoff, FreeResource, Live, Runtime, Start, unobserved
 
 PRINCIPAL: ContextVar[Principal] = ContextVar("principal")
-"""Who the present request comes from. Set by the doorkeeper alone."""
+"""The principal of the present request, set by the security middleware only."""
 
 AuditLog = Callable[[Principal, Actor, str, str, str], object]
-"""Writes (visitor, actor, command, subject, outcome) where people's commands are kept with their source."""
+"""Writes (principal, actor, command, subject, outcome) to the audit log."""
 
 
 class GuardedRuntime:
@@ -52,7 +54,7 @@ class GuardedRuntime:
     # commands -------------------------------------------------------------------------------------------------------
 
     def start(self, start: Start, *, template: TaskTemplate | None = None) -> Accepted[AnyEvent] | Refused:
-        """Create a mission in the visitor's name. Raises as `Runtime.start` does."""
+        """Create a mission in the principal's name. Raises as `Runtime.start` does."""
         actor = _acting(CreateMission)
         _same_robot(start.robot_id)
         decision = self._runtime.start(replace(start, actor=actor), template=template)
@@ -123,9 +125,13 @@ class GuardedRuntime:
         """A place as it shipped, whatever people made of it since."""
         return self._runtime.shipped_place(place_id)
 
-    def draft(self, start: Start) -> TaskContract:
+    def draft(self, start: Start, *, template: TaskTemplate | None = None) -> TaskContract:
         """The contract that `start` would create now; nothing is written."""
-        return self._runtime.draft(start)
+        return self._runtime.draft(start, template=template)
+
+    def understood(self, start: Start) -> Understood:
+        """What the goal of a request means now; nothing is written."""
+        return self._runtime.understood(start)
 
     def current_configuration_id(self, robot_id: ids.RobotId) -> ids.Digest:
         """The version that a new mission of this robot is pinned to."""
@@ -209,11 +215,11 @@ def principal() -> Principal:
     try:
         return PRINCIPAL.get()
     except LookupError:
-        raise NotPermitted("Nobody is known to ask for this", do="sign in, or use a token") from None
+        raise NotPermitted(because("nobody_signed_in")) from None
 
 
 def _acting(kind: type[Command]) -> Actor:
-    """The visitor in the role that allows this command; raises NotPermitted."""
+    """The principal in the role that allows this command; raises NotPermitted."""
     return principal().acting(asked_permission(kind))
 
 
@@ -224,6 +230,4 @@ def _signed(command: Any, actor: Actor) -> Any:
 def _same_robot(robot_id: str) -> None:
     found = principal()
     if found.robot_id not in ("", robot_id):
-        raise NotPermitted(
-            f"This token is for {found.robot_id}", where=f"token {found.name}", do=f"use one for {robot_id}"
-        )
+        raise NotPermitted(because("token_of_other_robot", robot_id=found.robot_id), where=f"token {found.name}")

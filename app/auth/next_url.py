@@ -1,11 +1,11 @@
-"""Pure: where somebody wanted to go before they signed in. Only a page of this console is ever gone to."""
+"""Reads where a person wanted to go before signing in; only pages of this console are accepted."""
 
 import re
 
 OVERVIEW, LONGEST = "/", 500
 _PATH = re.compile(r"/(?![/\\])[!#-\[\]-~]*")
 _ELSEWHERE = ("/account/sign-in", "/account/sign-out", "/account/oidc", "/api/", "/live", "/static/", "/metrics")
-"""What is no page, or would begin again."""
+"""Paths that are no page, or that would sign in again."""
 
 
 def safe_next_url(text: str) -> str:

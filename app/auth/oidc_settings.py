@@ -1,4 +1,4 @@
-"""The identity provider as the settings name it, and the door for those who come from there."""
+"""Builds the identity provider's client and login from the settings."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ from harness.adapters.identity.openid import OpenIdProvider, Registration, secre
 
 
 def identity_provider(settings: ConsoleSettings, *, clock: Callable[[], float]) -> OpenIdProvider | None:
-    """The one that is set up, if any; nobody is asked yet. Raises ContractInvalid for a setting that cannot be."""
+    """The configured identity provider, or None; sends no request. Raises ContractInvalid for an invalid setting."""
     oidc = settings.oidc
     if not oidc.issuer:
         return None
@@ -27,10 +27,10 @@ def identity_provider(settings: ConsoleSettings, *, clock: Callable[[], float]) 
     return OpenIdProvider(registration, secret=secret, clock=clock)
 
 
-def issuer_door(
+def oidc_login(
     settings: ConsoleSettings, sessions: SessionService, *, clock: Callable[[], float], fresh: Callable[[], str]
 ) -> OidcLogin | None:
-    """None without an identity provider. Raises ContractInvalid as above, and for roles that do not exist."""
+    """The login at the identity provider, or None without one. Raises ContractInvalid for settings or unknown roles."""
     provider = identity_provider(settings, clock=clock)
     if provider is None:
         return None

@@ -1,4 +1,4 @@
-"""Pure: who may do what. The one table of roles and permissions, and the one question that is asked of it."""
+"""The one table of roles and permissions, and the one function that reads it."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ from typing import Literal, get_args
 from app.i18n.catalogues import N_
 from harness.contracts.actors import Actor
 from harness.contracts.errors import HarnessError
+from harness.contracts.reasons import because
 
 Role = Literal["viewer", "operator", "reviewer", "releaser", "admin"]
 Permission = Literal[
@@ -31,7 +32,7 @@ GRANTS: Mapping[Permission, tuple[Role, ...]] = {
     "people": ("admin",),
 }
 SCOPES: frozenset[Permission] = frozenset({"read", "drive", "stop", "observe"})
-"""What a token may be given: answers at a gate, releases and people's accounts are for people."""
+"""The scopes a token may have; answering handoffs, releasing and managing accounts are for people only."""
 
 MEANING: Mapping[Permission, str] = {
     "read": N_("see missions, evidence and the log"),
@@ -52,7 +53,7 @@ MEANING: Mapping[Permission, str] = {
 
 
 class NotPermitted(HarnessError):
-    """Somebody known asked for something that their roles or scopes do not allow."""
+    """A signed-in principal asked for something that their roles or scopes do not allow."""
 
     code = "not_permitted"
 
@@ -74,7 +75,7 @@ class Principal:
 
     @property
     def actor(self) -> Actor:
-        """Everything this visitor is, in one actor; a command is stored with the one role that allowed it."""
+        """The principal as an actor with all their roles; a command is stored with the one role that allowed it."""
         return Actor(name=self.name, role="+".join(self.roles) or "integration", channel=self._channel)
 
     def acting(self, permission: Permission) -> Actor:
@@ -82,17 +83,15 @@ class Principal:
         if not self.roles:
             if permission not in self.scopes:
                 raise NotPermitted(
-                    f"This token may not {MEANING[permission]}",
+                    because("token_not_permitted", meaning=MEANING[permission], scope=permission),
                     where=f"token {self.name}, scopes {', '.join(self.scopes) or 'none'}",
-                    do=f"use a token with the scope {permission}",
                 )
             return Actor(name=self.name, role="integration", channel=self._channel)
         role = next((one for one in GRANTS[permission] if one in self.roles), None)
         if role is None:
             raise NotPermitted(
-                f"Your role does not let you {MEANING[permission]}",
+                because("role_not_permitted", meaning=MEANING[permission], roles=tuple(GRANTS[permission])),
                 where=f"{self.name}, {', '.join(self.roles)}",
-                do=f"ask somebody who is {' or '.join(GRANTS[permission])}, or an admin to change your role",
             )
         return Actor(name=self.name, role=role, channel=self._channel)
 

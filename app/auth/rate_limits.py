@@ -1,4 +1,4 @@
-"""How much and how often one caller may ask: a bucket per caller, and a bound on what a request carries."""
+"""Limits how often one caller may ask and how much one request may carry."""
 
 from collections.abc import Callable
 from threading import Lock
@@ -23,7 +23,7 @@ class Buckets:
         self._lock = Lock()
 
     def wait_s(self, caller: str) -> float:
-        """0 if this request may go on, and it is counted; else how long to wait."""
+        """Count a request: 0 if it may go on, else the seconds to wait."""
         now_s = self._clock()
         with self._lock:
             level, at_s = self._levels.get(caller, (self._burst, now_s))
@@ -34,7 +34,7 @@ class Buckets:
 
 
 def bounded(receive: Receive) -> Receive:
-    """The same body, until it is too large: raises TooLarge then."""
+    """Pass the body through; raises TooLarge once it exceeds the limit."""
     seen = 0
 
     async def counted() -> Message:

@@ -1,4 +1,4 @@
-"""Ways in: the one-time link of a first start, a password, an integration's token, the owner's token; and sessions.
+"""Signs people and programs in (one-time link, password, integration token, owner token) and keeps their sessions.
 
 The identity provider's way in is app/auth/oidc_login.py, which lets people through here.
 
@@ -25,14 +25,14 @@ INVITED_ROLES = ("operator", "reviewer", "releaser", "admin")
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a browser stands and what it calls itself."""
+    """The address of a browser and the name it gives itself."""
 
     source: str = ""
     agent: str = ""
 
 
 class SessionService:
-    """Who comes in, and who somebody is. Times are wall seconds from `clock`; `fresh` makes unguessable strings."""
+    """Signs people in and authenticates requests. `clock` gives wall seconds; `fresh` makes unguessable strings."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""Watches the log and what is observed live, and has alerts raised and cleared through the gate. Decides nothing.
+"""Watches the log and live observations, and raises and clears alerts through the gate.
 
 It stands beside the supervisor: nothing waits for it, and what it meets becomes an alert, never an end of a mission.
 """
@@ -22,6 +22,7 @@ from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
 from harness.contracts.memory import FollowPosition
 from harness.contracts.ports import StoredEvent
 from harness.contracts.protocol import PhysicalStart
+from harness.contracts.reasons import Explanation, because
 from harness.followers import Follower, beginning
 from harness.projections import alert_causes as causes
 from harness.projections.alerts import Alert
@@ -35,23 +36,23 @@ BLOBS_PER_STEP = 4
 VERIFIED_EVERY_S = 3600.0
 LOW_DISK_BYTES = 1024**3
 OLD_S = 86400.0
-"""What the log told longer ago raises nothing when it is first read: an inbox is no archive."""
+"""Older events raise no alerts when the log is first read, in seconds."""
 QUARANTINED = "ConfigurationQuarantined"
 TELLING = frozenset({
     "VetoRaised", "VetoCleared", "VerdictRecorded", "FailureClassified", "HandoffRequested", "HandoffAnswered",
     "StopAcknowledged", "CompletionDisputed", "MissionEnded", "HandoffEscalated", QUARANTINED,
 })  # fmt: skip
-"""The only kinds of events that are decoded: the rest tells of no trouble."""
+"""The kinds of events that are decoded; no other kind raises or clears an alert."""
 Raised = Callable[[str, Alert], object]
 
 
 def unheard(alert_id: str, alert: Alert) -> None:
-    """Nobody outside is told."""
+    """Sends no external notification."""
 
 
 @dataclass(frozen=True)
 class Watched:
-    """What is looked at besides the log. `starts` reads robots' journals; `free_bytes` None: the disk is not known."""
+    """What is watched besides the log. `starts` reads robots' journals; `free_bytes` is None for an unknown disk."""
 
     fleet: Fleet
     starts: Callable[[MissionId], Sequence[PhysicalStart] | None]
@@ -69,7 +70,7 @@ class _Trouble:
 
 @dataclass
 class AlertWatch:
-    """`step` looks once; `watch` does so again and again in the background. `tell` hears of every new occurrence."""
+    """`step` looks once; `watch` repeats it in the background. `tell` is called for every new occurrence."""
 
     runtime: Runtime
     alerts: Alerts
@@ -88,14 +89,14 @@ class AlertWatch:
         self._follower = Follower(self, head=self.runtime.head, read=self.runtime.log, fold=FOLD)
 
     def watch(self) -> None:
-        """From now on, in the background."""
+        """Start watching in the background."""
         self._worker.start()
 
     def close(self) -> None:
         self._worker.close()
 
     def step(self) -> None:
-        """Take in the log to its head, then look at robots, disk, log and some blobs."""
+        """Follow the log to its head, then check robots, disk, log and some blobs."""
         self.follow()
         for robot_id in self.watched.fleet.names:
             self._robot(robot_id)
@@ -152,7 +153,7 @@ class AlertWatch:
             event = POINTER.decode(stored)
             self._raise(
                 causes.of_site(
-                    "canary_fault", "critical", f"configuration {event.configuration[:12]} was quarantined",
+                    "canary_fault", "critical", because("alert_quarantined", configuration=event.configuration[:12]),
                     cause=f"canary/{event.candidate}", text=event.reason, link="/audit",
                 ),
                 source=stored.position,
@@ -170,7 +171,7 @@ class AlertWatch:
             self._unread[mission_id] = about
 
     def _journal(self, mission_id: MissionId) -> None:
-        """What the robot's own journal says of a mission that is over; a robot that is silent is asked again later."""
+        """Compare an ended mission with the robot's journal; a silent robot is asked again later."""
         try:
             starts = self.watched.starts(mission_id) or ()
         except ProviderUnreachable:
@@ -224,15 +225,15 @@ class AlertWatch:
             if kind in wrong:
                 self._keep(wrong[kind])
             elif not silent and (word.status is not None or kind == "robot_lost"):
-                self._end(cause, kind, "the robot says so itself")
+                self._end(cause, kind, because("robot_reports_it"))
 
     def _house(self) -> None:
         free = self.watched.free_bytes()
         if free is not None and free < LOW_DISK_BYTES:
-            text = f"{free // 2**20} MiB are free where the data folder lies"
-            self._keep(causes.of_site("disk_low", "high", "the disk is nearly full", cause="house/disk", text=text))
+            text = because("free_on_data_disk", free_mib=free // 2**20)
+            self._keep(causes.of_site("disk_low", "high", because("alert_disk_low"), cause="house/disk", text=text))
         elif free is not None:
-            self._end("house/disk", "disk_low", f"{free // 2**20} MiB are free")
+            self._end("house/disk", "disk_low", because("free_again", free_mib=free // 2**20))
         self._log_itself()
         self._some_blobs()
 
@@ -244,16 +245,16 @@ class AlertWatch:
         try:
             self.runtime.verify()
         except LogDamaged as error:
-            text = f"{error.what}. {error.where}"
+            text = because("damage_at", damage=error.reason, where=error.where)
             self._keep(
                 causes.of_site(
-                    "log_damaged", "critical", "the event log does not verify",
+                    "log_damaged", "critical", because("alert_log_damaged"),
                     cause="house/log", text=text, link="/audit",
                 )
             )  # fmt: skip
 
     def _some_blobs(self) -> None:
-        """A few per step, all of them again and again: bytes rot while nobody looks."""
+        """Verify a few blobs per step, all of them in turn, because stored bytes can decay."""
         taken = list(islice(self._blobs, BLOBS_PER_STEP))
         if not taken:
             self._blobs = iter(self.runtime.blob_digests())
@@ -264,7 +265,7 @@ class AlertWatch:
             except BlobDamaged as error:
                 self._keep(
                     causes.of_site(
-                        "blob_damaged", "critical", f"evidence {digest[:12]} does not verify",
+                        "blob_damaged", "critical", because("alert_blob_damaged", digest=digest[:12]),
                         cause=cause, text=error.what, link=f"/evidence/{digest}/about",
                     )
                 )  # fmt: skip
@@ -273,7 +274,7 @@ class AlertWatch:
         if occurrence.condition not in self._standing(occurrence.cause):
             self._raise(occurrence)
 
-    def _end(self, cause: str, condition: str, reason: str) -> None:
+    def _end(self, cause: str, condition: str, reason: Explanation) -> None:
         if condition in self._standing(cause):
             self.ask(cause, ClearAlert(condition=condition, reason=reason, at_s=self.watched.clock()))
 

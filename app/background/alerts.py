@@ -1,4 +1,4 @@
-"""The alerts of this installation as they stand: folded once, then only those that changed since. Writes nothing."""
+"""Keeps the alerts of this installation folded and up to date with the log. Writes nothing."""
 
 from collections.abc import Sequence
 from threading import Lock
@@ -6,6 +6,7 @@ from threading import Lock
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import StreamId
 from harness.contracts.ports import StoredEvent
+from harness.contracts.reasons import because
 from harness.projections.alerts import Alert, status
 from harness.runtime import Runtime
 
@@ -14,7 +15,7 @@ BATCH = 2000
 
 
 class Alerts:
-    """Safe between threads. What was committed before a question is in its answer."""
+    """The alerts, safe between threads: an answer includes everything committed before the call."""
 
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
@@ -34,11 +35,11 @@ class Alerts:
         with self._lock:
             self._follow()
             if alert_id not in self._known:
-                raise UnknownName(f"There is no alert {alert_id[:40]}", do="list them with `regen alert list`")
+                raise UnknownName(because("unknown_alert", alert_id=alert_id[:40]))
             return self._known[alert_id]
 
     def waiting(self, now_s: float) -> int:
-        """How many nobody acknowledged, without those put away."""
+        """The number of unacknowledged alerts that are neither shelved nor suppressed."""
         return sum(status(alert, now_s) in ("unacknowledged", "returned") for _, alert in self.all())
 
     def _follow(self) -> None:

@@ -1,4 +1,4 @@
-"""What a provider's shipped conformance file claims of it. A claim, until the kit is run."""
+"""Reads what a provider's shipped conformance file claims; it is a claim until the conformance kit is run."""
 
 from app.views.providers import Conformance
 from harness.conformance.declaration import shipped

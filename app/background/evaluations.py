@@ -1,4 +1,4 @@
-"""What evaluations measured, read from the log once per result set: pages show it again and again. Writes nothing."""
+"""Caches what evaluations measured, read from the log once per result set. Writes nothing."""
 
 from collections.abc import Mapping
 from functools import cache

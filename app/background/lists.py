@@ -1,4 +1,4 @@
-"""The lists of the console: follows the log into the read models, and answers pages from them at the log's head."""
+"""Follows the log into the read models of the console's lists, and answers queries at the log's head."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -34,7 +34,7 @@ from harness.projections.missions_list import handoff_row, mission_row
 from harness.runtime import Runtime
 
 FOLD = "lists-4"
-"""Changes whenever a row would come out differently: lists that another fold made are built again."""
+"""The version of the rows; lists that another version made are built again."""
 BATCH = 2000
 KEPT = 64
 OPEN = 500
@@ -62,7 +62,7 @@ class _Followed:
 
 
 class Lists:
-    """Safe between threads and processes. What was committed before a question is in its answer."""
+    """The lists, safe between threads and processes: an answer includes everything committed before the call."""
 
     def __init__(self, runtime: Runtime, models: ReadModels) -> None:
         self._runtime, self._models = runtime, models

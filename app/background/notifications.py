@@ -1,4 +1,4 @@
-"""Tells people outside of alerts that are new and pressing. Beside everything: nothing waits for it.
+"""Sends external notifications of new, pressing alerts; nothing waits for them.
 
 A message holds the alert's title, its numbers and an address of this console, and no free text: goals and reasons are
 words of people and models and may hold anything.
@@ -11,6 +11,7 @@ from queue import Empty, Full, Queue
 from harness.contracts.alert_commands import ClearAlert, NoteNotification, RaiseAlert
 from harness.contracts.alert_events import PRIORITIES, Priority, alert_id, alert_stream
 from harness.contracts.notification import Notification, Notifier
+from harness.contracts.reasons import Reason, because
 from harness.projections.alert_causes import of_site
 from harness.projections.alerts import Alert, status
 from harness.runtime import Runtime
@@ -24,7 +25,7 @@ PRESSING = ("high", "critical")
 
 @dataclass
 class Notices:
-    """`offer` puts an alert in the line, from any thread; `deliver` sends what is in it; `watch` does so by itself."""
+    """`offer` queues an alert, from any thread; `deliver` sends the queue; `watch` delivers in the background."""
 
     runtime: Runtime
     notifier: Notifier
@@ -39,14 +40,14 @@ class Notices:
         self._worker = Worker("notices", self.deliver, every_s=STEP_S, close_within_s=2.0)
 
     def watch(self) -> None:
-        """From now on, in the background."""
+        """Start delivering in the background."""
         self._worker.start()
 
     def close(self) -> None:
         self._worker.close()
 
     def offer(self, name: str, alert: Alert) -> None:
-        """Put in the line if it is pressing, nobody put it away, and it is new or more pressing than what was told."""
+        """Queue an alert that is pressing, not put away, and new or more pressing than the last notification of it."""
         if not self.notifier.services or alert.newest is None or alert.newest.kind == "notification_failed":
             return
         if alert.priority not in PRESSING or status(alert, self.clock()) != "unacknowledged":
@@ -58,10 +59,10 @@ class Notices:
         try:
             self._line.put_nowait((name, alert))
         except Full:
-            self._failed("the line", f"{MOST_QUEUED} messages wait already; this one was not sent")
+            self._failed("the line", because("notification_line_full", limit=MOST_QUEUED))
 
     def deliver(self) -> int:
-        """Send everything that is in the line; returns how many messages were taken by a service."""
+        """Send everything in the queue; returns how many messages a service accepted."""
         taken = 0
         while not self._worker.closed:
             try:
@@ -83,15 +84,17 @@ class Notices:
         noted = NoteNotification(service=service, outcome="failed" if reason else "sent", tries=tries, reason=reason)
         self.runtime.decide([(alert_stream(name), noted)])
         if reason:
-            self._failed(service, f"{reason}; tried {tries} times")
+            self._failed(service, because("notification_tried", reason=reason, tries=tries))
             return False
-        cleared = ClearAlert(condition="notification_failed", reason="it takes messages again", at_s=self.clock())
+        cleared = ClearAlert(
+            condition="notification_failed", reason=because("notifications_taken_again"), at_s=self.clock()
+        )
         self.runtime.decide([(alert_stream(alert_id(_cause(service))), cleared)])
         return True
 
-    def _failed(self, service: str, why: str) -> None:
+    def _failed(self, service: str, why: Reason) -> None:
         occurrence = of_site(
-            "notification_failed", "high", f"people outside were not told through {service}",
+            "notification_failed", "high", because("alert_notification_failed", service=service),
             cause=_cause(service), text=why, link="/alerts",
         )  # fmt: skip
         stream = alert_stream(alert_id(occurrence.cause))
@@ -99,7 +102,7 @@ class Notices:
 
 
 def message(name: str, alert: Alert, *, address: str) -> Notification:
-    """What is said outside: what kind of thing happened to which robot, how often, and where to look."""
+    """The text of a notification: what happened to which robot, how often, and where to look."""
     newest = alert.newest
     kind = newest.kind.replace("_", " ") if newest else "alert"
     whose = newest.robot_id if newest and newest.robot_id else "this installation"

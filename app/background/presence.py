@@ -1,4 +1,4 @@
-"""Who has which page open now: a page is somebody's presence as long as its stream of names is."""
+"""Knows who has which page open, from the event streams that pages hold open."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ class Presence:
 
     @contextmanager
     def here(self, name: str, topics: tuple[str, ...]) -> Iterator[None]:
-        """As long as the block runs, this person looks at these topics."""
+        """Count this person as a viewer of these topics while the block runs."""
         number = next(self._numbers)
         with self._lock:
             self._open[number] = (name, frozenset(topics))

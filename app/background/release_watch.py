@@ -1,4 +1,4 @@
-"""Follows the log for the release service: takes ended canary missions in, has this console take a new pointer up."""
+"""Follows the log for the release service: records ended canary missions and applies the pointer in this console."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -33,18 +33,18 @@ class ReleaseWatch:
     _follower: Follower = field(init=False)
 
     def __post_init__(self) -> None:
-        self._worker = Worker("review-desk", self._begun, every_s=STEP_S)
+        self._worker = Worker("release-watch", self._begun, every_s=STEP_S)
         self._follower = Follower(self, head=self.head, read=self.read, fold=FOLD)
 
     def watch(self) -> None:
-        """From now on, in the background."""
+        """Start watching in the background."""
         self._worker.start()
 
     def close(self) -> None:
         self._worker.close()
 
     def step(self) -> None:
-        """Nothing, unless the log has grown since."""
+        """Follow the log; does nothing unless it has grown."""
         self._follower.catch_up()
 
     def mark(self) -> FollowPosition:

@@ -1,4 +1,4 @@
-"""What robots say of themselves and show, for people: the newest word, how old it is, and the last seconds of camera.
+"""Polls robots for what people see of them: the last report with its age, and the last seconds of camera.
 
 Wall time throughout. Nothing here is evidence and nothing is stored; a bounded ring of pictures is kept per robot.
 """
@@ -9,10 +9,13 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from threading import Lock
 
+from app.i18n.catalogues import N_
+from app.i18n.messages import reasoned
 from app.views.robots import LiveFrame, RobotReportSeen, Shots
 from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.ids import RobotId
 from harness.contracts.ports import LiveCamera, Robot
+from harness.contracts.reasons import because
 from harness.workers import Worker
 
 KEPT_S = 20.0
@@ -40,7 +43,7 @@ class _Post:
 
 
 class Fleet:
-    """Asks every robot again and again once it watches; before that, when somebody reads."""
+    """Polls every robot in the background once `watch` was called; before that, when somebody reads."""
 
     def __init__(
         self,
@@ -61,7 +64,7 @@ class Fleet:
         return tuple(self._posts)
 
     def watch(self) -> None:
-        """From now on, in the background: a robot that does not answer delays no other."""
+        """Start polling in the background, one thread per robot, so that a silent robot delays no other."""
         self._watching = True
         for worker in self._workers:
             worker.start()
@@ -80,7 +83,7 @@ class Fleet:
             return post.word
 
     def hear(self, robot_id: str) -> None:
-        """Ask now: something was just done to it."""
+        """Poll the robot now, because something was just done to it."""
         self._ask(self._post(robot_id))
 
     def shots(self, robot_id: str) -> Shots:
@@ -103,14 +106,14 @@ class Fleet:
             found = next((one for one in post.ring if one.number == number), None)
         if found is not None:
             return found
-        raise UnknownName(f"Picture {number} of {robot_id} is not kept any more", do="look at the newest one")
+        raise UnknownName(because("picture_not_kept", number=number, robot_id=robot_id))
 
     def _post(self, robot_id: str) -> _Post:
         try:
             return self._posts[RobotId(robot_id)]
         except KeyError:
             known = ", ".join(self._posts) or "none is connected"
-            raise UnknownName(f"There is no robot {robot_id[:40]} here", do=f"choose from: {known}") from None
+            raise UnknownName(because("unknown_robot", robot_id=robot_id[:40], known=known)) from None
 
     def _watch(self, post: _Post) -> None:
         self._ask(post)
@@ -126,7 +129,7 @@ class Fleet:
             status = self._robots[post.robot_id].status()
         except HarnessError as error:
             with post.lock:
-                post.word = replace(post.word, trouble=error.what)
+                post.word = replace(post.word, trouble=reasoned(error.what))
             return
         now_s = self._clock()
         with post.lock:
@@ -135,13 +138,13 @@ class Fleet:
     def _look(self, post: _Post) -> None:
         camera = self._cameras.get(post.robot_id)
         if camera is None:
-            post.trouble = "this robot has no camera that people can look through"
+            post.trouble = N_("this robot has no camera that people can look through")
             return
         with post.looking:
             try:
                 picture = camera.picture()
             except HarnessError as error:
-                post.trouble = error.what
+                post.trouble = reasoned(error.what)
                 return
             with post.lock:
                 post.trouble = ""

@@ -1,4 +1,4 @@
-"""Names of what changed, from any thread to every open page. Carries no content; losing one costs nothing."""
+"""Publishes the names of what changed, from any thread to every open page. Carries no content."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -125,7 +125,7 @@ class SignalBroker:
                 self._before += subscription.traffic
 
     def close(self) -> None:
-        """End every stream, so that a stop of the server waits for nobody."""
+        """End every stream, so that the server can stop without waiting."""
         with self._lock:
             self._closed = True
             watching = tuple(self._subscriptions)
@@ -134,7 +134,7 @@ class SignalBroker:
 
     @property
     def changes(self) -> int:
-        """How many changes were told so far: what was shown before the newest one may be old."""
+        """The number of changes published so far; anything rendered before the newest one may be outdated."""
         return self._changes
 
     @property

@@ -1,4 +1,4 @@
-"""What sensors said in a mission: sealed trajectories, read once each, and the live samples of those who watch."""
+"""Caches what sensors measured in a mission: sealed trajectories, and live samples for open pages."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field

@@ -1,43 +1,23 @@
 """regen account and regen token: who may use the console, from the machine that it runs on."""
 
-import secrets
 import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from app.auth.accounts import Accounts
-from app.auth.permissions import ROLES, SCOPES, Principal
+from app.acts.accounts import AddAccountAct, ChangeAccountAct, IssueTokenAct
+from app.auth.permissions import ROLES, SCOPES
 from app.cli import output
+from app.cli.data_folder import opened
+from app.cli.local_api import api_without_robots
 from app.cli.owner_api import owner_api
-from app.cli.person import me
-from harness.adapters.stores.accounts import SqlAccounts
 from harness.adapters.stores.accounts_rows import Account, Token
-from harness.adapters.stores.folder import prepare
 from harness.contracts.errors import ContractInvalid, StoreUnavailable
+from harness.contracts.reasons import because
 
 account = typer.Typer(no_args_is_help=True, help="People who may use the console.")
 token = typer.Typer(no_args_is_help=True, help="Tokens for robots and integrations on the API.")
 FromStdin = Annotated[bool, typer.Option("--password-stdin", help="Read the password from standard input.")]
-
-
-def here() -> Principal:
-    """Whoever may read and write the data folder is its admin."""
-    return Principal(name=me().name, roles=("admin",), source="terminal")
-
-
-@contextmanager
-def opened(data: Path) -> Iterator[Accounts]:
-    """The accounts of a data folder, beside a console that may be running on it."""
-    store = SqlAccounts(prepare(data).root / "accounts.db")
-    try:
-        yield Accounts(store, clock=time.time, fresh=lambda: secrets.token_urlsafe(32))
-    finally:
-        store.close()
 
 
 @account.command("add")
@@ -49,9 +29,10 @@ def add(
     as_json: output.Json = False,
 ) -> None:
     """Add somebody. The first account must be an admin; from then on one-time links let nobody in."""
-    with opened(data) as accounts:
-        added = accounts.add(name, roles=role, password=_password(from_stdin=password_stdin), by=here())
-    output.show(_person(added), as_json=as_json, lines=[f"{added.name} may sign in as {', '.join(added.roles)}."])
+    said = AddAccountAct.of(name=name, roles=role, password=_password(from_stdin=password_stdin))
+    with api_without_robots(data) as api:
+        added = api.post("/accounts", said.body())
+    output.show(added, as_json=as_json, lines=[f"{added['name']} may sign in as {', '.join(added['roles'])}."])
 
 
 @account.command("link")
@@ -62,11 +43,7 @@ def link(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) 
     """
     owner = owner_api(data)
     if owner is None:
-        raise StoreUnavailable(
-            "No console runs on this data folder",
-            where=str(data),
-            do="start one with `regen up`: it prints a link; or name its folder with --data",
-        )
+        raise StoreUnavailable(because("no_console_to_link"), where=str(data))
     made = owner.post("/sign-in-links", {})
     output.show(made, as_json=as_json, lines=[f"Sign in once: {made['url']}"])
 
@@ -88,9 +65,8 @@ def disable(
     as_json: output.Json = False,
 ) -> None:
     """Turn somebody away at once, in every browser; the last admin stays."""
-    with opened(data) as accounts:
-        accounts.change(name, disabled=not back, by=here())
-        changed = _person(accounts.known(name))
+    with api_without_robots(data) as api:
+        changed = api.patch(f"/accounts/{name}", ChangeAccountAct.of(disabled=not back).body())
     output.show(
         changed, as_json=as_json, lines=[f"{name} is {'back' if back else 'disabled, and signed out everywhere'}."]
     )
@@ -101,9 +77,9 @@ def password(
     name: str, data: output.Data = output.DEFAULT_DATA, password_stdin: FromStdin = False, as_json: output.Json = False
 ) -> None:
     """Give somebody a new password and sign them out everywhere."""
-    with opened(data) as accounts:
-        accounts.known(name)
-        accounts.reset_password(name, new=_password(from_stdin=password_stdin), by=here())
+    with api_without_robots(data) as api:
+        said = ChangeAccountAct.of(password=_password(from_stdin=password_stdin))
+        api.patch(f"/accounts/{name}", said.body())
     output.show({"name": name}, as_json=as_json, lines=[f"{name} has a new password."])
 
 
@@ -117,10 +93,11 @@ def create(
     as_json: output.Json = False,
 ) -> None:
     """Make a token and print it, once."""
-    with opened(data) as accounts:
-        issued = accounts.issue(name, scopes=scope, robot_id=robot, days=days, by=here())
-    lines = [issued.secret, f"{issued.token.token_id} is shown this once: {', '.join(issued.token.scopes)}."]
-    output.show({**_listed(issued.token), "token": issued.secret}, as_json=as_json, lines=lines)
+    said = IssueTokenAct.of(name=name, scopes=scope, robot_id=robot, days=days)
+    with api_without_robots(data) as api:
+        issued = api.post("/tokens", said.body())
+    lines = [issued["token"], f"{issued['token_id']} is shown this once: {', '.join(issued['scopes'])}."]
+    output.show(issued, as_json=as_json, lines=lines)
 
 
 @token.command("list")
@@ -137,16 +114,16 @@ def tokens(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
 @token.command("revoke")
 def revoke(token_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """End a token at once."""
-    with opened(data) as accounts:
-        revoked = accounts.revoke(token_id, by=here())
-    output.show(_listed(revoked), as_json=as_json, lines=[f"{token_id} opens nothing any more."])
+    with api_without_robots(data) as api:
+        revoked = api.delete(f"/tokens/{token_id}")
+    output.show(revoked | {"state": "revoked"}, as_json=as_json, lines=[f"{token_id} opens nothing any more."])
 
 
 def _password(*, from_stdin: bool) -> str:
     if from_stdin:
         return sys.stdin.readline().rstrip("\r\n")
     if not sys.stdin.isatty():
-        raise ContractInvalid("There is no terminal to type a password at", do="pipe it in with --password-stdin")
+        raise ContractInvalid(because("no_terminal"))
     return str(typer.prompt("Password", hide_input=True, confirmation_prompt=True))
 
 

@@ -33,9 +33,9 @@ def list_alerts(
     else:
         with read_harness(output.settings(data_folder=data)) as runtime:
             rows = [
-                vars(one)
+                alerts.summary(one)
                 for name, alert in Alerts(runtime).all()
-                if (one := alerts.row(name, alert, now_s=SystemClock().now().wall_s))
+                if (one := alerts.item(name, alert, now_s=SystemClock().now().wall_s))
                 and (everything or one.state in ("unacknowledged", "returned"))
             ]
     lines = output.table(

@@ -1,8 +1,14 @@
-"""Opens a data folder with the review desk beside it: new missions follow the pointer, ended ones feed its canary."""
+"""Opens a data folder with its release service, so that ended missions feed the canary; and its accounts alone."""
 
+import secrets
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
+from app.auth.accounts import Accounts
+from harness.adapters.stores.accounts import SqlAccounts
+from harness.adapters.stores.folder import prepare
 from harness.bootstrap import Harness, edit_harness, open_harness
 from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.ids import MissionId
@@ -33,3 +39,13 @@ def deciding(settings: HarnessSettings) -> Iterator[ReleaseService]:
 def duplicate_starts(harness: Harness, mission_id: MissionId) -> int:
     """Physical starts beyond the first of one request, by the robots' own journals."""
     return repeated_starts(harness.starts(mission_id))
+
+
+@contextmanager
+def opened(data: Path) -> Iterator[Accounts]:
+    """The accounts of a data folder, beside a console that may be running on it."""
+    store = SqlAccounts(prepare(data).root / "accounts.db")
+    try:
+        yield Accounts(store, clock=time.time, fresh=lambda: secrets.token_urlsafe(32))
+    finally:
+        store.close()

@@ -14,9 +14,8 @@ from pydantic import SecretStr
 from app.auth.accounts import Accounts
 from app.auth.commit_authority import authority
 from app.background.signals import SignalBroker
-from app.cli.accounts import opened
 from app.cli.api_client import Api
-from app.cli.data_folder import running
+from app.cli.data_folder import opened, running
 from app.cli.output import ProgressPrinter, settings
 from app.cli.owner_api import owner_api
 from app.cli.person import me
@@ -26,6 +25,7 @@ from app.settings import ConsoleSettings
 from harness.bootstrap import Harness, edit_harness
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import MissionId
+from harness.contracts.reasons import because
 from harness.runtime import Runtime, unobserved, unsupervised
 from harness.settings import HarnessSettings
 from rsi_reviews.candidate_queries import selected
@@ -90,7 +90,7 @@ class LocalApi(Api):
 
     def _robots(self) -> Harness:
         if self._harness is None:
-            raise HarnessError("No robot is connected for this command", do="start a console with `regen up`")
+            raise HarnessError(because("no_robot_connected"))
         return self._harness
 
     def _sent(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
@@ -98,7 +98,7 @@ class LocalApi(Api):
         return asyncio.run(self._asked(method, path, body))
 
     async def _asked(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
-        transport = httpx.ASGITransport(app=self._app)
+        transport = httpx.ASGITransport(app=self._app, client=("terminal", 0))
         async with httpx.AsyncClient(transport=transport, base_url=self._base, headers=self._headers) as client:
             return await client.request(method, path, json=body)
 

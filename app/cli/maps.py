@@ -6,16 +6,12 @@ from typing import Annotated, Any
 import msgspec
 import typer
 
+from app.acts.maps import AttachCloudAct
 from app.cli import output
-from app.cli.owner_api import owner_api
-from app.cli.person import me
-from app.i18n.reasons.rendering import sentence
-from harness.bootstrap import edit_harness, read_harness
-from harness.contracts.decisions import Refused
-from harness.contracts.errors import CloudInvalid
-from harness.contracts.maps import AttachCloud, MapCloud, map_stream
+from app.cli.local_api import api_without_robots
+from harness.bootstrap import read_harness
+from harness.contracts.maps import MapCloud
 from harness.map_clouds import stored_cloud
-from harness.runtime import Runtime
 
 app = typer.Typer(
     no_args_is_help=True, help="Point clouds of maps, for the 3D view. A cloud is a picture, never evidence."
@@ -33,14 +29,10 @@ def import_cloud(
     as_json: output.Json = False,
 ) -> None:
     """Split a cloud into levels and attach it. Earlier clouds stay in the log."""
-    api = owner_api(data)
-    opened = read_harness(output.settings(data_folder=data)) if api else edit_harness(output.settings(data_folder=data))
-    with opened as runtime:
+    with api_without_robots(data) as api, read_harness(output.settings(data_folder=data)) as runtime:
         cloud = stored_cloud(runtime, file, map_version=map_version, frame=frame, metres_per_unit=metres_per_unit)
-        if api:
-            api.post(f"/maps/{map_version}/cloud", {"cloud": msgspec.to_builtins(cloud), "reason": reason})
-        else:
-            _attach(runtime, AttachCloud(actor=me(), cloud=cloud, reason=reason))
+        said = AttachCloudAct.of(cloud=msgspec.to_builtins(cloud), reason=reason)
+        api.post(f"/maps/{map_version}/cloud", said.body())
     extent = " x ".join(f"{high - low:.1f}" for low, high in zip(cloud.low_m, cloud.high_m, strict=True))
     lines = [
         f"{file.name}: {cloud.points} points over {extent} m, {cloud.dropped} left out, in {len(cloud.chunks)} chunks.",
@@ -59,9 +51,3 @@ def list_clouds(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = 
         [["map", "points", "file"]] + [[one.map_version, str(one.points), one.source] for one in clouds]
     )
     output.show({"maps": rows}, as_json=as_json, lines=lines if rows else ["No map has a cloud."])
-
-
-def _attach(runtime: Runtime, command: AttachCloud) -> None:
-    decision = runtime.decide([(map_stream(command.cloud.map_version), command)])
-    if isinstance(decision, Refused):
-        raise CloudInvalid(f"{sentence(decision.reason)} ({decision.rule})", do="see `regen map list`")

@@ -5,10 +5,13 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
+from app.acts.missions import LimitAutonomyAct, SetAutonomyAct, StopMissionAct
+from app.acts.robots import OrderPostureAct, SendToSafetyAct, StopRobotsAct
 from app.cli import output
 from app.cli.owner_api import OwnerApi, owner_api
 from harness.contracts.control import LEVELS
 from harness.contracts.errors import HarnessError
+from harness.contracts.reasons import because
 
 HEAD = ["robot", "posture", "battery", "hardware stop", "localised", "mission", "status", "driver"]
 app = typer.Typer(no_args_is_help=True, help="See and stop the robots of a running console.")
@@ -28,15 +31,15 @@ def stop(robot: str, reason: Reason, data: output.Data = output.DEFAULT_DATA, as
     api = _owner(data)
     found = api.get(f"/robots/{robot}")
     if not found["mission_id"]:
-        raise HarnessError(f"{robot} has no mission", do="see `regen robot list`")
-    outcome = api.post(f"/missions/{found['mission_id']}/stop", {"reason": reason})
+        raise HarnessError(because("robot_without_mission", robot=robot))
+    outcome = api.post(f"/missions/{found['mission_id']}/stop", StopMissionAct.of(reason=reason).body())
     output.show(outcome, as_json=as_json, lines=[f"{robot}: {outcome['mission_id']} is {outcome['status']}"])
 
 
 @app.command("stop-all")
 def stop_all(reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Ask every mission of every robot to stop. Exit 1 if one could not be asked."""
-    _stopped(data, {"reason": reason, "safe": False}, as_json=as_json)
+    _stopped(data, StopRobotsAct.of(reason=reason), as_json=as_json)
 
 
 @app.command()
@@ -54,15 +57,15 @@ def safe(
     if every == bool(robot):
         raise typer.BadParameter("Name one robot, or --all for every one.")
     if every:
-        _stopped(data, {"reason": reason, "safe": True}, as_json=as_json)
-    _said(_owner(data).post(f"/robots/{robot}/safe", {"reason": reason}), as_json=as_json)
+        _stopped(data, StopRobotsAct.of(reason=reason, safe=True), as_json=as_json)
+    _said(_owner(data).post(f"/robots/{robot}/safe", SendToSafetyAct.of(reason=reason).body()), as_json=as_json)
 
 
 @app.command()
 def stand(robot: str, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Have a robot stand up again."""
-    body = {"posture": "standing", "reason": reason}
-    _said(_owner(data).post(f"/robots/{robot}/posture", body), as_json=as_json)
+    said = OrderPostureAct.of(posture="standing", reason=reason)
+    _said(_owner(data).post(f"/robots/{robot}/posture", said.body()), as_json=as_json)
 
 
 @app.command()
@@ -76,17 +79,17 @@ def autonomy(
     """Set how far missions decide alone, from their next dispatch on."""
     if level not in LEVELS:
         raise typer.BadParameter(f"{level!r} is not one of {', '.join(LEVELS)}")
-    body = {"autonomy": level, "reason": reason}
+    said = (SetAutonomyAct if mission else LimitAutonomyAct).of(autonomy=level, reason=reason)
     path = f"/missions/{mission}/autonomy" if mission else "/control/autonomy"
-    outcome = _owner(data).post(path, body)
+    outcome = _owner(data).post(path, said.body())
     bound = mission or "every mission"
     output.show(outcome, as_json=as_json, lines=[f"{bound}: {outcome['autonomy']}"])
 
 
-def _stopped(data: Path, body: dict[str, Any], *, as_json: bool) -> NoReturn:
-    """A stop of everything, sent to safety too if the body says so, how it went, and how every robot is then."""
+def _stopped(data: Path, said: StopRobotsAct, *, as_json: bool) -> NoReturn:
+    """A stop of everything, sent to safety too if the act says so, how it went, and how every robot is then."""
     api = _owner(data)
-    outcome = api.post("/robots/stop", body)
+    outcome = api.post("/robots/stop", said.body())
     lines = [f"asked to stop: {one}" for one in outcome["asked"]] + [f"not done: {one}" for one in outcome["refused"]]
     rows = [_line(row) for row in api.get("/robots")]
     output.show(outcome, as_json=as_json, lines=(lines or ["No mission was under way."]) + output.table([HEAD, *rows]))
@@ -116,5 +119,5 @@ def _owner(data: Path) -> OwnerApi:
     """Raises HarnessError where no console runs on this folder: without one no robot is under anybody's control."""
     api = owner_api(data)
     if api is None:
-        raise HarnessError("No console runs on this data folder", where=str(data), do="start one with `regen up`")
+        raise HarnessError(because("no_console"), where=str(data))
     return api

@@ -1,4 +1,4 @@
-"""Pure: texts that are translated when they are shown."""
+"""Lazy translations: texts that are translated when they are shown."""
 
 from collections.abc import Iterable
 from datetime import datetime

@@ -2,16 +2,21 @@
 
 from collections.abc import Sequence
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.acts.accounts import AddAccountAct, ChangeAccountAct, IssueTokenAct
+from app.auth.accounts import Issued
 from app.auth.permissions import Principal
-from app.console import Console, ConsoleDep, FormDep
+from app.console import Console, ConsoleDep, FormDep, FormListsDep
 from app.i18n.catalogues import N_
+from app.i18n.languages import explained
 from app.views import account
+from app.views.forms import Wrong
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid
+from harness.contracts.values import Value
 
 router = APIRouter(prefix="/account")
 
@@ -31,7 +36,7 @@ def password(console: ConsoleDep, principal: PrincipalDep, typed: FormDep) -> HT
             principal.name, old=typed.get("old", ""), new=typed.get("new", ""), by=principal, but=principal.session
         )
     except ContractInvalid as error:
-        return _own(console, principal, errors=(str(error),))
+        return _own(console, principal, errors=(explained(error),))
     return _own(console, principal, done=N_("Your password is changed. Your other browsers are signed out."))
 
 
@@ -42,47 +47,69 @@ def people(console: ConsoleDep, principal: PrincipalDep) -> HTMLResponse:
 
 
 @router.post("/people")
-async def add(request: Request, console: ConsoleDep, principal: PrincipalDep, typed: FormDep) -> Response:
+def add(console: ConsoleDep, principal: PrincipalDep, typed: FormListsDep) -> Response:
     """The first account takes the place of the first link: its bearer signs in with the account from then on."""
-    roles = [str(value) for name, value in (await request.form()).multi_items() if name == "roles"]
-    name = typed.get("name", "").strip().lower()
+    principal.acting("people")
+    said = AddAccountAct.from_people(typed)
+    name = next(iter(typed.get("name", ())), "").strip().lower()
+    if isinstance(said, tuple):
+        return _again(console, principal, said, typed=name)
     try:
-        console.sessions.accounts.add(name, roles=roles, password=typed.get("password", ""), by=principal)
+        console.sessions.accounts.add(said.name, roles=said.roles, password=said.password, by=principal)
     except (ContractInvalid, ConcurrencyConflict) as error:
-        page = _people(console, principal, errors=(str(error),), typed=name)
-        return render("account/people.html", page, status=422)
+        return _again(console, principal, (Wrong("", explained(error)),), typed=name)
     return RedirectResponse("/account/sign-in" if principal.invited else "/account/people", status_code=303)
 
 
 @router.post("/people/{name}")
-async def change(request: Request, console: ConsoleDep, principal: PrincipalDep, name: str) -> Response:
+def change(console: ConsoleDep, principal: PrincipalDep, name: str, typed: FormListsDep) -> Response:
     """Other roles, off, on, or a new password for somebody who forgot theirs: `do` names which."""
-    form = await request.form()
-    roles = [str(value) for field, value in form.multi_items() if field == "roles"]
-    accounts, act = console.sessions.accounts, form.get("do", "roles")
+    principal.acting("people")
+    said = ChangeAccountAct.from_people(typed)
+    if isinstance(said, tuple):
+        return _again(console, principal, said)
     try:
-        if act == "password":
-            accounts.reset_password(name, new=str(form.get("password", "")), by=principal)
-        elif act == "roles":
-            accounts.change(name, roles=roles, by=principal)
-        else:
-            accounts.change(name, disabled=act == "disable", by=principal)
+        changed(console, principal, name, said)
     except ContractInvalid as error:
-        return render("account/people.html", _people(console, principal, errors=(str(error),)), status=422)
+        return _again(console, principal, (Wrong("", explained(error)),))
     return RedirectResponse("/account/people", status_code=303)
 
 
+def changed(console: Console, principal: Principal, name: str, said: ChangeAccountAct) -> Value:
+    """The account after it. Raises NotPermitted, UnknownName, or ContractInvalid for what cannot be."""
+    accounts = console.sessions.accounts
+    principal.acting("people")
+    if said.roles is not None or said.disabled is not None:
+        accounts.change(name, roles=said.roles, disabled=said.disabled, by=principal)
+    if said.password is not None:
+        accounts.reset_password(name, new=said.password, by=principal)
+    return accounts.known(name)
+
+
 @router.post("/tokens")
-async def issue(request: Request, console: ConsoleDep, principal: PrincipalDep, typed: FormDep) -> Response:
+def issue(console: ConsoleDep, principal: PrincipalDep, typed: FormListsDep) -> Response:
     """The answer shows the token, once."""
-    scopes = [str(value) for name, value in (await request.form()).multi_items() if name == "scopes"]
+    principal.acting("people")
+    said = IssueTokenAct.from_people(typed)
+    if isinstance(said, tuple):
+        return _again(console, principal, said)
     try:
-        issued = console.sessions.accounts.issue(
-            typed.get("name", "").strip().lower(), scopes=scopes, robot_id=typed.get("robot_id", ""), by=principal
-        )
+        issued = issued_token(console, principal, said)
     except ContractInvalid as error:
-        return render("account/people.html", _people(console, principal, errors=(str(error),)), status=422)
+        return _again(console, principal, (Wrong("", explained(error)),))
     return render("account/people.html", _people(console, principal, secret=issued.secret), status=201)
+
+
+def issued_token(console: Console, principal: Principal, said: IssueTokenAct) -> Issued:
+    """The new token with its secret. Raises ContractInvalid for a scope that only people may have."""
+    return console.sessions.accounts.issue(
+        said.name, scopes=said.scopes, robot_id=said.robot_id, days=said.days, by=principal
+    )
+
+
+def _again(console: Console, principal: Principal, wrong: Sequence[Wrong], *, typed: str = "") -> HTMLResponse:
+    page = _people(console, principal, errors=[one.text for one in wrong], typed=typed)
+    return render("account/people.html", page, status=422)
 
 
 @router.post("/tokens/{token_id}/revoke")

@@ -1,4 +1,4 @@
-"""/alerts: what a person should know, one row per cause, and what people do about it."""
+"""/alerts: what needs a person's attention, one row per cause, and what people do about it."""
 
 from collections.abc import Callable
 from math import isfinite
@@ -10,10 +10,10 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from app.acts.alerts import ACTS
 from app.acts.base import Act
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from app.views import alerts
-from app.views.alerts import AlertHistoryRow, AlertListParams, AlertPage, AlertsPage
+from app.views.alerts import AlertListParams, AlertPage, AlertsPage
+from app.views.history import HistoryLine
 from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.alert_commands import AlertPersonCommand
@@ -22,6 +22,7 @@ from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import UnknownName
+from harness.contracts.reasons import because
 
 router = APIRouter(prefix="/alerts")
 LONGEST = 200
@@ -34,9 +35,7 @@ def asked(
 ) -> AlertListParams:
     """What the address asks for. Raises UnknownName for a tab that the inbox does not have."""
     if status not in {value for value, _, _ in alerts.GROUPS}:
-        raise UnknownName(
-            f"There is no group of alerts called {status[:40]}", do=N_("choose one of the tabs of the list")
-        )
+        raise UnknownName(because("unknown_alert_tab", status=status[:40]))
     place = before if before is not None and isfinite(before) else None
     return AlertListParams(group=status, words=q.strip(), priority=priority, robot=robot, before_s=place)
 
@@ -67,7 +66,7 @@ def show(console: ConsoleDep, actor: ActorDep, alert_id: str) -> HTMLResponse:
 
 
 def _route(kind: type[Act]) -> Callable[..., Response]:
-    """The handler of one act of app/acts/alerts.py: 303, 422 not well said, 409 refused and why."""
+    """The handler of one act of app/acts/alerts.py: 303, 422 for invalid input, 409 with the reason of a refusal."""
 
     def act(console: ConsoleDep, actor: ActorDep, alert_id: str, typed: FormDep) -> Response:
         said = kind.from_form(typed)
@@ -91,20 +90,20 @@ def told(console: Console, alert_id: str, command: AlertPersonCommand) -> Accept
     return console.runtime.decide([(alert_stream(alert_id), command)])
 
 
-def history_of(console: Console, alert_id: str) -> tuple[AlertHistoryRow, ...]:
+def history_of(console: Console, alert_id: str) -> tuple[HistoryLine, ...]:
     """Everything that happened to it, newest first."""
     stored = console.runtime.stream(alert_stream(alert_id))
     return tuple(
-        AlertHistoryRow(at_s=one.recorded_s, text=alerts.sentence(EVENTS.decode(one)), position=one.position)
+        HistoryLine(at_s=one.recorded_s, text=alerts.sentence(EVENTS.decode(one)), position=one.position)
         for one in reversed(stored)
     )
 
 
 def page_of(console: Console, actor: Actor, alert_id: str, errors: tuple[str, ...] = ()) -> AlertPage:
     alert = console.alerts.one(alert_id)
-    row = alerts.row(alert_id, alert, now_s=console.clock())
+    row = alerts.item(alert_id, alert, now_s=console.clock())
     return AlertPage(
-        shell=console.shell(row.title, "alerts", actor),
+        shell=console.shell(alerts.title(row), "alerts", actor),
         row=row,
         conditions=tuple(map(alerts.lasting, alert.standing)),
         history=history_of(console, alert_id),

@@ -1,4 +1,4 @@
-"""/api/v1/events: the log as it grows, as server-sent events. An event's id is its position: a reader misses none."""
+"""/api/v1/events: the log as server-sent events; an event's id is its position, so a reader misses none."""
 
 from collections.abc import AsyncIterator
 from typing import Annotated, Any
@@ -40,7 +40,7 @@ async def events(
 
 
 async def frames(console: Console, after: int, prefix: str) -> AsyncIterator[str]:
-    """Frames until the reader leaves or the console stops. It subscribes before it reads: nothing falls between."""
+    """Frames until the client leaves or the console stops. It subscribes before it reads, so none is missed."""
     subscription = console.broker.subscribe(TOPICS)
     try:
         yield "retry: 1000\n\n"

@@ -57,66 +57,18 @@ def handoff(console: ConsoleDep, handoff_id: HandoffId) -> Any:
 
 @router.post("/handoffs/{handoff_id}/look", responses=api_requests.answers(Handoff))
 def look_again(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId) -> Any:
-    """Observe without motion; the answer is the handoff as it is after that."""
+    """Observe again without motion; returns the handoff after that."""
     return _said(console, actor, handoff_id, acts.LookAgainAct())
-
-
-@router.post("/handoffs/{handoff_id}/claim", responses=api_requests.answers(Handoff))
-def claim(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.ClaimHandoffAct) -> Any:
-    """Yours to answer for a minute; the same token again renews it."""
-    return _said(console, actor, handoff_id, body)
-
-
-@router.post("/handoffs/{handoff_id}/release", responses=api_requests.answers(Handoff))
-def release(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.ReleaseHandoffAct) -> Any:
-    """Somebody else may answer it."""
-    return _said(console, actor, handoff_id, body)
-
-
-@router.post("/handoffs/{handoff_id}/on-my-way", responses=api_requests.answers(Handoff))
-def on_my_way(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.ExtendDeadlineAct) -> Any:
-    """Wait longer: once, as long as the zone allows."""
-    return _said(console, actor, handoff_id, body)
-
-
-@router.post("/handoffs/{handoff_id}/choose", responses=api_requests.answers(Handoff))
-def choose(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.ChooseActionAct) -> Any:
-    """Ask anew with another action of the ladder; it is approved, if at all, on its own digest."""
-    return _said(console, actor, handoff_id, body)
 
 
 @router.post("/handoffs/{handoff_id}/decision", responses=api_requests.answers(Handoff))
 def decide(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.Decision) -> Any:
-    """The same key and body again is the same receipt; any other second answer is a 409."""
-    return _said(console, actor, handoff_id, body)
-
-
-@router.post("/handoffs/{handoff_id}/attest", responses=api_requests.answers(Handoff))
-def attest(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.AttestHandoffAct) -> Any:
-    """Evidence by a person, only where the stage's policy names it; it opens one look and satisfies nothing."""
-    return _said(console, actor, handoff_id, body)
-
-
-@router.post("/handoffs/{handoff_id}/take-over", responses=api_requests.answers(Handoff))
-def take_over(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.TakeControlAct) -> Any:
-    """Drive it yourself: the deadline pauses as long as the claim is renewed."""
-    return _said(console, actor, handoff_id, body)
-
-
-@router.post("/handoffs/{handoff_id}/hand-back", responses=api_requests.answers(Handoff))
-def hand_back(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.HandBackAct) -> Any:
-    """The robot is the harness's again; it looks afresh, without motion."""
-    return _said(console, actor, handoff_id, body)
-
-
-@router.post("/handoffs/{handoff_id}/close", responses=api_requests.answers(Handoff))
-def close(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.CloseHandoffAct) -> Any:
-    """Keep the robot: the mission ends handed off."""
+    """Decide the handoff. The same key and body again returns the same receipt; any other second answer is a 409."""
     return _said(console, actor, handoff_id, body)
 
 
 def _said(console: Console, actor: Actor, handoff_id: HandoffId, said: Act) -> Any:
-    """The handoff after it, or a problem; an answer to what was shown lists what changed since."""
+    """The handoff after the act, or a problem that lists what changed since the person saw it."""
     console.runtime.handoff(handoff_id)
     decision = answered(console, actor, handoff_id, said)
     if not isinstance(decision, Refused):
@@ -130,3 +82,19 @@ def _said(console: Console, actor: Actor, handoff_id: HandoffId, said: Act) -> A
         "changes": [{"name": one.name, "was": one.was, "now": one.now} for one in found]
     }
     return JSONResponse(document, status_code=told.status_code, media_type=told.media_type)
+
+
+def _act() -> api_requests.Handler:
+    def act(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: Any) -> Any:
+        return _said(console, actor, handoff_id, body)
+
+    return act
+
+
+api_requests.post_acts(
+    router,
+    "/handoffs/{handoff_id}",
+    {verb: kind for verb, kind in acts.ACTS.items() if verb != "look"},
+    _act,
+    answered=Handoff,
+)

@@ -1,17 +1,17 @@
-"""/api/v1/maps: the cloud that a map version is shown with. Its bytes lie in the blob store already."""
+"""/api/v1/maps: the point cloud that a map version is shown with; its bytes are in the blob store already."""
 
-from typing import Annotated, Any
+from typing import Any
 
-import msgspec
 from fastapi import APIRouter
-from pydantic import Field
 from starlette.responses import JSONResponse
 
+from app.acts.maps import AttachCloudAct
 from app.console import ActorDep, ConsoleDep
 from app.routes import api_requests
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.maps import AttachCloud, MapCloud, map_stream
+from harness.contracts.reasons import because
 
 router = APIRouter(
     prefix="/api/v1/maps",
@@ -22,41 +22,24 @@ router = APIRouter(
 )
 
 
-class CloudBody(api_requests.RequestBody):
-    """A MapCloud as `regen map import --json` prints it, and why it is attached."""
-
-    cloud: Annotated[dict[str, Any], Field(max_length=20)]
-    reason: api_requests.Reason
-
-
 @router.get("/{map_version}/cloud", responses=api_requests.answers(MapCloud))
 def cloud(console: ConsoleDep, map_version: str) -> Any:
     """The newest cloud of a map version."""
     found: MapCloud | None = console.runtime.fold(map_stream(map_version)).cloud
     if found is None:
-        raise UnknownName(f"Map {map_version[:80]} has no cloud", do="attach one with `regen map import`")
+        raise UnknownName(because("map_without_cloud", map_version=map_version[:80]))
     return api_requests.plain(found)
 
 
 @router.post("/{map_version}/cloud", responses=api_requests.answers(MapCloud))
-def attach(console: ConsoleDep, actor: ActorDep, map_version: str, body: CloudBody) -> Any:
+def attach(console: ConsoleDep, actor: ActorDep, map_version: str, body: AttachCloudAct) -> Any:
     """Attach a cloud whose chunks are stored; views of that map version show it from now on."""
-    try:
-        asked = msgspec.convert(body.cloud, MapCloud)
-    except msgspec.ValidationError as error:
-        raise ContractInvalid(
-            f"That is no map cloud: {error}", where="cloud", do="send what `regen map import --json` prints"
-        ) from error
+    command: AttachCloud = body.to_command(actor)
+    asked = command.cloud
     if asked.map_version != map_version:
-        raise ContractInvalid(
-            f"The cloud is of map {asked.map_version}", where="cloud.map_version", do=f"post it to {asked.map_version}"
-        )
+        raise ContractInvalid(because("cloud_of_other_map", map_version=asked.map_version), where="cloud.map_version")
     absent = next((chunk.blob for chunk in asked.chunks if not console.runtime.has_blob(chunk.blob)), None)
     if absent is not None:
-        raise ContractInvalid(
-            f"Chunk {absent} is not stored here", where="cloud.chunks", do="import the file on this data folder"
-        )
-    decision = console.runtime.decide(
-        [(map_stream(map_version), AttachCloud(actor=actor, cloud=asked, reason=body.reason))]
-    )
+        raise ContractInvalid(because("chunk_missing", chunk=absent), where="cloud.chunks")
+    decision = console.runtime.decide([(map_stream(map_version), command)])
     return api_requests.refusal(decision) if isinstance(decision, Refused) else api_requests.plain(asked)

@@ -1,15 +1,17 @@
 """/api/v1/account, /accounts, /tokens: who one is, everybody's accounts, and keys for robots and integrations."""
 
-from typing import Annotated, Any
+from typing import Any
 
 from fastapi import APIRouter
-from pydantic import Field
 from starlette.responses import JSONResponse
 
-from app.auth.permissions import GRANTS, ROLES, Permission, Role
+from app.acts.accounts import AddAccountAct, ChangeAccountAct, IssueTokenAct
+from app.acts.base import Slug
+from app.auth.permissions import GRANTS
 from app.console import ConsoleDep
 from app.routes import api_requests
 from app.routes import api_schemas as schemas
+from app.routes.account import changed, issued_token
 from app.web.errors import problem
 from app.web.security import PrincipalDep
 from harness.contracts.values import Value
@@ -21,32 +23,6 @@ router = APIRouter(
     dependencies=api_requests.CHECKED,
     tags=["people"],
 )
-Secret = Annotated[str, Field(min_length=12, max_length=256)]
-
-
-class AccountBody(api_requests.RequestBody):
-    """Somebody to add. The first account is an admin."""
-
-    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9._\-]{0,39}$")]
-    roles: Annotated[list[Role], Field(min_length=1, max_length=len(ROLES))]
-    password: Secret
-
-
-class ChangeBody(api_requests.RequestBody):
-    """What changes about somebody; what is left out stays."""
-
-    roles: Annotated[list[Role], Field(min_length=1, max_length=len(ROLES))] | None = None
-    disabled: bool | None = None
-    password: Secret | None = None
-
-
-class TokenBody(api_requests.RequestBody):
-    """A token to make. Without `robot_id` it speaks for any robot; without `days` it lasts until it is revoked."""
-
-    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9._\-]{0,39}$")]
-    scopes: Annotated[list[Permission], Field(min_length=1, max_length=len(GRANTS))]
-    robot_id: api_requests.Text = ""
-    days: Annotated[float, Field(gt=0, le=3650)] | None = None
 
 
 @router.get("/account", responses=api_requests.answers(schemas.Caller))
@@ -71,21 +47,15 @@ def accounts(console: ConsoleDep, principal: PrincipalDep) -> Any:
 
 
 @router.post("/accounts", status_code=201, responses=api_requests.answers(schemas.AccountResource, status=201))
-def add(console: ConsoleDep, principal: PrincipalDep, body: AccountBody) -> Any:
+def add(console: ConsoleDep, principal: PrincipalDep, body: AddAccountAct) -> Any:
     """Add somebody; admins only."""
     return shown(console.sessions.accounts.add(body.name, roles=body.roles, password=body.password, by=principal))
 
 
 @router.patch("/accounts/{name}", responses=api_requests.answers(schemas.AccountResource))
-def change(console: ConsoleDep, principal: PrincipalDep, name: api_requests.Slug, body: ChangeBody) -> Any:
+def change(console: ConsoleDep, principal: PrincipalDep, name: Slug, body: ChangeAccountAct) -> Any:
     """Other roles, off and on, a new password; ends that person's sessions. Admins only."""
-    known = console.sessions.accounts
-    principal.acting("people")
-    if body.roles is not None or body.disabled is not None:
-        known.change(name, roles=body.roles, disabled=body.disabled, by=principal)
-    if body.password is not None:
-        known.reset_password(name, new=body.password, by=principal)
-    return shown(known.known(name))
+    return shown(changed(console, principal, name, body))
 
 
 @router.get("/tokens", responses=api_requests.answers(schemas.TokenResource, many=True))
@@ -96,16 +66,14 @@ def tokens(console: ConsoleDep, principal: PrincipalDep) -> Any:
 
 
 @router.post("/tokens", status_code=201, responses=api_requests.answers(schemas.IssuedToken, status=201))
-def issue(console: ConsoleDep, principal: PrincipalDep, body: TokenBody) -> Any:
+def issue(console: ConsoleDep, principal: PrincipalDep, body: IssueTokenAct) -> Any:
     """Make a token. Its secret is in this answer and nowhere else. Admins only."""
-    issued = console.sessions.accounts.issue(
-        body.name, scopes=body.scopes, robot_id=body.robot_id, days=body.days, by=principal
-    )
+    issued = issued_token(console, principal, body)
     return api_requests.plain(schemas.IssuedToken(**listed(issued.token), token=issued.secret))
 
 
 @router.delete("/tokens/{token_id}", responses=api_requests.answers(schemas.TokenResource))
-def revoke(console: ConsoleDep, principal: PrincipalDep, token_id: api_requests.Slug) -> Any:
+def revoke(console: ConsoleDep, principal: PrincipalDep, token_id: Slug) -> Any:
     """End a token at once. Admins only."""
     return listed(console.sessions.accounts.revoke(token_id, by=principal))
 

@@ -1,4 +1,4 @@
-"""/api/v1: evidence, places, templates, providers, the audit of the log. Reading only."""
+"""/api/v1: evidence, places, templates, providers and the audit of the log, read only."""
 
 from typing import Annotated, Any
 
@@ -121,7 +121,7 @@ def head(console: ConsoleDep) -> Any:
 
 @router.get("/audit/verify", responses=api_requests.answers(LogHead))
 def verify(console: ConsoleDep) -> Any:
-    """Every hash computed again; 500 with `log_damaged` names the first position that does not verify."""
+    """Recompute every hash of the log; 500 with `log_damaged` names the first position that does not verify."""
     return api_requests.plain(console.runtime.verify())
 
 

@@ -1,15 +1,16 @@
 """/api/v1/robots: what robots say and show, autonomy, stops, posture, and driving by hand. JSON in and out."""
 
-from typing import Any, Literal
+from typing import Any
 
 from fastapi import APIRouter, Response
 from starlette.responses import JSONResponse
 
+from app.acts import robots as acts
 from app.acts.missions import LimitAutonomyAct, SetAutonomyAct
 from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_requests, robot_acts
 from app.routes import api_schemas as schemas
-from app.routes.driving import Turn, turned
+from app.routes.driving import turned
 from app.routes.robots import RobotPath, card, newest_picture
 from app.web.security import PrincipalDep
 from harness.contracts.any_events import AnyEvent
@@ -17,6 +18,7 @@ from harness.contracts.decisions import Decision, Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.protocol import DriveReport
+from harness.contracts.reasons import because
 
 router = APIRouter(
     prefix="/api/v1",
@@ -25,27 +27,6 @@ router = APIRouter(
     dependencies=api_requests.CHECKED,
     tags=["robots"],
 )
-
-
-class WheelBody(api_requests.RequestBody):
-    """From which device somebody drives, and why."""
-
-    device: api_requests.Text = ""
-    reason: api_requests.Reason
-
-
-class StopBody(api_requests.RequestBody):
-    """Why, and whether every robot goes to safety then."""
-
-    reason: api_requests.Reason
-    safe: bool = False
-
-
-class PostureBody(api_requests.RequestBody):
-    """Lie down or stand up, and why."""
-
-    posture: Literal["standing", "lying"]
-    reason: api_requests.Reason
 
 
 @router.get("/robots", responses=api_requests.answers(schemas.RobotResource, many=True))
@@ -68,12 +49,10 @@ def limit(console: ConsoleDep, principal: PrincipalDep, body: LimitAutonomyAct) 
 
 
 @router.post("/robots/stop", responses=api_requests.answers(schemas.StopsAsked))
-def stop_all(console: ConsoleDep, principal: PrincipalDep, body: StopBody) -> Any:
-    """Ask every open mission of every robot to stop, and release all manual control; `safe`: then send each to "
-    "safety."""
-    asked, refused = robot_acts.stopped_all(console, principal, body.reason)
-    if body.safe:
-        refused = (*refused, *robot_acts.all_made_safe(console, principal, body.reason))
+def stop_all(console: ConsoleDep, principal: PrincipalDep, body: acts.StopRobotsAct) -> Any:
+    """Ask every open mission of every robot to stop, and release all manual control; `safe`: then send each to
+    safety."""
+    asked, refused = robot_acts.stopped_all(console, principal, body)
     return api_requests.plain(schemas.StopsAsked(asked=tuple(asked), refused=tuple(refused)))
 
 
@@ -97,27 +76,22 @@ def autonomy(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: 
 
 
 @router.post("/robots/{robot_id}/safe", responses=api_requests.answers(schemas.RobotResource))
-def safe(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: api_requests.ReasonBody) -> Any:
+def safe(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: acts.SendToSafetyAct) -> Any:
     """Stop what it does, then send it to the safe place of its zone; without one, or without `drive`, it lies down."""
     return _answered(console, robot_id, robot_acts.made_safe(console, principal, robot_id, body.reason))
 
 
 @router.post("/robots/{robot_id}/posture", responses=api_requests.answers(schemas.RobotResource))
-def posture(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: PostureBody) -> Any:
+def posture(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: acts.OrderPostureAct) -> Any:
     """Lie down or stand up, where no mission acts."""
     return _answered(console, robot_id, robot_acts.posed(console, principal, robot_id, body.posture, body.reason))
 
 
-@router.post("/robots/{robot_id}/wheel", responses=api_requests.answers(schemas.WheelSession))
-def take(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: WheelBody) -> Any:
+@router.post("/robots/{robot_id}/wheel", include_in_schema=False)
+@router.post("/robots/{robot_id}/teleoperation", responses=api_requests.answers(schemas.WheelSession))
+def take(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: acts.BeginTeleoperationAct) -> Any:
     """Drive by hand: refused while a mission may move the robot."""
-    device = body.device or "a program"
-    decision = robot_acts.signed(
-        console,
-        principal,
-        ("drive", "TakeWheel", robot_id),
-        lambda teleoperation, actor: teleoperation.take(robot_id, actor=actor, device=device, reason=body.reason),
-    )
+    decision = robot_acts.wheel_taken(console, principal, robot_id, body, device="a program")
     if isinstance(decision, Refused):
         return api_requests.refusal(decision)
     held = console.control().wheels[robot_id]
@@ -126,15 +100,17 @@ def take(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body
     )
 
 
-@router.post("/robots/{robot_id}/wheel/turn", responses=api_requests.answers(DriveReport))
-def turn(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: Turn) -> Any:
+@router.post("/robots/{robot_id}/wheel/turn", include_in_schema=False)
+@router.post("/robots/{robot_id}/teleoperation/turn", responses=api_requests.answers(DriveReport))
+def turn(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: acts.SteerAct) -> Any:
     """Hold this velocity until the next call, for 0.8 s of the robot's time at most."""
     report = turned(console, principal, robot_id, body)
     return api_requests.refusal(report) if isinstance(report, Refused) else api_requests.plain(report)
 
 
-@router.post("/robots/{robot_id}/wheel/return", responses=api_requests.answers(schemas.RobotResource))
-def give_back(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: api_requests.ReasonBody) -> Any:
+@router.post("/robots/{robot_id}/wheel/return", include_in_schema=False)
+@router.post("/robots/{robot_id}/teleoperation/return", responses=api_requests.answers(schemas.RobotResource))
+def give_back(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: acts.EndTeleoperationAct) -> Any:
     """End driving by hand; the base is free once the body is shown at rest."""
     return _answered(console, robot_id, robot_acts.wheel_returned(console, principal, robot_id, body.reason))
 
@@ -153,7 +129,7 @@ def _control(console: Console) -> Any:
 
 def _row(console: Console, robot_id: RobotId) -> Any:
     if robot_id not in console.fleet.names:
-        raise UnknownName(f"There is no robot {robot_id} here", do=f"choose from {', '.join(console.fleet.names)}")
+        raise UnknownName(because("unknown_robot", robot_id=robot_id, known=tuple(console.fleet.names)))
     said, word = card(console, robot_id), console.fleet.word(robot_id)
     mission = said.mission
     return api_requests.plain(

@@ -1,13 +1,15 @@
-"""What the API answers, as structs: an answer is built from one, and the description of the API is derived from it."""
+"""The structs that the API answers with; its OpenAPI description is derived from them."""
 
 from typing import Any, Literal
 
 import msgspec
 
+from app.views.review_results import CaseRow
 from harness.contracts.control import Autonomy
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
 from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
 from harness.contracts.protocol import RobotStatus
+from harness.contracts.readings import ClauseObject, Span
 from harness.contracts.reasons import Reason
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Value
@@ -20,7 +22,7 @@ from rsi_reviews.projections import CanaryEntry, ReviewEntry
 
 
 class ChangedSince(Value):
-    """What is not as it was shown."""
+    """One field that is no longer as it was shown."""
 
     name: str
     was: str
@@ -30,7 +32,7 @@ class ChangedSince(Value):
 class ProblemDocument(Value):
     """RFC 9457. `code` is the slug for machines, `do` what can be done now; `changes` since what was answered.
 
-    A refusal also has its `rule`, and `reason`: code and facts of what `detail` says.
+    `reason` is code and facts of what `detail` says; a refusal also has its `rule`.
     """
 
     type: str
@@ -45,7 +47,7 @@ class ProblemDocument(Value):
 
 
 class RecoverySpend(Value):
-    """Steps of recovery of one mission."""
+    """The recovery steps of one mission."""
 
     spent: Count
     remaining: Count
@@ -84,7 +86,7 @@ class StageOutcome(Value):
 
 
 class SegmentResource(Value):
-    """One way of a mission, metres: as planned, as declared, as measured."""
+    """One route of a mission in metres: planned, declared and measured."""
 
     name: str
     reference_length_m: float | None
@@ -104,7 +106,7 @@ class ImageResource(Value):
 
 
 class AnalysisFinding(Value):
-    """What an analysis said: the service's word, with the digest of its report."""
+    """The declared result of an analysis, with the digest of its report."""
 
     text: str
     report_sha256: str | None
@@ -112,7 +114,7 @@ class AnalysisFinding(Value):
 
 
 class ReceiptOutcome(Value):
-    """A service's word on what it did: declared, never measured. `at`: RFC 3339, UTC."""
+    """What a service declared that it did; it is never measured. `at`: RFC 3339, UTC."""
 
     receipt_id: str
     kind: str
@@ -122,6 +124,59 @@ class ReceiptOutcome(Value):
     text: str
     sha256: str | None
     values: dict[str, Any]
+
+
+class UnreadResource(Value):
+    """Words of a goal that were not read: characters from `start` up to `end`, and why."""
+
+    start: Count
+    end: Count
+    words: str
+    why: str
+
+
+class ReadClauseResource(Value):
+    """One clause of a reading. `words` are the parts of the text that it accounts for."""
+
+    number: Count
+    act: str
+    object: ClauseObject | None
+    negated: bool
+    count: Count
+    spans: tuple[Span, ...]
+    words: str
+
+
+class ReadingResource(Value):
+    """What a goal was read as. `digest` is what a person confirms."""
+
+    digest: str
+    told: str
+    reader: str
+    site: str
+    clauses: tuple[ReadClauseResource, ...]
+    defaults: tuple[str, ...]
+    unread: tuple[UnreadResource, ...]
+
+
+class ClauseCondition(Value):
+    """One condition that a clause is judged by; verdict, levels and evidence once the goal was tested."""
+
+    condition_id: str
+    text: str
+    verdict: str | None
+    evidence: tuple[str, ...]
+    independence: Count | None
+    required_independence: Count | None
+
+
+class ClauseOutcome(Value):
+    """One clause, or default of the mission profile, of a mission's goal."""
+
+    clause: str
+    told: str
+    verdict: str | None
+    conditions: tuple[ClauseCondition, ...]
 
 
 class DeclaredCondition(Value):
@@ -145,7 +200,7 @@ class GoalCondition(Value):
 
 
 class ProposalOutcome(Value):
-    """What a provider proposed to become a fact: accepted, tested and not accepted, or not tested.
+    """What a provider proposed to become a fact: accepted, tested and not accepted, or untested.
 
     `verdict` is that of the condition it is about; null where nothing tested it.
     """
@@ -156,7 +211,7 @@ class ProposalOutcome(Value):
     name: str
     arguments: dict[str, Any]
     verdict: str | None
-    standing: Literal["accepted", "tested", "not tested"]
+    status: Literal["accepted", "tested", "untested"]
 
 
 class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
@@ -165,6 +220,8 @@ class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
     mission_id: str
     robot_id: str
     goal: str
+    reading: ReadingResource | None
+    clauses: tuple[ClauseOutcome, ...]
     template: str
     status: str
     goal_verdict: str | None
@@ -195,7 +252,7 @@ class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class MissionPreview(Value):
-    """What a mission would be: its contract, compiled and not stored. `longest_s` is the sum of its time limits."""
+    """The preview of a mission: its compiled contract, not stored. `longest_s` is the sum of its time limits."""
 
     robot_id: RobotId
     configuration: str
@@ -203,6 +260,7 @@ class MissionPreview(Value):
     longest_s: float
     stages: tuple[str, ...]
     contract: TaskContract
+    reading: ReadingResource | None
 
 
 class LogEvent(msgspec.Struct, frozen=True, kw_only=True):
@@ -219,7 +277,7 @@ class LogEvent(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TrailEntry(Value):
-    """One line of the access trail, a hash chain of its own."""
+    """One line of the access log, which has its own hash chain."""
 
     number: Count
     at_s: float
@@ -274,7 +332,7 @@ class IssuedToken(TokenResource):
 
 
 class RobotResource(Value):
-    """One robot: what it declares of itself with the age of its word, its mission, and who is in control."""
+    """One robot: its last report with its age, its mission, and who is in control."""
 
     robot_id: str
     status: RobotStatus | None
@@ -375,34 +433,19 @@ class CandidateResource(CandidateSummary):
 
 
 class ConfigurationDifference(Value):
-    """By component, and raw."""
+    """A difference by component, and as text."""
 
     changes: tuple[FieldChange, ...]
     raw: str
 
 
 class CandidateCheck(Value):
-    """What the static check says of a candidate that was not stored. `holds`: it breaks no rule."""
+    """The result of checking a candidate that was not stored. `holds`: it breaks no rule."""
 
     candidate: str
     holds: bool
     refusals: tuple[contracts.RestrictionViolation, ...]
     difference: ConfigurationDifference
-
-
-class CaseResource(Value):
-    """One case under both configurations. `before` and `after` are the declared metric, `change` which way it went."""
-
-    case: str
-    family: str
-    seed: int
-    situation: str
-    before: float
-    after: float
-    before_status: str
-    after_status: str
-    change: str
-    note: str
 
 
 class Family(Value):
@@ -422,9 +465,9 @@ class Results(Value):
 
     pairs: Count
     safety_pairs: Count
-    pass_to_fail: tuple[CaseResource, ...]
+    pass_to_fail: tuple[CaseRow, ...]
     pass_to_fail_total: Count
-    fail_to_pass: tuple[CaseResource, ...]
+    fail_to_pass: tuple[CaseRow, ...]
     fail_to_pass_total: Count
     families: tuple[Family, ...]
     held_out: contracts.HeldOutAnswer | None
@@ -482,6 +525,6 @@ class ExplorationChoice(Value):
 
 
 class SignInLink(Value):
-    """A link that lets one person in once."""
+    """A link that signs one person in once."""
 
     url: str

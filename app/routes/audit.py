@@ -1,4 +1,4 @@
-"""/audit: verify the log, anchor it, and read who decided what when; /audit/access: who came in from where."""
+"""/audit: verify and anchor the log, and read who decided what; /audit/access: who signed in from where."""
 
 from typing import Annotated
 
@@ -6,6 +6,7 @@ from fastapi import APIRouter, Query
 from starlette.responses import HTMLResponse, PlainTextResponse
 
 from app.console import Console, ConsoleDep
+from app.i18n.languages import explained
 from app.i18n.messages import lazy_gettext
 from app.views import audit
 from app.web.rendering import render
@@ -81,7 +82,7 @@ def access(
 def newest_first(
     console: Console, wanted: audit.Wanted, *, before: int, shown: int = SHOWN
 ) -> tuple[list[audit.AuditEvent], int]:
-    """Fitting deeds below a position (0: from the head), and the lowest position looked at. Reads at most SCANNED."""
+    """Matching entries below a position (0: from the head), and the lowest position read. Reads at most SCANNED."""
     upto = before - 1 if before else console.head().position
     floor = max(0, upto - SCANNED)
     found: list[audit.AuditEvent] = []
@@ -101,7 +102,7 @@ def _log_sum(console: Console) -> audit.Sum:
     try:
         head = console.runtime.verify()
     except LogDamaged as error:
-        return audit.Sum(damage=str(error))
+        return audit.Sum(damage=explained(error))
     return audit.Sum(
         verified=lazy_gettext(
             "Every hash of the log and of its records was computed again: {count} events, intact.", count=head.position
@@ -131,7 +132,7 @@ def _trail_sum(console: Console) -> audit.Sum:
     try:
         entries = console.sessions.accounts.store.verify_trail()
     except LogDamaged as error:
-        return audit.Sum(damage=str(error))
+        return audit.Sum(damage=explained(error))
     return audit.Sum(
         verified=lazy_gettext("Every hash of the trail was computed again: {count} entries, intact.", count=entries)
     )

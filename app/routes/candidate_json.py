@@ -1,4 +1,4 @@
-"""Pure: one candidate as JSON, for the command line and for the API: the same words in both."""
+"""A candidate as JSON, the same for the command line and the API."""
 
 from typing import Any
 

@@ -1,18 +1,15 @@
-"""/robots/{id}/drive: driving a robot by hand from the browser: hold to run, let go to stop."""
+"""/robots/{id}/drive: drives a robot by hand from the browser: hold to move, let go to stop."""
 
-from typing import Annotated
-
-from fastapi import APIRouter, Body
-from pydantic import BaseModel, ConfigDict, Field
+from fastapi import APIRouter
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 
+from app.acts.robots import BeginTeleoperationAct, SteerAct
 from app.auth.permissions import NotPermitted, Principal
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned
-from app.routes.robot_acts import signed, wheel_returned
+from app.routes.robot_acts import wheel_returned, wheel_taken
 from app.routes.robots import RobotPath, card
-from app.views import forms
 from app.views.driving import DrivePage, TakenOver, taken_over
 from app.web.rendering import render
 from app.web.security import PrincipalDep
@@ -21,19 +18,9 @@ from harness.contracts.decisions import Refused, refused
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import RequestId, RobotId
 from harness.contracts.protocol import DriveReport
-from harness.contracts.reasons import because, recorded
+from harness.contracts.reasons import because
 
 router = APIRouter(prefix="/robots/{robot_id}")
-
-
-class Turn(BaseModel):
-    """One moment of driving: forward speed and turn rate; the robot caps both."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    session: Annotated[str, Field(min_length=1, max_length=64)]
-    v_mps: Annotated[float, Field(ge=-1.0, le=1.0)] = 0.0
-    w_radps: Annotated[float, Field(ge=-2.0, le=2.0)] = 0.0
 
 
 @router.get("/drive")
@@ -45,30 +32,20 @@ def pad(console: ConsoleDep, actor: ActorDep, robot_id: RobotPath) -> HTMLRespon
 def take(
     console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
 ) -> Response:
-    wrong = forms.wrong_reason(typed.get("reason", ""))
-    if wrong:
-        return _pad(console, actor, robot_id, errors=wrong, status=422)
-    device = typed.get("device", "").strip()[:80] or N_("a browser")
+    said = BeginTeleoperationAct.from_form(typed)
+    if isinstance(said, tuple):
+        return _pad(console, actor, robot_id, errors=[one.text for one in said], status=422)
     held = console.control().wheels.get(robot_id)
     if held is not None and held.actor.name == actor.name:
         return RedirectResponse(f"/robots/{robot_id}/drive", status_code=303)
-    decision = signed(
-        console,
-        principal,
-        ("drive", "TakeWheel", robot_id),
-        lambda teleoperation, who: teleoperation.take(
-            robot_id, actor=who, device=device, reason=typed["reason"].strip()
-        ),
-    )
+    decision = wheel_taken(console, principal, robot_id, said, device=N_("a browser"))
     if isinstance(decision, Refused):
         return _pad(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409)
     return RedirectResponse(f"/robots/{robot_id}/drive", status_code=303)
 
 
 @router.post("/drive/turn")
-def turn(
-    console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: Annotated[Turn, Body()]
-) -> JSONResponse:
+def turn(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: SteerAct) -> JSONResponse:
     """Hold this velocity until the next call, for 0.8 s of the robot's time at most."""
     report = turned(console, principal, robot_id, body)
     if isinstance(report, Refused):
@@ -80,7 +57,7 @@ def turn(
 
 @router.post("/drive/return")
 def give_back(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath) -> Response:
-    """Back to the question if the robot was taken over for one. A wheel that went back by itself is no mistake."""
+    """Release control and go back to the question, if there is one. Control that has ended already is no error."""
     decision = wheel_returned(console, principal, robot_id, N_("returned by a person"))
     if isinstance(decision, Refused) and decision.rule != "not_at_the_wheel":
         return _pad(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409)
@@ -88,17 +65,17 @@ def give_back(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, rob
     return RedirectResponse(f"/handoffs/{taken.handoff_id}" if taken else f"/robots/{robot_id}", status_code=303)
 
 
-def turned(console: Console, principal: Principal, robot_id: RobotId, order: Turn) -> DriveReport | Refused:
-    """Refused where nobody has the wheel or the robot does not take it; raises NotPermitted for anybody else."""
+def turned(console: Console, principal: Principal, robot_id: RobotId, order: SteerAct) -> DriveReport | Refused:
+    """Refused if nobody has control or the robot refuses; raises NotPermitted for anybody but the driver."""
     actor, held = principal.acting("drive"), console.control().wheels.get(robot_id)
     if held is None or console.teleoperation is None:
         return refused("not_at_the_wheel", because("wheel_not_taken", robot_id=robot_id))
     if held.actor.name != actor.name:
-        raise NotPermitted(f"{held.actor.name} has control", where=robot_id, do=N_("ask them to release control"))
+        raise NotPermitted(because("control_held", actor=held.actor.name), where=robot_id)
     try:
         return console.teleoperation.turn(robot_id, RequestId(order.session), v_mps=order.v_mps, w_radps=order.w_radps)
     except ProviderFailed as error:
-        return refused(error.code, recorded(error.what))
+        return refused(error.code, error.reason)
 
 
 def _taken(console: Console, actor: Actor, robot_id: RobotId) -> TakenOver | None:

@@ -1,4 +1,4 @@
-"""How one question is put together from what the console knows. Parses nothing and submits nothing."""
+"""Collects what the page of one handoff shows, and checks an answer against the page it was given on."""
 
 from dataclasses import dataclass
 
@@ -7,9 +7,9 @@ from app.acts.handoffs import ApproveHandoffAct
 from app.console import Console
 from app.routes.robots import camera_of
 from app.views import handoffs, robots
-from app.views.handoff_shown import ShownDifference, ShownQuestion, differences, shown_question, shown_record
-from app.views.handoff_steps import HandoffEvents
-from app.views.handoffs import HandoffInputs, HandoffPage
+from app.views.handoff_question import ShownQuestion, differences, shown_question, shown_record
+from app.views.handoffs import HandoffEvents, HandoffForm, HandoffInputs, HandoffPage, HandoffScene
+from app.views.history import ShownDifference
 from app.views.places import site_map
 from app.views.robots import CameraView, LastReport
 from harness.contracts import ids
@@ -30,7 +30,7 @@ EARLIER = 50
 
 @dataclass(frozen=True)
 class SubmittedForm:
-    """A form as it was left: what was typed, why it did not count, and the cycle it was about."""
+    """A form as it was left: what was typed, why it was refused, and the cycle that it answered."""
 
     typed: str = ""
     refused: str = ""
@@ -46,25 +46,31 @@ def page_of(
     mission = console.runtime.mission(opened.mission_id)
     told = history_of(console, handoff_id)
     watched = f"handoff/{handoff_id}"
-    surface = HandoffInputs(
-        now_s=console.clock(),
-        person=actor.name,
-        key=console.sessions.key(),
-        shown=digest(shown_record(opened, mission)),
-        told=told,
-        earlier=_earlier(console, opened),
+    scene = HandoffScene(
         map=site_map(console.runtime.site),
         robot=word_of(console, opened.robot_id),
         camera=_camera(console, opened.robot_id),
-        live_at=_live_at(console, mission.mission_id),
-        viewers=console.presence.watching(watched),
+    )
+    form = HandoffForm(
+        shown=digest(shown_record(opened, mission)),
+        key=console.sessions.key(),
         typed=left.typed,
         refused=left.refused,
         changes=changes(handoff, told, left.cycle) if left.refused else (),
     )
+    inputs = HandoffInputs(
+        now_s=console.clock(),
+        person=actor.name,
+        viewers=console.presence.watching(watched),
+        told=told,
+        earlier=_earlier(console, opened),
+        live_at=_live_at(console, mission.mission_id),
+        scene=scene,
+        form=form,
+    )
     topics = (watched, f"mission/{mission.mission_id}", f"live/{mission.mission_id}")
     shell = console.shell(handoffs.title(handoff, mission), "handoffs", actor, topics=topics)
-    return handoffs.handoff_page(shell, handoff, mission, surface)
+    return handoffs.handoff_page(shell, handoff, mission, inputs)
 
 
 def question_of(console: Console, handoff_id: ids.HandoffId) -> ShownQuestion:
@@ -74,7 +80,7 @@ def question_of(console: Console, handoff_id: ids.HandoffId) -> ShownQuestion:
 
 
 def answered(console: Console, actor: Actor, handoff_id: ids.HandoffId, said: Act) -> Decision[AnyEvent]:
-    """A person's act at a handoff. An approval that names a page counts only if the page stands so now."""
+    """Submit a person's act. An approval that names the page it saw counts only if the page is still the same."""
     if isinstance(said, ApproveHandoffAct) and said.shown is not None:
         unseen = _unlike(console, handoff_id, said)
         if unseen is not None:
@@ -83,7 +89,7 @@ def answered(console: Console, actor: Actor, handoff_id: ids.HandoffId, said: Ac
 
 
 def _unlike(console: Console, handoff_id: ids.HandoffId, said: ApproveHandoffAct) -> Refused | None:
-    """Why what this person saw is not what stands here now, as far as the gate could not tell.
+    """The refusal if this person saw something else than the present page; None if it is the same or the gate decides.
 
     What was seen is kept, so that an auditor sees it again.
     """
@@ -128,7 +134,7 @@ def _earlier(console: Console, opened: HandoffOpened) -> tuple[HandoffItem, ...]
 
 
 def word_of(console: Console, robot_id: str) -> LastReport | None:
-    """What the robot says of itself; None for one that is not connected here."""
+    """The robot's last report; None for one that is not connected here."""
     try:
         return robots.robot_word(console.fleet.word(robot_id), now_s=console.clock())
     except UnknownName:

@@ -9,12 +9,11 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts import handoffs as handoff_acts
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from app.routes.handoff_page import SubmittedForm, answered, page_of, question_of
 from app.routes.listing import searching
-from app.views import handoff_list
-from app.views.handoff_list import HandoffsPage
+from app.views import handoffs
+from app.views.handoffs import HandoffsPage
 from app.views.list_params import ListParams
 from app.views.missions import Counted
 from app.web.rendering import render
@@ -22,6 +21,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import HandoffId
+from harness.contracts.reasons import because
 
 router = APIRouter(prefix="/handoffs")
 ListParamsDep = Annotated[ListParams, Depends(searching("handoff", "status", "robot", "failure", "mission"))]
@@ -41,16 +41,16 @@ def listed(console: Console, actor: Actor, params: ListParams) -> HandoffsPage:
     """One page of the list, with what its tabs would show."""
     group = params.given.get("status", "")
     facets = {name: value for name, value in params.query.facets.items() if name != "status"}
-    queries = {value: replace(params.query, facets=facets | stands_for) for value, _, stands_for in handoff_list.GROUPS}
+    queries = {value: replace(params.query, facets=facets | stands_for) for value, _, stands_for in handoffs.GROUPS}
     if group not in queries:
-        raise UnknownName(f"There is no group of handoffs called {group}", do=N_("choose one of the tabs of the list"))
+        raise UnknownName(because("unknown_handoff_tab", group=group))
     found = console.lists.handoffs(queries[group])
     counted = Counted(
         groups={value: console.lists.count(one) for value, one in queries.items()},
         tallies=console.lists.tallies("handoff"),
     )
     shell = console.shell("Handoffs", "handoffs", actor)
-    return handoff_list.handoffs_page(shell, params, found.items, found.following, counted)
+    return handoffs.handoffs_page(shell, params, found.items, found.following, counted)
 
 
 @router.get("/{handoff_id}")
@@ -65,12 +65,12 @@ def question(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId) -> HTM
 
 @router.get("/{handoff_id}/shown")
 def shown(console: ConsoleDep, handoff_id: HandoffId) -> HTMLResponse:
-    """Subject and evidence as they stand now, and nothing that moves."""
+    """Subject and evidence as they stand now, without live parts."""
     return render("handoffs/_shown.html", question_of(console, handoff_id))
 
 
 def _route(word: str) -> Callable[..., Response]:
-    """The handler of one act of app/acts/handoffs.py: 303, 422 not well said, 409 refused and why."""
+    """The handler of one act of app/acts/handoffs.py: 303, 422 for invalid input, 409 with the reason of a refusal."""
 
     def act(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
         said = handoff_acts.act_of(word, typed).from_form(typed)

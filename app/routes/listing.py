@@ -1,21 +1,21 @@
-"""From an address to what is asked of a list. Has no page of its own."""
+"""Turns the address of a list page into a query. Has no page of its own."""
 
 from collections.abc import Callable
 from typing import get_args
 
 from fastapi import Request
 
-from app.i18n.catalogues import N_
 from app.views.list_params import ListParams
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.read_models import Bookmark, Listing, ListOrder, ListQuery
+from harness.contracts.reasons import because
 
 SHOWN = 50
 LONGEST = 200
 
 
 def searching(listing: Listing, *facets: str) -> Callable[[Request], ListParams]:
-    """Reads q, order, after and these filters from the address; raises ContractInvalid for an impossible place."""
+    """Reads q, order, after and these filters from the address; raises ContractInvalid for an invalid position."""
 
     def params(request: Request) -> ListParams:
         params = request.query_params
@@ -36,20 +36,18 @@ def searching(listing: Listing, *facets: str) -> Callable[[Request], ListParams]
 
 
 def order_of(text: str) -> ListOrder:
-    """Raises ContractInvalid for an order that no list has."""
+    """The order of a list. Raises ContractInvalid for an unknown one."""
     for order in get_args(ListOrder):
         if order == text:
             known: ListOrder = order
             return known
-    raise ContractInvalid(f"Lists have no order {text[:40]!r}", where="order", do=N_("choose one from the form"))
+    raise ContractInvalid(because("list_order_invalid", text=text[:40]), where="order")
 
 
 def bookmark(text: str) -> Bookmark:
-    """Raises ContractInvalid for a place that no page ever gave."""
+    """The position in a list. Raises ContractInvalid for one that no page gave."""
     amount, _, seq = text.partition("~")
     try:
         return Bookmark(amount=float(amount), seq=int(seq))
     except ValueError as error:
-        raise ContractInvalid(
-            f"{text[:40]!r} is no place in a list", where="after", do=N_("begin at the list's first page")
-        ) from error
+        raise ContractInvalid(because("list_cursor_invalid", text=text[:40]), where="after") from error

@@ -1,4 +1,4 @@
-"""/live: one stream of names per page. /healthz: whether the console answers, for strangers too."""
+"""/live: one stream of change signals per page; /healthz: whether the console answers, without signing in."""
 
 from collections.abc import AsyncIterator
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""/metrics for Prometheus, /readyz for whoever decides where requests go."""
+"""/metrics for Prometheus, and /readyz for load balancers."""
 
 from fastapi import APIRouter
 from starlette.responses import PlainTextResponse
@@ -42,7 +42,7 @@ def counters(console: Console) -> list[tuple[str, str, int]]:
 
 @router.get("/readyz")
 def readyz(console: ConsoleDep) -> PlainTextResponse:
-    """200 once log and accounts can be read, 503 while they cannot. Says no more: strangers may ask."""
+    """200 once log and accounts can be read, 503 while they cannot. Says no more, because it needs no sign-in."""
     try:
         console.head()
         console.sessions.accounts.store.any_account()

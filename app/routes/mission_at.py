@@ -1,4 +1,4 @@
-"""One mission as it is now, or as it was when an event had just been appended: the page that every region reads."""
+"""One mission now or at an earlier event: the object that every region of the mission page reads."""
 
 from dataclasses import dataclass
 from functools import cached_property, reduce
@@ -17,7 +17,7 @@ from app.views.missions import MissionHeader, RobotStrip
 from app.views.plots import Plot
 from app.views.shell import Shell
 from app.views.stages import Graph, Observed, Stage
-from app.views.timeline import Axis, Timeline, TimelineEntry, TimelineLine
+from app.views.timeline import Axis, Timeline, TimelineEntry
 from harness.contracts.events import CompletionReported, FailureReported, MissionEnded
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import MissionId, NodeId
@@ -30,7 +30,7 @@ ENDS = (MissionEnded, CompletionReported, FailureReported)
 
 @dataclass(frozen=True)
 class MissionAt:
-    """Each region is computed when a template reads it, and only then. `after` and `t` are what the address says."""
+    """The mission at one instant; a region is computed when a template reads it. `after` and `t` are the address's."""
 
     console: Console
     mission_id: MissionId
@@ -46,7 +46,7 @@ class MissionAt:
 
     @property
     def query(self) -> str:
-        """What a region adds to its address, to come back for the same instant and stage."""
+        """The query string that a region adds to its address to refer to the same instant and stage."""
         return missions.query(instant=self.cursor.param, node=self._known)
 
     @property
@@ -110,8 +110,8 @@ class MissionAt:
         return timeline.timeline(self.mission_id, self.entries, axis=axis, at_s=self.cursor.at_s, node=self._known)
 
     @cached_property
-    def events(self) -> tuple[TimelineLine, ...]:
-        return timeline.lines(self.mission_id, self.entries, place=self.cursor.place, at=self.cursor.position)
+    def events(self) -> tuple[TimelineEntry, ...]:
+        return timeline.around(self.entries, place=self.cursor.place)
 
     @cached_property
     def plots(self) -> tuple[Plot, ...]:
@@ -164,7 +164,7 @@ class MissionAt:
 
 @dataclass(frozen=True)
 class MissionPage(MissionAt):
-    """The regions inside the shell. `viewer` names the reader's own 3D view."""
+    """The regions inside the shell of a page. `viewer` names the reader's own 3D view."""
 
     shell: Shell
     viewer: str
@@ -177,7 +177,7 @@ def instant_of(
     t: Annotated[float | None, Query(ge=0, allow_inf_nan=False)] = None,
     node: str = "",
 ) -> MissionAt:
-    """After an event, or some seconds into the mission. Raises UnknownName for a mission that does not exist."""
+    """The mission after an event or at a second of mission time. Raises UnknownName for an unknown mission."""
     entries = console.histories.of(mission_id)
     return MissionAt(console=console, mission_id=mission_id, after=at, t=t, wanted=node, entries=entries)
 

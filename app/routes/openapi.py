@@ -1,4 +1,4 @@
-"""The API's own description, OpenAPI 3.1, at /api/v1/openapi.json: shapes come from the structs that are answered."""
+"""The OpenAPI 3.1 description at /api/v1/openapi.json, derived from the structs that the API answers with."""
 
 from typing import Any
 

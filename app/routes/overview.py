@@ -1,4 +1,4 @@
-"""/: what runs, who waits, what ended."""
+"""/: what runs, who waits for a person, and what ended last."""
 
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse

@@ -5,11 +5,12 @@ from collections.abc import Sequence
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.acts.places import RemovePlaceAct, SavePlaceAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned
 from app.views import place_editor
-from app.views.forms import Wrong, wrong_reason
+from app.views.forms import Wrong
 from app.views.place_editor import PlaceForm, Version
 from app.views.places import PlacesPage, site_map
 from app.web.rendering import render
@@ -21,6 +22,7 @@ from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import PlaceId
 from harness.contracts.places import Place
+from harness.contracts.reasons import because
 
 router = APIRouter(prefix="/places")
 EVENTS: Codec[place_events.PlaceEvent] = Codec(place_events.PlaceEvent)
@@ -46,11 +48,11 @@ def new(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
 @router.post("/new")
 def add(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
     place_id = typed.get("place_id", "")
-    known = any(one.place_id == place_id for one in console.runtime.site.places)
-    wrong = (
-        [Wrong("place_id", lazy_gettext("There is a place {place_id} already.", place_id=place_id))] if known else []
-    )
-    return _save(console, actor, typed, wrong, new=True)
+    if any(one.place_id == place_id for one in console.runtime.site.places):
+        wrong = [Wrong("place_id", lazy_gettext("There is a place {place_id} already.", place_id=place_id))]
+        return render("places/edit.html", _form(console, actor, typed, wrong, new=True), status=422)
+    removed_at = console.runtime.places().revision(PlaceId(place_id))
+    return _save(console, actor, typed | {"basis": str(removed_at)}, new=True)
 
 
 @router.get("/{place_id}/edit")
@@ -61,19 +63,16 @@ def edit(console: ConsoleDep, actor: ActorDep, place_id: PlaceId) -> HTMLRespons
 @router.post("/{place_id}/edit")
 def save(console: ConsoleDep, actor: ActorDep, place_id: PlaceId, typed: FormDep) -> Response:
     _as_it_is(console, place_id)
-    return _save(console, actor, {**typed, "place_id": place_id}, [])
+    return _save(console, actor, {**typed, "place_id": place_id})
 
 
 @router.post("/{place_id}/remove")
 def remove(console: ConsoleDep, actor: ActorDep, place_id: PlaceId, typed: FormDep) -> Response:
     shown = _as_it_is(console, place_id)
-    wrong = [Wrong("reason", text) for text in wrong_reason(typed.get("reason", ""))]
-    if wrong:
-        return render("places/edit.html", _form(console, actor, shown, wrong), status=422)
-    command = place_events.RemovePlace(
-        place_id=place_id, basis=_basis(typed), actor=actor, reason=typed["reason"].strip()
-    )
-    decision = told(console, command)
+    said = RemovePlaceAct.from_form(typed)
+    if isinstance(said, tuple):
+        return render("places/edit.html", _form(console, actor, shown, said), status=422)
+    decision = told(console, said.to_command(actor, place_id=place_id))
     if isinstance(decision, Refused):
         page = _form(console, actor, shown, [Wrong("", reasoned(decision.reason))])
         return render("places/edit.html", page, status=409)
@@ -85,20 +84,25 @@ def told(console: Console, command: place_events.PlaceCommand) -> Accepted[AnyEv
     return console.runtime.decide([(place_events.place_stream(console.runtime.site.name), command)])
 
 
-def _save(console: Console, actor: Actor, typed: dict[str, str], wrong: list[Wrong], *, new: bool = False) -> Response:
-    site = console.runtime.site
-    wrong = wrong + place_editor.wrong_place(typed, site)
-    if wrong:
+def saved(console: Console, actor: Actor, place_id: PlaceId, said: SavePlaceAct) -> Accepted[AnyEvent] | Refused:
+    """The place as the act says it, on the site's map."""
+    place = said.place(place_id, console.runtime.site, by=actor.name)
+    return told(console, said.to_command(actor, place=place))
+
+
+def _save(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> Response:
+    said = SavePlaceAct.from_form(typed)
+    place_id = PlaceId(typed.get("place_id", ""))
+    wrong = list(said) if isinstance(said, tuple) else []
+    names = (typed.get("name", "").strip(),) if isinstance(said, tuple) else (said.name, *said.aliases)
+    wrong = place_editor.wrong_names(place_id, names, console.runtime.site) + wrong
+    if wrong or isinstance(said, tuple):
         return render("places/edit.html", _form(console, actor, typed, wrong, new=new), status=422)
-    place = place_editor.place_of(typed, site, by=actor.name)
-    basis = console.runtime.places().revision(place.place_id) if new else _basis(typed)
-    decision = told(
-        console, place_events.SavePlace(place=place, basis=basis, actor=actor, reason=typed["reason"].strip())
-    )
+    decision = saved(console, actor, place_id, said)
     if isinstance(decision, Refused):
         page = _form(console, actor, typed, [Wrong("", reasoned(decision.reason))], new=new)
         return render("places/edit.html", page, status=409)
-    return RedirectResponse(f"/places#{place.place_id}", status_code=303)
+    return RedirectResponse(f"/places#{place_id}", status_code=303)
 
 
 def _form(
@@ -124,7 +128,7 @@ def _as_it_is(console: Console, place_id: PlaceId) -> dict[str, str]:
     now = next((one for one in console.runtime.site.places if one.place_id == place_id), None)
     place = now or _before(console, place_id)
     if place is None:
-        raise UnknownName(f"There is no place {place_id[:40]}", do=N_("choose one from the list of places"))
+        raise UnknownName(because("unknown_place_row", place_id=place_id[:40]))
     return place_editor.fields_of(place)
 
 
@@ -167,8 +171,3 @@ def _changes(console: Console, place_id: PlaceId) -> list[place_events.PlaceEven
         for one in every
         if place_id == (one.place.place_id if isinstance(one, place_events.PlaceSaved) else one.place_id)
     ]
-
-
-def _basis(typed: dict[str, str]) -> int:
-    given = typed.get("basis", "")
-    return int(given) if given.isdecimal() and len(given) < 10 else 0

@@ -1,4 +1,4 @@
-"""/providers: who can act, by its own word, by the kit's and by the log's."""
+"""/providers: who can act, with the provider's card, the result of the conformance kit, and its record in the log."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""/queue: what waits for which robot, in order; a mission that has not begun can be taken back."""
+"""/queue: what waits for which robot, in order; a mission that has not begun can be withdrawn."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""/missions/{id}/report: what became of a mission, for print, PDF, JSON; its dossier; its log; each fact."""
+"""/missions/{id}/report: a mission's report as page, PDF and JSON; its dossier; its log; each fact."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,6 +19,7 @@ from app.i18n.messages import lazy_gettext, reasoned
 from app.views import events, facts, report
 from app.views.facts import FactPage
 from app.views.mission_json import mission_outcome, no_answer_outcome
+from app.views.readings import goal_words
 from app.views.report import ReportPage, ReportSources
 from app.web.rendering import render
 from app.web.report_pdf import report_pdf
@@ -31,6 +32,7 @@ from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.events import HandoffAnswered
 from harness.contracts.handoff_events import HandoffEvent, HandoffOpened, NoAnswerTaken
 from harness.contracts.ids import Digest, HandoffId, MissionId, handoff_stream
+from harness.contracts.reasons import because
 from harness.contracts.retreat_events import RetreatEnded, RetreatEvent, RetreatIntended, RetreatStopping
 from harness.contracts.revision_commands import DisputeCompletion
 from harness.projections.handoffs import Unanswered
@@ -65,9 +67,7 @@ def dossier(console: ConsoleDep, principal: PrincipalDep, mission_id: MissionId)
     actor = principal.acting("export")
     console.runtime.mission(mission_id)
     if console.dossier is None:
-        raise UnknownName(
-            N_("This console has no data folder, so it has no key to sign with"), do=N_("start it with --data")
-        )
+        raise UnknownName(because("no_signing_key"))
     folder = Path(mkdtemp(prefix="dossier-"))
     file = folder / f"{mission_id}.dossier.zip"
     try:
@@ -84,7 +84,7 @@ def page_of(console: Console, actor: Actor, mission_id: MissionId, errors: Seque
     entries = console.histories.of(mission_id)
     mission = console.runtime.mission(mission_id)
     broken = {blob: console.check(Digest(blob)) for blob, _, _ in report.pictures(entries)}
-    shell = console.shell(lazy_gettext("Report: {goal}", goal=mission.goal), "missions", actor)
+    shell = console.shell(lazy_gettext("Report: {goal}", goal=goal_words(mission)), "missions", actor)
     return report.report_page(shell, mission, entries, _journal(console, mission_id), broken, errors=errors)
 
 
@@ -151,11 +151,12 @@ def dispute(
 ) -> Response:
     """Say that this acceptance is wrong (D21). `from` says which page it was said on, to go back to it."""
     actor = principal.acting("dispute")
-    said = DisputeCompletionAct.from_form(typed | {"condition_id": condition_id})
+    said = DisputeCompletionAct.from_form(typed)
     if isinstance(said, tuple):
         wrong, status = tuple(one.text for one in said), 422
     else:
-        wrong, status = _disputed(console, mission_id, packet_id, said.to_command(actor)), 409
+        command = said.to_command(actor, condition_id=condition_id)
+        wrong, status = _disputed(console, mission_id, packet_id, command), 409
     reported = typed.get("from") == "report"
     if wrong and reported:
         return render("missions/report.html", page_of(console, principal.actor, mission_id, wrong), status=status)
@@ -200,7 +201,7 @@ def _unanswered(console: Console, mission_id: MissionId) -> Unanswered | None:
 
 
 def _no_answer(console: Console, mission_id: MissionId) -> dict[str, Any] | None:
-    """The same for programs, with what was meant and what was measured; None where no question expired."""
+    """What the robot did where nobody answered, as JSON: intended and measured. None where no question expired."""
     expired = _expired(console, mission_id)
     opened = console.runtime.handoff(expired).opened if expired is not None else None
     if expired is None or opened is None:
@@ -211,7 +212,7 @@ def _no_answer(console: Console, mission_id: MissionId) -> dict[str, Any] | None
 
 
 def _retreat_for(console: Console, opened: HandoffOpened) -> list[RetreatEvent]:
-    """The house's events of the one retreat that this question was the reason for, if its zone allows one at all."""
+    """The events of the return to a safe point that this question led to, if its zone allows one."""
     if opened.no_answer != "retreat":
         return []
     house = [HOUSE.decode(one) for one in console.runtime.stream(CONTROL)]

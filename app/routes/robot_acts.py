@@ -3,26 +3,37 @@
 from collections.abc import Callable
 
 from app.acts.missions import LimitAutonomyAct
+from app.acts.robots import BeginTeleoperationAct, StopRobotsAct
+from app.auth.command_permissions import required_permission
 from app.auth.permissions import NotPermitted, Permission, Principal
 from app.console import Console, TeleoperationPort
-from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned
-from harness.contracts.actors import Actor
+from harness.contracts.actors import Actor, Command
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import StopMission
-from harness.contracts.control import CONTROL, Posture, SetAutonomy
+from harness.contracts.control import (
+    CONTROL,
+    BeginTeleoperation,
+    EndTeleoperation,
+    OrderPosture,
+    Posture,
+    SetAutonomy,
+)
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import MissionId, RobotId, mission_stream
-from harness.contracts.reasons import because, recorded
+from harness.contracts.reasons import because
+from harness.contracts.retreat_events import SendRetreat, StopRetreat
 
 
-def stopped_all(console: Console, principal: Principal, reason: str) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
+def stopped_all(
+    console: Console, principal: Principal, said: StopRobotsAct
+) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
     """Ask every open mission of every robot to stop, each for itself: (those asked, why others could not be).
 
     Robots outside every mission are stopped first: wheels are returned, and those on their way to a safe place stand.
     """
-    asked, left = [], []
+    reason, asked, left = said.reason, [], []
     left += [
         lazy_gettext("{who}: {reason}", who=name, reason=why)
         for name, why in wheels_returned(console, principal, reason)
@@ -43,6 +54,8 @@ def stopped_all(console: Console, principal: Principal, reason: str) -> tuple[tu
         elif not console.runtime.mission(mission.mission_id).ended:
             who = f"{mission.robot_id}, {mission.mission_id}"
             left.append(lazy_gettext("{who}: {reason}", who=who, reason=decision.reason))
+    if said.safe:
+        left += all_made_safe(console, principal, reason)
     return tuple(asked), tuple(left)
 
 
@@ -62,12 +75,25 @@ def wheels_returned(console: Console, principal: Principal, reason: str) -> list
     return left
 
 
+def wheel_taken(
+    console: Console, principal: Principal, robot_id: RobotId, said: BeginTeleoperationAct, *, device: str
+) -> Decision[AnyEvent]:
+    """Drive by hand, from `device` where the act names none: refused while a mission may move the robot."""
+    named = said.device or device
+    return signed(
+        console,
+        principal,
+        (BeginTeleoperation, robot_id),
+        lambda teleoperation, actor: teleoperation.take(robot_id, actor=actor, device=named, reason=said.reason),
+    )
+
+
 def wheel_returned(console: Console, principal: Principal, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
     """End driving by hand, whoever drives."""
     return signed(
         console,
         principal,
-        ("stop", "ReturnWheel", robot_id),
+        (EndTeleoperation, robot_id),
         lambda teleoperation, actor: teleoperation.give_back(robot_id, actor=actor, reason=reason),
     )
 
@@ -76,9 +102,7 @@ def limited(console: Console, principal: Principal, said: LimitAutonomyAct) -> N
     """Set the autonomy limit of the whole fleet. Raises NotPermitted for a token that is bound to one robot."""
     if principal.robot_id:
         raise NotPermitted(
-            f"This token is for {principal.robot_id} alone",
-            where=f"token {principal.name}",
-            do=N_("sign in to set the limit"),
+            because("token_cannot_set_limit", robot_id=principal.robot_id), where=f"token {principal.name}"
         )
     console.runtime.decide([(CONTROL, said.to_command(principal.actor))])
     for mission in console.open_missions():
@@ -104,7 +128,7 @@ def made_safe(console: Console, principal: Principal, robot_id: RobotId, reason:
     return signed(
         console,
         principal,
-        ("drive", "SendRetreat", robot_id),
+        (SendRetreat, robot_id),
         lambda teleoperation, actor: teleoperation.to_safety(robot_id, actor=actor, reason=reason),
     )
 
@@ -125,7 +149,7 @@ def retreat_stopped(console: Console, principal: Principal, robot_id: RobotId, r
     return signed(
         console,
         principal,
-        ("stop", "StopRetreat", robot_id),
+        (StopRetreat, robot_id),
         lambda teleoperation, actor: teleoperation.stop_retreat(robot_id, actor=actor, reason=reason),
     )
 
@@ -134,36 +158,41 @@ def posed(
     console: Console, principal: Principal, robot_id: RobotId, posture: Posture, reason: str
 ) -> Decision[AnyEvent]:
     """Lying down is a stop; standing up is driving. Raises NotPermitted."""
-    permission: Permission = "stop" if posture == "lying" else "drive"
     return signed(
         console,
         principal,
-        (permission, "OrderPosture", robot_id),
+        (OrderPosture, robot_id),
         lambda teleoperation, actor: teleoperation.rest(robot_id, posture=posture, actor=actor, reason=reason),
+        permission="stop" if posture == "lying" else "drive",
     )
 
 
 def signed(
     console: Console,
     principal: Principal,
-    asked: tuple[Permission, str, RobotId],
+    asked: tuple[type[Command], RobotId],
     act: Callable[[TeleoperationPort, Actor], Decision[AnyEvent]],
+    *,
+    permission: Permission | None = None,
 ) -> Decision[AnyEvent]:
-    """An act on a robot outside any mission: checked, signed and written to the trail as a command is."""
-    permission, command, robot_id = asked
-    actor, teleoperation = principal.acting(permission), console.teleoperation
+    """An act on a robot outside any mission: checked, signed and written to the trail as a command is.
+
+    `permission` where the act needs another one than its command.
+    """
+    kind, robot_id = asked
+    actor, teleoperation = principal.acting(permission or required_permission(kind)), console.teleoperation
     if principal.robot_id not in ("", robot_id):
         raise NotPermitted(
-            f"This token is for {principal.robot_id}", where=f"token {principal.name}", do=N_("use another one")
+            because("token_of_other_robot", robot_id=principal.robot_id), where=f"token {principal.name}"
         )
     if teleoperation is None:
         return refused("no_supervisor", because("no_supervisor_here"))
     try:
         decision = act(teleoperation, actor)
     except ProviderFailed as error:
-        decision = refused(error.code, recorded(error.what))
+        decision = refused(error.code, error.reason)
     outcome = f"refused: {decision.rule}" if isinstance(decision, Refused) else "accepted"
     if robot_id in console.fleet.names:
         console.fleet.hear(robot_id)
-    console.sessions.accounts.told(principal, actor, command, f"robot/{robot_id}", outcome)
+    console.sessions.accounts.told(principal, actor, kind.__name__, f"robot/{robot_id}", outcome)
     return decision

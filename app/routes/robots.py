@@ -7,6 +7,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.base import Act
 from app.acts.missions import LimitAutonomyAct, PauseMissionAct, ResumeMissionAct, SetAutonomyAct
+from app.acts.robots import OrderPostureAct, SendToSafetyAct, StopRobotsAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
@@ -23,6 +24,7 @@ from harness.contracts.decisions import Decision, Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.read_models import ListQuery
+from harness.contracts.reasons import because
 from harness.projections.mission import Mission
 
 router = APIRouter(prefix="/robots")
@@ -54,13 +56,11 @@ def stopping_all(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
 
 @router.post("/stop")
 def stop_all(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, typed: FormDep) -> Response:
-    reason = (typed.get("quick") or typed.get("reason", "")).strip()
-    wrong = tuple(forms.wrong_reason(reason))
-    if wrong:
+    said = StopRobotsAct.from_form(typed | {"reason": typed.get("quick") or typed.get("reason", "")})
+    if isinstance(said, tuple):
+        wrong = tuple(one.text for one in said)
         return render("robots/stop.html", _stop_page(console, actor, errors=wrong), status=422)
-    _, left = robot_acts.stopped_all(console, principal, reason)
-    if typed.get("safe"):
-        left = (*left, *robot_acts.all_made_safe(console, principal, reason))
+    _, left = robot_acts.stopped_all(console, principal, said)
     if left:
         return render("robots/stop.html", _stop_page(console, actor, errors=left), status=409)
     return RedirectResponse("/robots", status_code=303)
@@ -95,10 +95,7 @@ def newest_picture(console: ConsoleDep, robot_id: RobotPath) -> Response:
     """The newest picture. X-Taken-At is its mission time, X-Age-S how old it is in wall seconds."""
     kept = console.fleet.shots(robot_id)
     if not kept.kept:
-        raise UnknownName(
-            f"There is no picture of {robot_id}: {kept.trouble or 'nothing came yet'}",
-            do=N_("try again in a few seconds"),
-        )
+        raise UnknownName(because("no_picture", robot_id=robot_id, trouble=kept.trouble or N_("nothing came yet")))
     shot = kept.kept[-1]
     age_s = max(console.clock() - shot.taken_s, 0.0)
     headers = {"X-Taken-At": f"{shot.picture.at_s:.3f}", "X-Age-S": f"{age_s:.1f}", "Cache-Control": "no-store"}
@@ -143,13 +140,13 @@ def safe(
 
     One on its way there is stopped instead. `meant` (go, stay) is what the button said when the page was made.
     """
-    wrong = forms.wrong_reason(typed.get("reason", ""))
-    if wrong:
-        return _one(console, actor, robot_id, errors=wrong, status=422)
+    said = SendToSafetyAct.from_form(typed)
+    if isinstance(said, tuple):
+        return _one(console, actor, robot_id, errors=[one.text for one in said], status=422)
     under_way = console.control().retreating(robot_id) is not None
     if typed.get("meant") == ("go" if under_way else "stay"):
         return _one(console, actor, robot_id, errors=[OTHERWISE[under_way]], status=409)
-    decision = robot_acts.made_safe(console, principal, robot_id, typed["reason"].strip())
+    decision = robot_acts.made_safe(console, principal, robot_id, said.reason)
     return _after(console, actor, robot_id, decision)
 
 
@@ -157,12 +154,10 @@ def safe(
 def stand(
     console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
 ) -> Response:
-    wrong = forms.wrong_reason(typed.get("reason", ""))
-    if wrong:
-        return _one(console, actor, robot_id, errors=wrong, status=422)
-    return _after(
-        console, actor, robot_id, robot_acts.posed(console, principal, robot_id, "standing", typed["reason"].strip())
-    )
+    said = OrderPostureAct.from_form(typed | {"posture": "standing"})
+    if isinstance(said, tuple):
+        return _one(console, actor, robot_id, errors=[one.text for one in said], status=422)
+    return _after(console, actor, robot_id, robot_acts.posed(console, principal, robot_id, said.posture, said.reason))
 
 
 def cards(console: Console) -> tuple[RobotCard, ...]:

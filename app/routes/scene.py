@@ -1,4 +1,4 @@
-"""/missions/{id}/scene/{view}/: one reader's 3D view, relayed from its own server, its instant, and its export.
+"""/missions/{id}/scene/{view}/: one reader's 3D view, relayed from its own server, with its instant and its export.
 
 The doorkeeper has checked session and origin.
 """
@@ -23,7 +23,7 @@ EXPORTS: dict[Form, str] = {"viser": "application/octet-stream", "html": "text/h
 
 @router.get("/export.{form}")
 def export(console: ConsoleDep, principal: PrincipalDep, mission_id: MissionId, form: Form) -> Response:
-    """The mission as a recording of its 3D view, to be kept or shown elsewhere; for operators."""
+    """The mission as a recording of its 3D view; for operators."""
     principal.acting("export")
     entries = console.histories.of(mission_id)
     begin_s, end_s = entries[0].mission_s, entries[-1].mission_s

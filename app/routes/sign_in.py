@@ -1,4 +1,4 @@
-"""/account/sign-in and /account/oidc: in by a one-time link, by password or by the identity provider; and out again."""
+"""/account/sign-in and /account/oidc: sign in by one-time link, password or identity provider, and sign out."""
 
 from math import ceil
 from urllib.parse import quote
@@ -11,7 +11,8 @@ from app.auth.next_url import OVERVIEW, safe_next_url
 from app.auth.oidc_login import OidcLogin
 from app.auth.sessions import Origin
 from app.console import Console, ConsoleDep, FormDep
-from app.i18n.catalogues import N_
+from app.i18n import languages
+from app.i18n.messages import reasoned
 from app.views.sign_in import (
     SignInPage,
     SignInRefusal,
@@ -26,6 +27,7 @@ from app.web import security
 from app.web.rendering import render
 from harness.contracts.errors import UnknownName
 from harness.contracts.identity import IssuerUnreachable, SignInRefused
+from harness.contracts.reasons import because
 
 router = APIRouter(prefix="/account")
 NOBODY = SignInRefusal()
@@ -63,14 +65,14 @@ def sign_in_by_password(request: Request, console: ConsoleDep, typed: FormDep) -
 
 @router.get("/oidc")
 def begin(request: Request, console: ConsoleDep, page: str = "") -> Response:
-    """To the identity provider, from the console's own sign-in page alone."""
-    door, settings = _door(console), console.settings
+    """Redirect to the identity provider; only from the console's own sign-in page."""
+    login, settings = _oidc_login(console), console.settings
     if not security.same_origin(request.headers, websocket=False):
         return _answer(_page(console, refusal=from_elsewhere(), page=page), status=403)
     if request.headers.get("host", "").lower() != settings.address.split("://", 1)[1].lower():
         return _answer(_page(console, refusal=other_address(settings.address), page=page), status=403)
     try:
-        begun = door.begin(page, _origin(request), session=request.cookies.get(settings.cookie, ""))
+        begun = login.begin(page, _origin(request), session=request.cookies.get(settings.cookie, ""))
     except SignInRefused as error:
         return _refused(console, error, page=page)
     if isinstance(begun, Throttled):
@@ -85,11 +87,11 @@ def begin(request: Request, console: ConsoleDep, page: str = "") -> Response:
 
 @router.get("/oidc/back")
 def back(request: Request, console: ConsoleDep) -> Response:
-    """Where the identity provider sends people: let in, or told why not; either way that sign-in is over."""
-    door, settings = _door(console), console.settings
+    """The redirect target of the identity provider: signs the person in or says why not, and ends the attempt."""
+    login, settings = _oidc_login(console), console.settings
     cookie = request.cookies.get(settings.passing_cookie, "")
     try:
-        entered = door.finish(cookie, dict(request.query_params), _origin(request))
+        entered = login.finish(cookie, dict(request.query_params), _origin(request))
         answer = _let_in(console, request, entered.cookie, page=entered.page)
     except SignInRefused as error:
         answer = _refused(console, error)
@@ -102,9 +104,9 @@ def back(request: Request, console: ConsoleDep) -> Response:
 
 @router.get("/oidc/leave")
 def leave(console: ConsoleDep) -> Response:
-    """To where one signs out at the identity provider, if it has such a place; signed out here is somebody before."""
+    """Redirect to the sign-out page of the identity provider, if it has one, after signing out here."""
     try:
-        url = _door(console).provider.leave(f"{console.settings.address}/account/sign-in")
+        url = _oidc_login(console).provider.leave(f"{console.settings.address}/account/sign-in")
     except SignInRefused as error:
         return _refused(console, error)
     return RedirectResponse(url or "/account/sign-in", status_code=303)
@@ -122,9 +124,9 @@ def sign_out_everywhere(console: ConsoleDep, principal: security.PrincipalDep) -
     return _signed_out(console)
 
 
-def _door(console: Console) -> OidcLogin:
+def _oidc_login(console: Console) -> OidcLogin:
     if console.issuer is None:
-        raise UnknownName(N_("No identity provider is set up here."), do=N_("Sign in with your password."))
+        raise UnknownName(because("no_identity_provider"))
     return console.issuer
 
 
@@ -133,7 +135,7 @@ def _origin(request: Request) -> Origin:
 
 
 def _let_in(console: Console, request: Request, cookie: str, *, page: str = OVERVIEW) -> Response:
-    """A fresh cookie always: one that a browser brought along is ended, never taken over."""
+    """Set a fresh session cookie; a session that the browser had is ended and never reused."""
     console.sessions.leave(request.cookies.get(console.settings.cookie, ""))
     answer = _answer(_page(console, let_in=True, page=page, stays=False))
     answer.headers.append(
@@ -154,7 +156,7 @@ def _signed_out(console: Console) -> Response:
 
 
 def _refused(console: Console, error: SignInRefused, *, page: str = "") -> Response:
-    refusal = refusal_of(error.code, what=error.what, do=error.do)
+    refusal = refusal_of(error.code, what=reasoned(error.what), do=languages.remedy(error))
     status = 502 if isinstance(error, IssuerUnreachable) else 403
     return _answer(_page(console, refusal=refusal, page=page, stays=False), status=status)
 

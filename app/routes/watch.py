@@ -1,4 +1,4 @@
-"""/missions/{id}: one mission as a page, and each region of it by itself."""
+"""/missions/{id}: one mission as a page, and each of its regions alone."""
 
 from dataclasses import fields
 
@@ -8,12 +8,13 @@ from starlette.responses import HTMLResponse
 
 from app.console import ActorDep
 from app.routes.mission_at import InstantDep, MissionPage
+from app.views.readings import goal_words
 from app.web.regions import REGIONS
 from app.web.rendering import render
 
 
 class RegionName(Convertor[str]):
-    """A name of the table of regions, and nothing else, as a part of an address."""
+    """A path segment that must be a name in the table of regions."""
 
     regex = "|".join(REGIONS)
 
@@ -33,7 +34,7 @@ def show(instant: InstantDep, actor: ActorDep) -> HTMLResponse:
     names = (f"mission/{instant.mission_id}", f"live/{instant.mission_id}")
     page = MissionPage(
         **{one.name: getattr(instant, one.name) for one in fields(instant)},
-        shell=instant.console.shell(instant.mission.goal, "missions", actor, topics=names),
+        shell=instant.console.shell(goal_words(instant.mission), "missions", actor, topics=names),
         viewer=instant.console.sessions.key(),
     )
     return render("missions/detail.html", page)
@@ -41,7 +42,7 @@ def show(instant: InstantDep, actor: ActorDep) -> HTMLResponse:
 
 @router.get("/instant")
 def whole(instant: InstantDep) -> HTMLResponse:
-    """Every region of one instant in one answer, each for its own place in the page."""
+    """All regions at one instant in one response, each to be swapped into its place."""
     return render("missions/instant.html", instant)
 
 

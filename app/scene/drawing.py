@@ -1,4 +1,4 @@
-"""What stands in a 3D view and how it looks. Metres, map frame moved to a local origin; knows viser and no rules."""
+"""Draws the content of a 3D view with viser: metres, map frame shifted to a local origin."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -45,7 +45,7 @@ class Drawing:
             yield
 
     def look_at(self, points: Sequence[Point]) -> None:
-        """Stand the first view so that all of these fit."""
+        """Place the initial camera so that all of these points are in view."""
         xs, ys = [self._local(p)[0] for p in points], [self._local(p)[1] for p in points]
         middle = ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2)
         reach = max(max(xs) - min(xs), max(ys) - min(ys), 6.0)
@@ -62,7 +62,7 @@ class Drawing:
         self._scene.add_label(f"/label/{name}", name, position=(x, y, 0.6), anchor="bottom-center")
 
     def forbidden(self, name: str, region_m: Sequence[Point]) -> None:
-        """A zone that the contract keeps out of, as its closed outline."""
+        """A zone that the contract forbids, as a closed outline."""
         corners = np.array([(*self._local(p), 0.04) for p in (*region_m, region_m[0])], dtype=np.float32)
         pairs = np.stack([corners[:-1], corners[1:]], axis=1)
         self._scene.add_line_segments(f"/forbidden/{name}", pairs, colors=FORBIDDEN, thickness=LINE_M)
@@ -76,7 +76,7 @@ class Drawing:
             self._scene.add_line_segments(f"/route/{name}", dashes, colors=ROUTE, thickness=LINE_M * 0.6)
 
     def trajectory(self, name: str, number: int, stands: Sequence[Stand]) -> None:
-        """Where the body was measured to be during one stretch of one stage; `number` picks the stage's colour."""
+        """The measured trajectory of the body during part of one stage; `number` picks the stage's colour."""
         if len(stands) < 2:
             self.show(f"/trajectory/{name}", visible=False)
             return
@@ -88,7 +88,7 @@ class Drawing:
         )
 
     def robot(self, stand: Stand | None) -> None:
-        """The body where it stood; hidden where that is not known."""
+        """The body at its measured pose; hidden where that is unknown."""
         if self._robot is None:
             self._robot = self._scene.add_frame("/robot", axes_length=0.5, axes_radius=0.02)
             self._scene.add_box("/robot/body", color=BODY, dimensions=(0.65, 0.3, 0.25), position=(0.0, 0.0, 0.35))
@@ -112,7 +112,7 @@ class Drawing:
         )
 
     def resize(self, name: str, *, size_m: float) -> None:
-        """Draw the points of a cloud that is there at another size."""
+        """Change the point size of a cloud that is drawn already."""
         node = self._nodes.get(name)
         if isinstance(node, viser.PointCloudHandle) and node.point_size != size_m:
             node.point_size = size_m
@@ -133,7 +133,7 @@ class Drawing:
             node.visible = visible
 
     def gone(self, name: str) -> None:
-        """Take away what was drawn under a name."""
+        """Remove what was drawn under a name."""
         node = self._nodes.pop(name, None)
         if node is not None:
             node.remove()

@@ -1,4 +1,4 @@
-"""From a mission's history and its live samples to what its 3D views show, with the instant of every piece.
+"""Turns a mission's history and live samples into what its 3D views show, with the instant of every piece.
 
 Reads the runtime and changes nothing there. One feed serves every view of a mission, each at its own instant.
 """
@@ -38,7 +38,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class ScenePlan:
-    """What does not change: reference routes, places and forbidden zones by name, and where the local origin lies."""
+    """The fixed content: reference routes, places and forbidden zones by name, and the local origin."""
 
     origin_m: Point
     routes: tuple[tuple[str, tuple[Point, ...]], ...] = ()
@@ -82,7 +82,7 @@ class Feed:
         return MapView(self._runtime, whole=whole)
 
     def note(self) -> str:
-        """One sentence for people who cannot see the picture, or see a blank one."""
+        """The text alternative of the view: what it shows, or why it is blank."""
         if self.plan is None:
             return N_("The 3D view is being prepared.")
         if not self.track.stands:
@@ -104,7 +104,7 @@ class Feed:
         return lazy_gettext("{parts}.", parts=listed((*parts, thinned)))
 
     def step(self) -> None:
-        """Take what is new. Raises HarnessError if the log cannot be read."""
+        """Read what is new. Raises HarnessError if the log cannot be read."""
         with self.reading:
             self._step()
 
@@ -234,5 +234,5 @@ def _label(name: str, aliases: Sequence[str]) -> str:
 
 
 def _grouped(count: int) -> str:
-    """1234567 reads as 1 234 567."""
+    """An integer with thin groups: 1234567 reads as 1 234 567."""
     return f"{count:,}".replace(",", " ")

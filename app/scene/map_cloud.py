@@ -1,4 +1,4 @@
-"""A map's cloud in one reader's view: chunk after chunk, coarse first, each step a bounded number of points."""
+"""Sends a map's point cloud to one view in chunks, coarse first, with a bounded number of points per step."""
 
 import numpy as np
 
@@ -41,7 +41,7 @@ class MapView:
                 return
 
     def _coarsest_is_out(self, cloud: MapCloud) -> bool:
-        """The first level goes to the viewer alone, so that it is seen before the bytes of the next."""
+        """Sends the first level alone, so that people see it before the next level arrives."""
         done = self._drawn < len(cloud.chunks) and cloud.chunks[self._drawn].voxel_m != cloud.chunks[0].voxel_m
         return done and cloud.chunks[self._drawn - 1].voxel_m == cloud.chunks[0].voxel_m and not self._whole
 

@@ -1,4 +1,4 @@
-"""Pure: a point cloud that grows from lidar sweeps by measured poses, thinned to voxels. Metres, map frame."""
+"""A point cloud that grows from lidar sweeps at measured poses, thinned to voxels. Metres, map frame."""
 
 from bisect import bisect_left, bisect_right, insort
 from dataclasses import dataclass, field
@@ -32,7 +32,7 @@ class PoseTrack:
         self._times: set[float] = set()
 
     def add(self, stand: Stand) -> bool:
-        """False if a pose of that instant is known already."""
+        """Add a pose; False if one of that instant is known already."""
         if stand.at_s in self._times:
             return False
         self._times.add(stand.at_s)
@@ -40,7 +40,7 @@ class PoseTrack:
         return True
 
     def at(self, at_s: float) -> Stand | None:
-        """The pose between its two neighbours in time; None where the gap is too long to tell."""
+        """The pose interpolated between its two neighbours in time; None where the gap is too long."""
         place = bisect_left(self.stands, at_s, key=lambda stand: stand.at_s)
         around = self.stands[max(place - 1, 0) : place + 1]
         if place < len(self.stands) and self.stands[place].at_s == at_s:

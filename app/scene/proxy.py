@@ -1,4 +1,4 @@
-"""The only way to a viewer: its page and its socket, relayed under the console's origin, session and policy."""
+"""Relays the page and the socket of a 3D view under the console's origin, session and security policy."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -25,7 +25,7 @@ PROTOCOL = f"viser-v{viser.__version__}"
 
 
 def admitted(message: bytes) -> bool:
-    """Whether a viewer may say this: where its camera is and where it points, nothing else."""
+    """Whether a browser may send this message: only the pose of its camera and of its pointer."""
     if len(message) > LARGEST:
         return False
     try:
@@ -50,7 +50,7 @@ async def page(port: int, *, queries: frozenset[str]) -> Response:
 
 
 async def relay(socket: WebSocket, port: int, *, touch: Callable[[], None]) -> None:
-    """Both directions until either end leaves; `touch` is called while somebody watches.
+    """Relay both directions until either end disconnects; `touch` is called while somebody watches.
 
     Needs the viewer's own version as subprotocol.
     """

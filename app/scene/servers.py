@@ -1,4 +1,4 @@
-"""The 3D views: one viser server on loopback per reader of a mission. They show; they never take a command."""
+"""Runs one viser server on loopback per reader of a mission; the servers show and never take a command."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -62,7 +62,7 @@ class Scenes:
         return seat.port
 
     def touch(self, mission_id: MissionId, view: str = "") -> None:
-        """Somebody still looks."""
+        """Note that somebody still looks at this view."""
         with self._lock:
             if (mission_id, view) in self._open:
                 self._open[mission_id, view].seen_s = self._clock()
@@ -105,7 +105,7 @@ class Scenes:
             seat.close()
 
     def step(self) -> None:
-        """Close what nobody watches, feed the rest."""
+        """Close the views that nobody watches and update the others."""
         with self._stepping:
             with self._lock:
                 late = self._clock() - self._idle_s

@@ -1,4 +1,4 @@
-"""One reader's 3D view of a mission at that reader's own instant: coarse first, then refined, moved by the cursor."""
+"""One reader's 3D view of a mission at that reader's instant: coarse first, then refined, moved by the time cursor."""
 
 from itertools import groupby
 from threading import Lock

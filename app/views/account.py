@@ -1,4 +1,4 @@
-"""Pure: somebody's own account, and everybody's for an admin."""
+"""Shapes a person's own account page, and the list of all accounts for an admin."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ class OpenSession:
 
 @dataclass(frozen=True)
 class Ability:
-    """One thing that can be done here, and whether this person may."""
+    """One permission, and whether this person has it."""
 
     meaning: str
     allowed: bool
@@ -29,7 +29,7 @@ class Ability:
 
 @dataclass(frozen=True)
 class AccountPage:
-    """A person's own page. `invited`: came by the first link, and has no account yet. `by_password`: has a password."""
+    """A person's own page. `invited`: signed in by the first link, no account yet; `by_password`: has a password."""
 
     shell: Shell
     name: str
@@ -45,7 +45,7 @@ class AccountPage:
 
 @dataclass(frozen=True)
 class RoleChoice:
-    """One role to tick."""
+    """One role as a checkbox."""
 
     name: str
     held: bool
@@ -83,7 +83,7 @@ class TokenRow:
 
 @dataclass(frozen=True)
 class ScopeChoice:
-    """One scope to tick."""
+    """One scope as a checkbox."""
 
     name: str
     meaning: str

@@ -1,16 +1,17 @@
-"""Pure: the alert inbox and one alert with everything that people did about it."""
+"""Shapes the list of alerts, and the page of one alert with everything that people did about it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import assert_never
+from typing import Any, assert_never
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned, word
-from app.views.list_params import Filter, Option, address
+from app.views.history import HistoryLine
+from app.views.list_params import Filter, Option, Paging, address
 from app.views.missions import ListTab
 from app.views.shell import Shell
 from harness.contracts import alert_events
-from harness.projections.alerts import Alert, status
+from harness.projections.alerts import Alert, AlertStatus, status
 
 PATH = "/alerts"
 SHOWN = 50
@@ -21,7 +22,7 @@ GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("suppressed", "suppressed", ("suppressed",)),
     ("all", "history", ()),
 )
-"""Tabs: the word in the address, its title, and the states it shows; none: every one."""
+"""Tabs: value in the address, title, and the states it shows; an empty tuple shows all."""
 TITLES = {
     "unacknowledged": "unacknowledged",
     "acknowledged": "acknowledged",
@@ -35,30 +36,17 @@ SHELF = ((900, N_("15 minutes")), (3600, N_("1 hour")), (8 * 3600, N_("8 hours")
 
 
 @dataclass(frozen=True)
-class AlertRow:
-    """One alert in the list. `total` is what an acknowledgement from this row has seen."""
+class AlertItem:
+    """One alert with its status at the instant of the page. `alert.total` is what an acknowledgement has seen."""
 
     alert_id: str
-    title: str
-    text: str
-    kind: str
-    state: str
-    state_title: str
-    priority: str
-    tone: str
-    count: int
-    total: int
-    first_s: float
-    last_s: float
-    assignee: str
-    put_away: str
-    until_s: float
-    link: str
+    alert: Alert
+    state: AlertStatus
 
 
 @dataclass(frozen=True)
 class ShelfDuration:
-    """How long an alert may be put on the shelf for."""
+    """A time that an alert can be shelved for."""
 
     seconds: int
     title: str
@@ -76,36 +64,26 @@ class AlertListParams:
 
     @property
     def params(self) -> dict[str, str]:
-        """The address's own parameters, without the place in the list."""
+        """The parameters of the address, without the position in the list."""
         return {"status": self.group, "q": self.words, "priority": self.priority, "robot": self.robot}
 
 
 @dataclass(frozen=True)
 class AlertsPage:
-    """The inbox; search, filters and place stand in the address. `live`: it follows what happens."""
+    """The list of alerts; search, filters and position are in the address. `live`: it refreshes itself."""
 
     shell: Shell
-    rows: tuple[AlertRow, ...]
+    rows: tuple[AlertItem, ...]
     groups: tuple[ListTab, ...]
     filters: tuple[Filter, ...]
     words: str
     group: str
     live: bool
     query: str
-    following: str
-    found: int
+    paging: Paging
     total: int
     shelves: tuple[ShelfDuration, ...]
     notifies: str
-
-
-@dataclass(frozen=True)
-class AlertHistoryRow:
-    """One line of an alert's history."""
-
-    at_s: float
-    text: str
-    position: int
 
 
 @dataclass(frozen=True)
@@ -113,63 +91,92 @@ class AlertPage:
     """One alert, its history, and what can be done about it."""
 
     shell: Shell
-    row: AlertRow
+    row: AlertItem
     conditions: tuple[str, ...]
-    history: tuple[AlertHistoryRow, ...]
+    history: tuple[HistoryLine, ...]
     shelves: tuple[ShelfDuration, ...]
     errors: tuple[str, ...]
 
 
-def row(alert_id: str, alert: Alert, *, now_s: float) -> AlertRow:
-    """An alert as it stands at an instant; `alert` has happened at least once."""
-    state, newest = status(alert, now_s), alert.newest
-    by = alert.suppressed_by or alert.shelved_by
-    away = (
-        lazy_gettext("{who}: {reason}", who=by.name, reason=alert.reason)
-        if by is not None and state in ("shelved", "suppressed")
-        else ""
-    )
-    return AlertRow(
-        alert_id=alert_id,
-        title=reasoned(newest.title) if newest else alert_id,
-        text=reasoned(newest.text) if newest else "",
-        kind=newest.kind if newest else "",
-        state=state,
-        state_title=TITLES[state],
-        priority=alert.priority,
-        tone=TONES[alert.priority] if state in ("unacknowledged", "returned") else "plain",
-        count=alert.count,
-        total=alert.total,
-        first_s=alert.first_s,
-        last_s=alert.last_s,
-        assignee=alert.assignee,
-        put_away=away,
-        until_s=alert.shelved_until_s if state == "shelved" else 0.0,
-        link=newest.link if newest else "",
-    )
+def item(alert_id: str, alert: Alert, *, now_s: float) -> AlertItem:
+    """An alert at an instant of wall time."""
+    return AlertItem(alert_id=alert_id, alert=alert, state=status(alert, now_s))
 
 
-def chosen(alerts: Sequence[tuple[str, Alert]], asked: AlertListParams, *, now_s: float) -> list[AlertRow]:
-    """The rows that answer, newest first; of those to look at, the most pressing first."""
+def title(item: AlertItem) -> str:
+    """What happened, in a few words; the id of an alert that has not happened."""
+    return reasoned(item.alert.newest.title) if item.alert.newest else item.alert_id
+
+
+def text(item: AlertItem) -> str:
+    """What happened, in a sentence; empty for an alert that has not happened."""
+    return reasoned(item.alert.newest.text) if item.alert.newest else ""
+
+
+def tone(item: AlertItem) -> str:
+    """Colour only where nobody has acknowledged it."""
+    return TONES[item.alert.priority] if item.state in ("unacknowledged", "returned") else "plain"
+
+
+def put_away(item: AlertItem) -> str:
+    """Who shelved or suppressed it and why; empty for an alert in the list."""
+    by = item.alert.suppressed_by or item.alert.shelved_by
+    if by is None or item.state not in ("shelved", "suppressed"):
+        return ""
+    return lazy_gettext("{who}: {reason}", who=by.name, reason=item.alert.reason)
+
+
+def shelved_until_s(item: AlertItem) -> float | None:
+    """Until when it is shelved, in wall seconds; None for one that is not."""
+    return item.alert.shelved_until_s if item.state == "shelved" else None
+
+
+def summary(item: AlertItem) -> dict[str, Any]:
+    """An alert for programs: what the API and the command line show of it. Times are wall seconds."""
+    alert, newest = item.alert, item.alert.newest
+    return {
+        "alert_id": item.alert_id,
+        "title": title(item),
+        "text": text(item),
+        "kind": newest.kind if newest else "",
+        "state": item.state,
+        "priority": alert.priority,
+        "count": alert.count,
+        "total": alert.total,
+        "first_s": alert.first_s,
+        "last_s": alert.last_s,
+        "assignee": alert.assignee,
+        "put_away": put_away(item),
+        "shelved_until_s": shelved_until_s(item),
+        "link": newest.link if newest else "",
+    }
+
+
+def chosen(alerts: Sequence[tuple[str, Alert]], asked: AlertListParams, *, now_s: float) -> list[AlertItem]:
+    """The alerts that match, in the order given."""
     states = next((states for value, _, states in GROUPS if value == asked.group), ())
-    wanted = asked.words.lower().split()
-    found = []
-    for name, alert in alerts:
-        one = row(name, alert, now_s=now_s)
-        told = f"{one.title} {one.text} {one.kind} {name} {one.assignee}".lower()
-        fits = (not states or one.state in states) and all(word in told for word in wanted)
-        fits = fits and asked.priority in ("", one.priority)
-        if fits and (not asked.robot or (alert.newest is not None and alert.newest.robot_id == asked.robot)):
-            found.append(one)
-    return found
+    items = (item(name, alert, now_s=now_s) for name, alert in alerts)
+    return [one for one in items if (not states or one.state in states) and _matches(one, asked)]
+
+
+def _matches(item: AlertItem, asked: AlertListParams) -> bool:
+    newest = item.alert.newest
+    searched = (
+        f"{title(item)} {text(item)} {newest.kind if newest else ''} {item.alert_id} {item.alert.assignee}".lower()
+    )
+    return (
+        all(one in searched for one in asked.words.lower().split())
+        and asked.priority in ("", item.alert.priority)
+        and asked.robot in ("", newest.robot_id if newest else None)
+    )
 
 
 def alerts_page(
     shell: Shell, alerts: Sequence[tuple[str, Alert]], asked: AlertListParams, *, now_s: float, services: Sequence[str]
 ) -> AlertsPage:
-    """One page of the inbox, what happened last first."""
+    """One page of the list, newest occurrence first."""
     found = chosen(alerts, asked, now_s=now_s)
-    later = [one for one in found if asked.before_s is None or one.last_s < asked.before_s]
+    later = [one for one in found if asked.before_s is None or one.alert.last_s < asked.before_s]
     shown = later[:SHOWN]
     counts = {value: _count(alerts, states, now_s) for value, _, states in GROUPS}
     robots = sorted({alert.newest.robot_id for _, alert in alerts if alert.newest and alert.newest.robot_id})
@@ -193,8 +200,12 @@ def alerts_page(
         group=asked.group,
         live=asked.before_s is None,
         query=address("", asked.params),
-        following=address(PATH, asked.params, before=repr(shown[-1].last_s)) if len(later) > SHOWN else "",
-        found=len(found),
+        paging=Paging(
+            shown=len(shown),
+            found=str(len(found)),
+            following=address(PATH, asked.params, before=repr(shown[-1].alert.last_s)) if len(later) > SHOWN else "",
+            first=address(PATH, asked.params) if asked.before_s is not None else "",
+        ),
         total=len(alerts),
         shelves=shelves(),
         notifies=", ".join(services),
@@ -202,17 +213,18 @@ def alerts_page(
 
 
 def lasting(condition: str) -> str:
-    """What lasts, as its event names it: a kind, and what it is about."""
+    """A condition that still holds, which its event names by a kind and what it is about."""
     kind, _, about = condition.partition(" ")
     return lazy_gettext("{kind} {about}", kind=word(kind), about=about)
 
 
 def shelves() -> tuple[ShelfDuration, ...]:
+    """The times that an alert can be shelved for, shortest first."""
     return tuple(ShelfDuration(seconds, title) for seconds, title in SHELF)
 
 
 def sentence(event: alert_events.AlertEvent) -> str:
-    """What happened to the alert, as a person would say it."""
+    """One event of an alert as a sentence."""
     match event:
         case alert_events.AlertRaised(occurrence=one):
             return lazy_gettext("{title}. {text}", title=one.title, text=one.text)

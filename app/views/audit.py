@@ -1,4 +1,4 @@
-"""Pure: who decided what, when, by which channel; and who came in."""
+"""Shapes the audit log: who decided what, when and by which channel; and who signed in."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -34,7 +34,7 @@ class AuditEvent(Value):
 
 @dataclass(frozen=True)
 class Wanted:
-    """What an auditor looks for: an actor, a kind of event; `everything` shows events that nobody asked for too."""
+    """The filter of the audit log: actor and kind of event; `everything` includes events without an actor."""
 
     actor: str = ""
     kind: str = ""
@@ -50,7 +50,7 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Sum:
-    """What a recomputed chain said: one of the two is empty. `note`: what an auditor must know beside it."""
+    """The result of recomputing the hash chain: one of the two is empty. `note` is a remark for the auditor."""
 
     verified: str = ""
     damage: str = ""
@@ -97,7 +97,7 @@ class AuditPage:
 
 @dataclass(frozen=True)
 class AuditRow:
-    """One line of the access trail."""
+    """One line of the access log."""
 
     number: int
     at_s: float
@@ -111,7 +111,7 @@ class AuditRow:
 
 @dataclass(frozen=True)
 class AccessPage:
-    """Who came in, from where, and what they commanded; newest first."""
+    """The access log: who signed in from where and what they commanded, newest first."""
 
     shell: Shell
     rows: tuple[AuditRow, ...]

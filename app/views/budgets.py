@@ -1,4 +1,4 @@
-"""Pure: recovery budgets as meters: what was spent and what is left, per action, per node, per mission."""
+"""Shapes recovery budgets as meters: what was spent and what is left, per action, node and mission."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Pure: a canary as people watch it: how many missions exercised the change, what each showed, how its test stands."""
+"""Shapes a canary: how many missions exercised the change, what each measured, and where its test stands."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class CanaryPanel:
 
 
 def canary_panel(review: Review, pointer: Pointer, actor: Actor) -> CanaryPanel:
-    """Raises ValueError for a candidate without a manifest: there is no such canary."""
+    """The panel of a canary. Raises ValueError for a candidate without a manifest."""
     if review.manifest is None:
         raise ValueError("a canary has a manifest")
     test = review.manifest.canary

@@ -1,4 +1,4 @@
-"""Pure: the editor of a candidate: the fields of H with unit, bound and meaning, and what is wrong beside each."""
+"""Shapes the editor of a candidate: the fields of H with unit, bounds and meaning, and what is wrong with each."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ LADDER_NOTE = lazy_gettext(
 
 @dataclass(frozen=True)
 class EditField:
-    """One field of H. `was` is what is current; `wrong` says what to mend."""
+    """One field of H. `was` is the current value; `wrong` says what to correct."""
 
     path: str
     title: str
@@ -48,7 +48,7 @@ class EditSection:
 
 @dataclass(frozen=True)
 class Found:
-    """What was found about an edit: sentences above the form, rules broken, and, if it holds, what it changes."""
+    """The result of checking an edit: errors, broken rules and, for a valid edit, what it changes."""
 
     errors: Sequence[str] = ()
     refusals: Sequence[RestrictionViolation] = ()
@@ -171,7 +171,7 @@ def _shown(value: Any) -> str:
 
 
 def _typed(text: str, was: Any) -> Any:
-    """Of the same kind as what was there, if it can be read as that; else the text as it stands."""
+    """The typed text as a value of the old value's type; unchanged text if it cannot be read as that."""
     if isinstance(was, list | tuple):
         return [one.strip() for one in text.split(">") if one.strip()]
     try:
@@ -181,5 +181,5 @@ def _typed(text: str, was: Any) -> Any:
 
 
 def _field_path(path: str) -> str:
-    """A refusal's path as the form names its field."""
+    """The name of the form field for a path in a refusal."""
     return path.removeprefix("$.").removeprefix("candidate, $.").replace("[...]", "")

@@ -1,4 +1,4 @@
-"""Pure: the board of candidates: where each stands, what it changes, and whose it is."""
+"""Shapes the list of candidates: the status of each, what it changes, and who proposed it."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed, word
-from app.views.list_params import Filter, Option, address
+from app.views.list_params import Filter, Option, Paging, address
 from app.views.shell import Shell
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ClauseAnswer, Manifest
@@ -42,7 +42,7 @@ class CandidateRow:
 
 @dataclass(frozen=True)
 class Tab:
-    """One group of the board with how many it holds."""
+    """One tab of the list with its number of candidates."""
 
     title: str
     href: str
@@ -52,7 +52,7 @@ class Tab:
 
 @dataclass(frozen=True)
 class BoardPage:
-    """The board as the address asks for it. `total` counts all candidates, `query` is the address's own end."""
+    """The list that the address asks for. `total` counts all candidates, `query` is the query string of the address."""
 
     shell: Shell
     tabs: tuple[Tab, ...]
@@ -60,10 +60,9 @@ class BoardPage:
     words: str
     group: str
     filters: tuple[Filter, ...]
-    found: int
     total: int
     query: str
-    following: str
+    paging: Paging
 
 
 @dataclass(frozen=True)
@@ -111,21 +110,25 @@ def board_page(
         words=asked.words,
         group=asked.group,
         filters=_filters(known, asked),
-        found=len(rows),
         total=len(known),
         query=address("", asked.params),
-        following=address("/candidates", asked.params, skip=str(asked.skip + SHOWN)) if more else "",
+        paging=Paging(
+            shown=len(shown),
+            found=str(len(rows)),
+            following=address("/candidates", asked.params, skip=str(asked.skip + SHOWN)) if more else "",
+            first=address("/candidates", asked.params) if asked.skip else "",
+        ),
     )
 
 
 def chosen(reviews: Sequence[Review], asked: CandidateListParams) -> list[Review]:
-    """Those that the address asks for, in the given order."""
+    """The candidates that the address asks for, in the given order."""
     wanted = _statuses(asked.group, Counter(str(one.status) for one in reviews))
     return [one for one in reviews if one.status in wanted and _like(one, asked)]
 
 
 def title_of(review: Review) -> str:
-    """What it is meant to do, as its manifest says; the digest where it says nothing."""
+    """The intended effect from the manifest; the digest if there is none."""
     return review.manifest.intended_effect.strip().rstrip(".") if review.manifest else review.candidate[:12]
 
 
@@ -145,7 +148,7 @@ def stale(review: Review, pointer: Pointer) -> bool:
 
 
 def note_of(review: Review) -> str:
-    """What is to be known beside the status, in a few words."""
+    """A short remark beside the status."""
     match review.status:
         case "in_review":
             if not review.approvals:

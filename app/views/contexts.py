@@ -1,4 +1,4 @@
-"""Pure: what each role was shown (C1 to C4) when it decided, and which providers were looked at, as recorded."""
+"""Shapes what each role was shown (C1 to C4) when it decided, and which providers were considered."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Pure: the one instant that every region of a mission page shows, named by an event or by a second of mission time."""
+"""The time cursor: the instant that all regions of a mission page show, as an event or a second of mission time."""
 
 from bisect import bisect_right
 from collections.abc import Sequence

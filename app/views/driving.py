@@ -1,4 +1,4 @@
-"""Pure: the pad that drives a robot by hand, and the question that it was taken over for."""
+"""Shapes the pad that drives a robot by hand, and the handoff that it was taken over for."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ class TakenOver:
 
 @dataclass(frozen=True)
 class DrivePage:
-    """The pad that drives a robot by hand. `session` is empty until this person has the wheel."""
+    """The pad that drives a robot by hand. `session` is empty until this person has control."""
 
     shell: Shell
     robot: RobotCard
@@ -38,7 +38,7 @@ class DrivePage:
 
 
 def taken_over(handoff: Handoff, mission: Mission, *, person: str) -> TakenOver | None:
-    """None unless this very person drives."""
+    """The handoff that this person took the robot over for; None if somebody else drives."""
     claim, control = handoff.claim, handoff.control
     if handoff.taken_by is None or handoff.taken_by.name != person or claim is None or control is None:
         return None

@@ -1,4 +1,4 @@
-"""Pure: the published evaluation and the recursion experiment as tables and plots."""
+"""Shapes the published evaluation and the recursion experiment as tables and plots."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -58,7 +58,7 @@ class EvaluationConditionRow:
 
 @dataclass(frozen=True)
 class MeasureTab:
-    """One measure that may be shown."""
+    """One measure that the page can show."""
 
     title: str
     href: str
@@ -140,7 +140,7 @@ class RecursionView:
 
 @dataclass(frozen=True)
 class EvaluationPage:
-    """Both; None where nothing is published yet."""
+    """The evaluation and the recursion experiment; None where nothing is published yet."""
 
     shell: Shell
     evaluation: EvaluationView | None

@@ -1,4 +1,4 @@
-"""Pure: a mission's events as a list, and one as it is stored, with its place in the hash chain."""
+"""Shapes the list of a mission's events, and the page of one event as it is stored in the hash chain."""
 
 import json
 from collections.abc import Sequence
@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import msgspec
 
-from app.i18n.catalogues import N_
-from app.views.list_params import address
+from app.views.list_params import Paging, address
 from app.views.sentences import FAMILY, sentence
 from app.views.shell import Shell
-from app.views.timeline import LANES, TimelineEntry, TimelineLine, line
+from app.views.timeline import LANES, TimelineEntry
 from harness.contracts.errors import UnknownName
+from harness.contracts.reasons import because
 
 SHOWN = 100
 
@@ -23,23 +23,21 @@ class EventPage:
     shell: Shell
     mission_id: str
     entry: TimelineEntry
-    text: str
     body: str
     earlier: int | None
     later: int | None
 
 
 def event_page(shell: Shell, mission_id: str, entries: Sequence[TimelineEntry], *, position: int) -> EventPage:
-    """Raises UnknownName if the mission has no event at that position."""
+    """The page of one event. Raises UnknownName if the mission has no event at that position."""
     place = next((index for index, entry in enumerate(entries) if entry.position == position), None)
     if place is None:
-        raise UnknownName(f"Mission {mission_id} has no event {position}", do=N_("choose one from its timeline"))
+        raise UnknownName(because("unknown_event", mission_id=mission_id, position=position))
     entry = entries[place]
     return EventPage(
         shell=shell,
         mission_id=mission_id,
         entry=entry,
-        text=sentence(entry.event),
         body=json.dumps(msgspec.to_builtins(entry.event), indent=2, ensure_ascii=False),
         earlier=entries[place - 1].position if place else None,
         later=entries[place + 1].position if place + 1 < len(entries) else None,
@@ -48,7 +46,7 @@ def event_page(shell: Shell, mission_id: str, entries: Sequence[TimelineEntry], 
 
 @dataclass(frozen=True)
 class EventQuery:
-    """What is asked of a mission's events."""
+    """Which events are asked for: those with every word, of one family, after a position."""
 
     words: str = ""
     family: str = ""
@@ -66,22 +64,24 @@ class FamilyTab:
 
 @dataclass(frozen=True)
 class LogPage:
-    """One page of a mission's events, oldest first; search, filter and place stand in the address."""
+    """One page of a mission's events, oldest first; search, filter and position are in the address.
+
+    `begin_s` is the mission time of the first event.
+    """
 
     shell: Shell
     mission_id: str
-    lines: tuple[TimelineLine, ...]
+    entries: tuple[TimelineEntry, ...]
+    begin_s: float
     families: tuple[FamilyTab, ...]
     words: str
     family: str
-    found: int
     total: int
-    following: str
-    first: str
+    paging: Paging
 
 
 def log_page(shell: Shell, mission_id: str, entries: Sequence[TimelineEntry], query: EventQuery) -> LogPage:
-    """Every word must stand in the event's kind, sentence or position."""
+    """The events whose kind, sentence or position contains every word of the query."""
     path = f"/missions/{mission_id}/log"
     words = query.words.lower().split()
     params = {"q": query.words, "family": query.family}
@@ -92,17 +92,21 @@ def log_page(shell: Shell, mission_id: str, entries: Sequence[TimelineEntry], qu
     return LogPage(
         shell=shell,
         mission_id=mission_id,
-        lines=tuple(line(mission_id, one, begin_s=entries[0].mission_s, at=None) for one in shown),
+        entries=tuple(shown),
+        begin_s=entries[0].mission_s,
         families=tuple(
             FamilyTab(title=title, href=address(path, params, family=name), chosen=name == query.family)
             for name, title in (("", "all"), *LANES)
         ),
         words=query.words,
         family=query.family,
-        found=len(found),
         total=len(entries),
-        following=address(path, params, after=str(shown[-1].position)) if len(rest) > SHOWN else "",
-        first=address(path, params) if query.after else "",
+        paging=Paging(
+            shown=len(shown),
+            found=str(len(found)),
+            following=address(path, params, after=str(shown[-1].position)) if len(rest) > SHOWN else "",
+            first=address(path, params) if query.after else "",
+        ),
     )
 
 

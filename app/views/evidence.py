@@ -1,4 +1,4 @@
-"""Pure: one stage's evidence: its packets, conditions with measured beside bound, checksums verified on view."""
+"""Shapes the evidence of one stage: packets, measured values beside their bounds, checksums verified at each view."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Pure: all evidence of all missions as a list, and one blob with every packet that refers to it."""
+"""Shapes the list of all evidence, and one blob with every packet that refers to it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

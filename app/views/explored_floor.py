@@ -1,4 +1,4 @@
-"""Pure: the floor as it was known when a target was chosen, with what the way there showed anew, drawn to scale."""
+"""Shapes the floor as it was known when a target was chosen, and what the way there added, drawn to scale."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from harness.contracts.values import Point
 EDGE_M = (0.28, 0.7)
 """The smallest and the largest radius of an edge's mark; its area grows with the edge."""
 KNOWN_M = 1.5
-"""So much is shown around what is known."""
+"""The margin around the known floor, in metres."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def _runs(grid: exploration.GridMap, wanted: Callable[[int], bool]) -> Iterator[
 
 
 def _box(grid: exploration.GridMap, question: exploration.TargetQuestion) -> str:
-    """Around everything that is known, and the robot."""
+    """The view box around the known floor and the robot."""
     known = [(row, column, count) for row, column, count in _runs(grid, lambda index: grid.cells[index] != 0)]
     xs = [grid.origin_m[0] + side * grid.cell_m for _, first, count in known for side in (first, first + count)]
     ys = [grid.origin_m[1] + side * grid.cell_m for row, _, _ in known for side in (row, row + 1)]

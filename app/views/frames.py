@@ -1,4 +1,4 @@
-"""Pure: what the camera had seen by an instant of sensor time, the newest frame first."""
+"""Shapes the camera frames up to an instant of sensor time, newest first."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

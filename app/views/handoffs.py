@@ -1,23 +1,33 @@
-"""Pure: one question to a person: what happens without an answer first, then what to decide."""
+"""Shapes the list of handoffs and the page of one: the question, what happens without an answer, and what followed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned, word
-from app.views import handoff_steps
-from app.views.handoff_shown import ACTIONS, ShownDifference, ShownQuestion, shown_question
+from app.views import list_params
+from app.views.handoff_question import ACTIONS, ShownQuestion, shown_question
+from app.views.history import HistoryLine, ShownDifference
+from app.views.missions import Counted, ListTab, tabs
 from app.views.places import SiteMap
 from app.views.robots import CameraView, LastReport
 from app.views.shell import Shell
 from harness.contracts.effects import Condition
-from harness.contracts.handoff_events import HandoffOpened
-from harness.contracts.read_models import HandoffItem
+from harness.contracts.handoff_events import HandoffEvent, HandoffOpened
+from harness.contracts.read_models import HandoffItem, ListQuery
 from harness.contracts.values import Point
-from harness.projections.handoffs import Handoff
+from harness.projections.handoffs import Handoff, HandoffAnswer
 from harness.projections.mission import Mission
 from harness.projections.missions_list import stage_sentence
 
+PATH = "/handoffs"
+GROUPS: tuple[tuple[str, str, dict[str, str]], ...] = (
+    ("", "all", {}),
+    ("waiting", N_("waiting for a person"), {"open": "yes"}),
+    ("ended", N_("answered or over"), {"open": "no"}),
+    ("expired", N_("nobody answered"), {"status": "expired"}),
+)
+"""Tabs of the list: value in the address, title, and the facets it selects."""
 FRESH_S = 60.0
 REASONS = (N_("seen on camera"), N_("checked on site"), N_("path is clear now"), N_("not safe"))
 NOTIFIED = {"sound": N_("chime"), "next_person": N_("next on call"), "outside": N_("external")}
@@ -27,6 +37,43 @@ NO_ANSWER = {
     "lie_down": N_("the robot lies down where it is"),
     "retreat": N_("the robot goes back the way that was authorised before"),
 }
+"""What the robot does if nobody answers, as a clause."""
+NO_ANSWER_ACTIONS = {
+    "hold": N_("stay where it is"),
+    "lie_down": N_("lie down where it is"),
+    "retreat": N_("return to the safe point"),
+}
+"""The same in a column or beside a mark: an action without its subject."""
+HandoffEvents = Sequence[tuple[int, float, HandoffEvent]]
+"""Position in the log, wall time and event of one handoff's stream, in order."""
+ENDED = ("rejected", "expired", "superseded", "closed")
+KNOWN = ("confirmed", "failed", "unknown")
+TAKING_UP = ("HandoffApproved", "HandoffRejected", "HandoffAttested", "HandoffHandedBack", "HandoffClosed")
+
+
+@dataclass(frozen=True)
+class HandoffsPage:
+    """One page of the list; search, filters, order and position are in the address. `live`: it refreshes itself."""
+
+    shell: Shell
+    rows: tuple[HandoffItem, ...]
+    groups: tuple[ListTab, ...]
+    filters: tuple[list_params.Filter, ...]
+    paging: list_params.Paging
+    words: str
+    group: str
+    live: bool
+    query: str
+    total: int
+
+
+@dataclass(frozen=True)
+class DecisionStep:
+    """One of the facts that follow a decision."""
+
+    name: str
+    state: str
+    text: str
 
 
 @dataclass(frozen=True)
@@ -51,7 +98,7 @@ class AlternativeAction:
 
 @dataclass(frozen=True)
 class Holding:
-    """Whose question it is. `mine`: this person's; `token` is theirs, or a fresh one to claim with."""
+    """Who has claimed the question. `mine`: this person; `token` is their claim, or a fresh one to claim with."""
 
     name: str
     mine: bool
@@ -65,68 +112,73 @@ class Holding:
 
 
 @dataclass(frozen=True)
-class HandoffPage:
-    """Everything a person needs to answer, and exactly what the answer is bound to. `shown` is what they saw.
+class HandoffScene:
+    """Where the question was asked: the map, and the robot and its camera where this console is connected to them."""
 
-    `following` is the question that the same mission asks now, if it is another one.
-    """
-
-    shell: Shell
-    handoff_id: str
-    mission_id: str
-    robot_id: str
-    title: str
-    status: str
-    waits: bool
-    answerable: bool
-    no_answer: str
-    deadline_at_s: float
-    now_s: float
-    fresh_until_s: float
-    shown: str
-    question: ShownQuestion
+    map: SiteMap
     robot: LastReport | None
     camera: CameraView | None
-    map: SiteMap
-    marks: tuple[RobotMark, ...]
-    hold: Holding
-    viewers: tuple[str, ...]
-    escalated: tuple[str, ...]
-    choices: tuple[AlternativeAction, ...]
-    attestable: tuple[Condition, ...]
-    steps: tuple[handoff_steps.DecisionStep, ...]
-    following: str
-    similar: tuple[HandoffItem, ...]
-    lines: tuple[handoff_steps.HandoffEventLine, ...]
-    reasons: tuple[str, ...]
-    typed: str
+
+
+@dataclass(frozen=True)
+class HandoffForm:
+    """The form of the answer as it was left. `shown` is the digest of what the person sees; `key` is one-use."""
+
+    shown: str
     key: str
+    typed: str
     refused: str
     changes: tuple[ShownDifference, ...]
 
 
 @dataclass(frozen=True)
 class HandoffInputs:
-    """What the page needs beside the handoff and its mission: the instant, the robot, the person, the form as left."""
+    """What the page is made from beside the handoff and its mission.
+
+    `live_at` is x and y in metres and yaw in radians, by the robot's localiser; None where it is not connected.
+    """
 
     now_s: float
     person: str
-    key: str
-    shown: str
-    told: handoff_steps.HandoffEvents
+    viewers: tuple[str, ...]
+    told: HandoffEvents
     earlier: Sequence[HandoffItem]
-    map: SiteMap
-    robot: LastReport | None = None
-    camera: CameraView | None = None
-    live_at: tuple[float, float, float] | None = None
-    viewers: tuple[str, ...] = ()
-    typed: str = ""
-    refused: str = ""
-    changes: tuple[ShownDifference, ...] = ()
+    live_at: tuple[float, float, float] | None
+    scene: HandoffScene
+    form: HandoffForm
+
+
+@dataclass(frozen=True)
+class HandoffPage:
+    """Everything a person needs to answer, and exactly what the answer is bound to.
+
+    `following` is the question that the same mission asks now, if it is another one; `viewers` are the other people who
+    have the page open.
+    """
+
+    shell: Shell
+    handoff: Handoff
+    scene: HandoffScene
+    form: HandoffForm
+    question: ShownQuestion
+    title: str
+    no_answer: str
+    fresh_until_s: float
+    marks: tuple[RobotMark, ...]
+    hold: Holding
+    viewers: tuple[str, ...]
+    escalated: tuple[str, ...]
+    choices: tuple[AlternativeAction, ...]
+    attestable: tuple[Condition, ...]
+    steps: tuple[DecisionStep, ...]
+    following: str
+    similar: tuple[HandoffItem, ...]
+    lines: tuple[HistoryLine, ...]
+    reasons: tuple[str, ...]
 
 
 def title(handoff: Handoff, mission: Mission | None) -> str:
-    """A sentence that the robot could say."""
+    """The title of the question: which robot asks about which stage."""
     opened = handoff.opened
     if opened is None:
         return lazy_gettext("Handoff {handoff_id}", handoff_id=handoff.handoff_id)
@@ -135,14 +187,14 @@ def title(handoff: Handoff, mission: Mission | None) -> str:
 
 
 def asking(robot: str, stage: str, *, waits: bool) -> str:
-    """The sentence of a question, wherever it is listed."""
+    """The title of a question about a stage."""
     if waits:
         return lazy_gettext("{robot} cannot finish “{stage}” and asks you", robot=robot, stage=stage)
     return lazy_gettext("{robot} asked about “{stage}”", robot=robot, stage=stage)
 
 
 def question(item: HandoffItem) -> str:
-    """The sentence of a question in a list."""
+    """The title of a question in a list."""
     return asking(item.robot_id, item.stage or word(item.node_id), waits=waits(item))
 
 
@@ -151,41 +203,29 @@ def waits(item: HandoffItem) -> bool:
     return item.status in ("open", "claimed", "taken_over")
 
 
-def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, surface: HandoffInputs) -> HandoffPage:
+def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, inputs: HandoffInputs) -> HandoffPage:
+    """The page of one handoff for this person, at this instant."""
     opened = required(handoff)
     return HandoffPage(
         shell=shell,
-        handoff_id=handoff.handoff_id,
-        mission_id=opened.mission_id,
-        robot_id=opened.robot_id,
-        title=title(handoff, mission),
-        status=handoff.status,
-        waits=handoff.waits,
-        answerable=handoff.answerable,
-        no_answer=no_answer(opened),
-        deadline_at_s=opened.deadline_at_s,
-        now_s=surface.now_s,
-        fresh_until_s=opened.snapshot.taken_at_s + FRESH_S,
-        shown=surface.shown,
+        handoff=handoff,
+        scene=inputs.scene,
+        form=inputs.form,
         question=shown_question(opened, mission),
-        robot=surface.robot,
-        camera=surface.camera,
-        map=surface.map,
-        marks=_marks(opened, surface.live_at),
-        hold=_holding(handoff, surface),
-        viewers=tuple(name for name in surface.viewers if name != surface.person),
+        title=title(handoff, mission),
+        no_answer=no_answer(opened),
+        fresh_until_s=opened.snapshot.taken_at_s + FRESH_S,
+        marks=_marks(opened, inputs.live_at),
+        hold=_holding(handoff, inputs),
+        viewers=tuple(name for name in inputs.viewers if name != inputs.person),
         escalated=tuple(NOTIFIED[level] for level in handoff.escalated),
         choices=_choices(opened),
         attestable=_attestable(opened, mission),
-        steps=handoff_steps.steps(handoff, mission, surface.told),
+        steps=steps(handoff, mission, inputs.told),
         following=_following(handoff, mission),
-        similar=handoff_steps.similar(surface.earlier, handoff),
-        lines=handoff_steps.history(surface.told),
+        similar=similar(inputs.earlier, handoff),
+        lines=history(inputs.told),
         reasons=REASONS,
-        typed=surface.typed,
-        key=surface.key,
-        refused=surface.refused,
-        changes=surface.changes,
     )
 
 
@@ -217,16 +257,16 @@ def required(handoff: Handoff) -> HandoffOpened:
     return handoff.opened
 
 
-def _holding(handoff: Handoff, surface: HandoffInputs) -> Holding:
-    claim = handoff.claim if handoff.claim and handoff.claim.until_at_s > surface.now_s else None
-    mine = claim is not None and claim.actor.name == surface.person
+def _holding(handoff: Handoff, inputs: HandoffInputs) -> Holding:
+    claim = handoff.claim if handoff.claim and handoff.claim.until_at_s > inputs.now_s else None
+    mine = claim is not None and claim.actor.name == inputs.person
     opened = required(handoff)
     limit_s = opened.limit_at_s or opened.deadline_at_s
     return Holding(
         name=claim.actor.name if claim else "",
         mine=mine,
         until_at_s=claim.until_at_s if claim else 0.0,
-        token=claim.claim if claim and mine else surface.key,
+        token=claim.claim if claim and mine else inputs.form.key,
         device=handoff.control.device if handoff.control else "",
         control_reason=reasoned(handoff.control.reason) if handoff.control else "",
         taken_over=handoff.status == "taken_over",
@@ -262,3 +302,136 @@ def _attestable(opened: HandoffOpened, mission: Mission) -> tuple[Condition, ...
     ):
         return ()
     return contract.node(opened.node_id).success_conditions
+
+
+def handoffs_page(
+    shell: Shell,
+    params: list_params.ListParams,
+    items: Sequence[HandoffItem],
+    following: ListQuery | None,
+    counted: Counted,
+) -> HandoffsPage:
+    """One page of the list, with the rows in the given order."""
+    chosen = params.given.get("status", "")
+    return HandoffsPage(
+        shell=shell,
+        rows=tuple(items),
+        groups=tabs(PATH, GROUPS, params, counted),
+        filters=(
+            list_params.facet_filter("robot", "robot", counted.tallies, params),
+            list_params.facet_filter("failure", "why", counted.tallies, params),
+            list_params.order_filter(params, by_length=False),
+        ),
+        paging=list_params.paging(PATH, params, following, shown=len(items), found=counted.groups[chosen]),
+        words=params.words,
+        group=chosen,
+        live=not params.deep,
+        query=list_params.address("", params.params),
+        total=next((one.count for one in counted.tallies if not one.facet), 0),
+    )
+
+
+def steps(handoff: Handoff, mission: Mission, told: HandoffEvents) -> tuple[DecisionStep, ...]:
+    """What followed the decision: dispatched, moved, verified. A dispatched action is not yet a done one."""
+    if handoff.waits or handoff.opened is None:
+        return ()
+    taken = next((position for position, _, event in told if type(event).__name__ in TAKING_UP), None)
+    answer = handoff.answer
+    if answer is None or handoff.status in ENDED:
+        return _ended(handoff, mission, taken)
+    first = DecisionStep(name=word(answer.decision), state="done", text=_taken_up(answer, taken))
+    if handoff.status == "voided":
+        return (
+            first,
+            DecisionStep(
+                name="void", state="bad", text=lazy_gettext("{outcome}. Nothing was sent", outcome=handoff.outcome)
+            ),
+        )
+    return (first, *_followed(handoff, mission))
+
+
+def _followed(handoff: Handoff, mission: Mission) -> tuple[DecisionStep, ...]:
+    sent = handoff.invocation_id is not None
+    invocation = mission.invocation
+    open_now = invocation is not None and invocation.intent.invocation_id == handoff.invocation_id
+    moves = "moving" if (invocation.intent.moves if open_now and invocation else _moved(handoff)) else "looking"
+    known = handoff.status in KNOWN
+    good = handoff.status == "confirmed"
+    return (
+        DecisionStep(
+            name="dispatched", state="done" if sent else "pending", text=handoff.invocation_id or N_("not yet")
+        ),
+        DecisionStep(
+            name=moves,
+            state="current" if open_now else "done" if sent else "pending",
+            text=N_("under way") if open_now else "ended" if sent else N_("not yet"),
+        ),
+        DecisionStep(
+            name="verified",
+            state="done" if good else "bad" if known else "pending",
+            text=_found(handoff) if known else N_("the harness has not confirmed an effect yet"),
+        ),
+    )
+
+
+def _moved(handoff: Handoff) -> bool:
+    """Whether what the answer set off moves the body: a hand-back, an attestation and a look do not."""
+    proposal = handoff.opened.proposal if handoff.opened else None
+    approved = handoff.answer is not None and handoff.answer.decision == "approved"
+    return approved and proposal is not None and proposal.action not in ("verify_again", "re_perceive")
+
+
+def _ended(handoff: Handoff, mission: Mission, taken: int | None) -> tuple[DecisionStep, ...]:
+    answer, acted = handoff.answer, handoff.unanswered
+    who = _taken_up(answer, taken) if answer else reasoned(handoff.outcome)
+    found = [DecisionStep(name=handoff.status, state="done", text=who or N_("nobody answered in time"))]
+    if acted is not None:
+        found.append(
+            DecisionStep(
+                name=NO_ANSWER_ACTIONS[acted.action], state="done" if acted.done else "bad", text=reasoned(acted.reason)
+            )
+        )
+    found.append(
+        DecisionStep(
+            name="mission",
+            state="done" if mission.ended else "pending",
+            text=lazy_gettext("{status}. {reason}", status=word(mission.status), reason=mission.reason),
+        )
+    )
+    return tuple(found)
+
+
+def _found(handoff: Handoff) -> str:
+    return lazy_gettext("{status}: {outcome}", status=word(handoff.status), outcome=handoff.outcome)
+
+
+def _taken_up(answer: HandoffAnswer, taken: int | None) -> str:
+    return lazy_gettext(
+        "{who}: {reason}. Decision taken up at event {taken}", who=answer.actor.name, reason=answer.reason, taken=taken
+    )
+
+
+def similar(items: Sequence[HandoffItem], handoff: Handoff) -> tuple[HandoffItem, ...]:
+    """Ended questions about the same stage for the same reason, newest first; this one not counted."""
+    opened = handoff.opened
+    return tuple(
+        one
+        for one in items
+        if opened is not None and one.handoff_id != handoff.handoff_id and one.node_id == opened.node_id
+    )
+
+
+def history(told: HandoffEvents) -> tuple[HistoryLine, ...]:
+    """The question's own events, newest last."""
+    return tuple(HistoryLine(position=position, at_s=at_s, text=_sentence(event)) for position, at_s, event in told)
+
+
+def _sentence(event: HandoffEvent) -> str:
+    words = "".join(f" {one.lower()}" if one.isupper() else one for one in type(event).__name__).strip()
+    words = words.removeprefix("handoff ")
+    actor, reason = getattr(event, "actor", None), getattr(event, "reason", "")
+    level, device = getattr(event, "level", ""), getattr(event, "device", "")
+    text = lazy_gettext("{what} {level}", what=word(words), level=word(level)) if level else word(words)
+    text = lazy_gettext("{what} by {who}", what=text, who=actor.name) if actor else text
+    text = lazy_gettext("{what} from {device}", what=text, device=device) if device else text
+    return lazy_gettext("{what}: {reason}", what=text, reason=reason) if reason else text

@@ -1,4 +1,4 @@
-"""Pure: what every long list shares: search, filters and order in the address, and the way to the next page."""
+"""What every list page shares: search, filters and order in the address, and the link to the next page."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class Filter:
 
 @dataclass(frozen=True)
 class ListParams:
-    """What the address asks for. `given` are its filters that say something; `deep` is false on the first page."""
+    """What the address asks for. `given` are the filters that are set; `deep` is false on the first page."""
 
     query: ListQuery
     words: str
@@ -42,7 +42,7 @@ class ListParams:
 
     @property
     def params(self) -> dict[str, str]:
-        """The address's own parameters, without the place in the list."""
+        """The parameters of the address, without the position in the list."""
         pairs = {"q": self.words, **self.given}
         if self.query.order != "newest":
             pairs["order"] = self.query.order
@@ -51,7 +51,7 @@ class ListParams:
 
 @dataclass(frozen=True)
 class Paging:
-    """Where a page stands: addresses of the next page and of the first, both empty where there is none."""
+    """The addresses of the next page and of the first; empty where there is none."""
 
     shown: int
     found: str
@@ -88,7 +88,7 @@ def facet_filter(name: str, title: str, tallies: Sequence[FacetCount], params: L
 
 
 def order_filter(params: ListParams, *, by_length: bool) -> Filter:
-    """In which order the rows come."""
+    """A filter that chooses the order of the rows."""
     orders = (*ORDERS, BY_LENGTH) if by_length else ORDERS
     options = tuple(
         Option(value="" if value == "newest" else value, title=title, count=0, chosen=value == params.query.order)
@@ -98,5 +98,5 @@ def order_filter(params: ListParams, *, by_length: bool) -> Filter:
 
 
 def _quoted(text: str) -> str:
-    """As it may stand in an address: everything but letters, digits and four signs as percent codes."""
+    """A text percent-encoded for an address."""
     return "".join(chr(one) if chr(one) in PLAIN else f"%{one:02X}" for one in text.encode())

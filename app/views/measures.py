@@ -1,4 +1,4 @@
-"""Pure: numbers with units taken from their names, and measured values beside their bounds."""
+"""Shapes numbers, with units taken from their names, and measured values beside their bounds."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping

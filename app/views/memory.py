@@ -1,4 +1,4 @@
-"""Pure: what the harness remembers beyond one mission, by role, each record with where it came from."""
+"""Shapes what the harness remembers beyond one mission, by role, each record with its source."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

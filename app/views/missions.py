@@ -1,4 +1,4 @@
-"""Pure: missions as a list, one mission as a page of regions, and the forms that start and stop one."""
+"""Shapes the list of missions, and the head of the page of one mission."""
 
 import re
 from collections.abc import Mapping, Sequence

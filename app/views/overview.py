@@ -1,4 +1,4 @@
-"""Pure: the first page: what runs, who waits for a person, how the last missions ended. Calm when all is well."""
+"""Shapes the first page: what runs, who waits for a person, and how the last missions ended."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ RECENT = 8
 
 @dataclass(frozen=True)
 class OverviewRegions:
-    """What changes by itself on the first page."""
+    """The parts of the first page that refresh themselves."""
 
     waiting: tuple[HandoffItem, ...]
     running: tuple[MissionItem, ...]
@@ -38,7 +38,7 @@ def overview(
     robots: Sequence[str],
     now_s: float,
 ) -> OverviewRegions:
-    """Missions newest first, robots in the house's order; those without a word of their own are listed as idle."""
+    """Missions newest first, robots in the configured order; robots without a report are listed as idle."""
     ended = [one for one in rows if one.status in TERMINAL_MISSION]
     heard = {strip.status.robot_id for strip in strips}
     return OverviewRegions(

@@ -1,30 +1,24 @@
-"""Pure: the form that adds or changes a place, what is wrong with what was typed, and the place it stands for."""
+"""Shapes the form that adds or changes a place, and reads a place from what was typed."""
 
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import degrees, hypot, isfinite, radians
-from typing import get_args
+from math import degrees, hypot, isfinite
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext
-from app.views.forms import Wrong, wrong_reason
+from app.views.forms import Wrong
 from app.views.places import SiteMap, site_map
 from app.views.shell import Shell
-from harness.contracts.ids import PlaceId
-from harness.contracts.place_events import Verification
 from harness.contracts.places import Place, Site
-from harness.contracts.values import Point
 
 SLUG = re.compile(r"[a-z][a-z0-9_]{0,39}")
-NAME_SIGNS = 80
-ALIASES = 12
 NEAR_M = 0.4
 
 
 @dataclass(frozen=True)
 class Typed:
-    """What stands in a field, and what is wrong with it."""
+    """The value of a field, and what is wrong with it."""
 
     value: str
     wrong: str
@@ -127,55 +121,10 @@ def place_form(
     )
 
 
-def wrong_place(typed: Mapping[str, str], site: Site) -> list[Wrong]:
-    """What a person must mend before the place can be saved."""
-    wrong = []
-    place_id, name = typed.get("place_id", ""), typed.get("name", "").strip()
+def wrong_names(place_id: str, words: Sequence[str], site: Site) -> list[Wrong]:
+    """What is wrong with the identifier, and with a word that names two places: it names none."""
     if not SLUG.fullmatch(place_id):
-        wrong.append(Wrong("place_id", "An identifier is small letters, digits and _, and begins with a letter."))
-    if not 1 <= len(name) <= NAME_SIGNS:
-        wrong.append(Wrong("name", lazy_gettext("A name has 1 to {count} characters.", count=NAME_SIGNS)))
-    aliases = _aliases(typed)
-    if len(aliases) > ALIASES or any(len(one) > NAME_SIGNS for one in aliases):
-        wrong.append(
-            Wrong(
-                "aliases",
-                lazy_gettext("At most {count} other names of {signs} characters.", count=ALIASES, signs=NAME_SIGNS),
-            )
-        )
-    wrong += taken(place_id, (name, *aliases), site)
-    for field, title in (("x", "x"), ("y", "y"), ("heading", N_("The heading"))):
-        if _number(typed.get(field, "")) is None:
-            wrong.append(Wrong(field, lazy_gettext("{title} must be a number.", title=title)))
-    if _region(typed.get("region", "")) is None:
-        wrong.append(
-            Wrong("region", N_("Write corners as x, y; x, y; x, y with at least three of them, or leave it empty."))
-        )
-    if typed.get("verification") not in get_args(Verification):
-        wrong.append(Wrong("verification", N_("Choose configured, verified or disputed.")))
-    wrong += [Wrong("reason", text) for text in wrong_reason(typed.get("reason", ""))]
-    return wrong
-
-
-def place_of(typed: Mapping[str, str], site: Site, *, by: str) -> Place:
-    """The place that a form without mistakes stands for."""
-    verification = next(one for one in get_args(Verification) if one == typed["verification"])
-    return Place(
-        place_id=PlaceId(typed["place_id"]),
-        name=typed["name"].strip(),
-        frame=site.frame,
-        map_version=site.map_version,
-        approach_m=(float(typed["x"]), float(typed["y"])),
-        provenance=f"entered by {by}"[:200],
-        verification=verification,
-        aliases=_aliases(typed),
-        yaw_rad=radians(float(typed["heading"])),
-        region_m=_region(typed.get("region", "")) or (),
-    )
-
-
-def taken(place_id: str, words: Sequence[str], site: Site) -> list[Wrong]:
-    """A word that names two places names none."""
+        return [Wrong("place_id", N_("An identifier is small letters, digits and _, and begins with a letter."))]
     others = {
         word.casefold(): one.name
         for one in site.places
@@ -207,18 +156,6 @@ def _far_routes(site: Site, place_id: str, x: float | None, y: float | None) -> 
         for route, at in ends
         if hypot(at[0] - x, at[1] - y) > NEAR_M
     )
-
-
-def _aliases(typed: Mapping[str, str]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(one.strip() for one in typed.get("aliases", "").split(",") if one.strip()))
-
-
-def _region(text: str) -> tuple[Point, ...] | None:
-    corners = [corner.split(",") for corner in text.split(";") if corner.strip()]
-    points = [tuple(_number(part) for part in corner) for corner in corners]
-    if any(len(point) != 2 or None in point for point in points) or len(points) in (1, 2):
-        return None
-    return tuple((float(point[0] or 0.0), float(point[1] or 0.0)) for point in points)
 
 
 def _number(text: str) -> float | None:

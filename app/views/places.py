@@ -1,4 +1,4 @@
-"""Pure: the places that words like "the storage" mean, with their verification, on a small map drawn to scale."""
+"""Shapes the places that words like "the storage" mean, with their verification, on a map drawn to scale."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -79,12 +79,12 @@ def _shape(name: str, kind: str, points: Sequence[Point]) -> MapShape:
 
 
 def length_m(route: Route) -> float:
-    """From its first waypoint to its last, metres."""
+    """The length of a route from its first waypoint to its last, in metres."""
     return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(route.waypoints_m))
 
 
 def safe_place(retreat: Retreat) -> str:
-    """Where a zone sends its robot, by which way and on whose authority, in words."""
+    """Where a zone sends its robot if nobody answers, by which route and on whose authority."""
     return lazy_gettext(
         "safe place {place} by {route}, at most {speed} m/s, authorised by {authority} on {day}",
         place=word(retreat.place_id),

@@ -1,4 +1,4 @@
-"""Pure: what was measured on the way, as lines over mission time: speed, distance, progress, battery, budget spent."""
+"""Shapes measurements over mission time: speed, distance, progress, battery, budget spent."""
 
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Pure: what a mission would be, before it is started: graph, budgets, risks, places on the map, conditions."""
+"""Shapes a mission before it is started: graph, budgets, risks, places on the map, conditions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed, word
 from app.views.places import SiteMap, site_map
+from app.views.readings import ReadingView, reading_view
 from app.views.stages import Acceptance, Graph, Stage, graph
 from harness.contracts.effects import Metric
 from harness.contracts.places import Site
+from harness.contracts.readings import Reading
 from harness.contracts.tasks import Node, RecoveryLimits, TaskContract, order
 
 RISKS = ("low", "medium", "high")
@@ -34,10 +36,11 @@ class Preview:
     longest_s: float
     map: SiteMap
     marks: tuple[PlaceMark, ...]
+    reading: ReadingView | None = None
 
 
 def preview(contract: TaskContract, site: Site) -> Preview:
-    """Everything a person should know before they start it."""
+    """The preview of a compiled contract."""
     nodes = tuple(contract.node(name) for name in order(contract))
     return Preview(
         contract=contract,
@@ -47,6 +50,7 @@ def preview(contract: TaskContract, site: Site) -> Preview:
         longest_s=sum(node.timeout_s for node in nodes),
         map=site_map(site),
         marks=_marks(contract, site, nodes),
+        reading=reading_view(contract.goal.text, contract.reading) if isinstance(contract.reading, Reading) else None,
     )
 
 

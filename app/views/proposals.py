@@ -13,21 +13,21 @@ from harness.contracts.ids import PacketId
 from harness.contracts.protocol import ProposedFact
 from harness.contracts.tasks import TaskContract
 from harness.contracts.verdicts import NodeVerdict
-from harness.verification.proposals import tested, written_by_harness
+from harness.projections.proposals import tested, written_by_harness
 
-Standing = Literal["accepted", "tested", "not tested"]
+ProposalStatus = Literal["accepted", "tested", "untested"]
 
 
 @dataclass(frozen=True)
 class ProposalRow:
     """One proposal. `verdict` is that of the condition which it is about; empty where nothing tested it.
 
-    `standing`: accepted as a fact; tested and not accepted; or never tested, and then a proposal and nothing more.
+    `status`: accepted as a fact; tested and not accepted; or never tested, and then a proposal and nothing more.
     """
 
     fact: ProposedFact
     verdict: str
-    standing: Standing
+    status: ProposalStatus
 
 
 def proposals(
@@ -51,7 +51,7 @@ def proposals_json(entries: Sequence[TimelineEntry], contract: TaskContract | No
             "name": row.fact.name,
             "arguments": msgspec.to_builtins(row.fact.arguments),
             "verdict": row.verdict or None,
-            "standing": row.standing,
+            "status": row.status,
         }
         for packet in (entry.event.packet for entry in entries if isinstance(entry.event, PacketRetained))
         for row in proposals(
@@ -76,5 +76,5 @@ def commit_of(entries: Sequence[TimelineEntry], packet_id: PacketId) -> NodeComm
 
 
 def _row(fact: ProposedFact, verdict: str, accepted: bool) -> ProposalRow:
-    standing: Standing = "not tested" if not verdict else "accepted" if accepted else "tested"
-    return ProposalRow(fact=fact, verdict=verdict, standing=standing)
+    status: ProposalStatus = "untested" if not verdict else "accepted" if accepted else "tested"
+    return ProposalRow(fact=fact, verdict=verdict, status=status)

@@ -1,4 +1,4 @@
-"""Pure: who can act: every provider's card in its twelve fields, what the kit says of it, and what its log says."""
+"""Shapes the providers: the twelve fields of each card, the conformance result, and the record in the log."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ class OutcomeCount:
 
 @dataclass(frozen=True)
 class ProviderCard:
-    """One provider: its card, its own word; what its conformance file claims; what memory verified, newest first."""
+    """One provider: its card, what its conformance file claims, and its verified outcomes, newest first."""
 
     card: CapabilityCard
     conformance: Conformance | None

@@ -1,4 +1,4 @@
-"""Pure: what every robot does now and what waits for it, in the order in which it will be done."""
+"""Shapes what every robot does now and what waits for it, in order."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -36,5 +36,5 @@ def queue_page(shell: Shell, lines: Mapping[str, Sequence[Mission]], errors: Seq
 
 
 def begun(mission: Mission) -> bool:
-    """A mission that has begun is stopped; another is withdrawn."""
+    """Whether a mission has begun: then it can be stopped, and before that withdrawn."""
     return mission.status not in NOT_BEGUN

@@ -1,4 +1,4 @@
-"""Pure: the one pointer to what new missions run under: where it stands, how it came there, what runs under what."""
+"""Shapes the release pointer: the current version, how it got there, and which missions run under which version."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext
 from app.views.canary import CanaryPanel, canary_panel
-from app.views.review_rows import policy_sentence
+from app.views.review import policy_sentence
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
 from harness.contracts.ids import Digest, RobotId
@@ -135,7 +135,7 @@ def cause_tone(cause: str) -> str:
 def policy_form(
     pointer: Pointer, around: Around, *, may: bool, typed: Mapping[str, str] | None = None, refused: str = ""
 ) -> PolicyForm:
-    """As it stands, or as it was left."""
+    """The policy as it stands, or as the form was left."""
     left = typed or {}
     return PolicyForm(
         kind=left.get("kind", pointer.policy.kind),

@@ -1,10 +1,11 @@
-"""Pure: what became of a mission, for people who were not there: for print, with every word labelled by whose it is."""
+"""Shapes a mission's report for people who were not there, with each statement labelled by its source."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, word
+from app.views.handoffs import NO_ANSWER_ACTIONS
 from app.views.measures import ConditionRow
 from app.views.missions import MissionHeader, goal_conditions, goal_reason, head
 from app.views.shell import Shell
@@ -248,7 +249,7 @@ def _deeds(entries: Sequence[TimelineEntry], unanswered: Unanswered | None) -> t
 
 def no_answer_taken(unanswered: Unanswered) -> str:
     """What the robot did because nobody answered: shown to be done or not, and never an accepted result."""
-    action, reason = word(unanswered.action), unanswered.reason
+    action, reason = NO_ANSWER_ACTIONS[unanswered.action], unanswered.reason
     if unanswered.done:
         return lazy_gettext("without an answer: {action}, shown to be done. {reason}", action=action, reason=reason)
     return lazy_gettext("without an answer: {action}, not shown to be done. {reason}", action=action, reason=reason)

@@ -1,36 +1,60 @@
-"""Pure: everything a reviewer sees of one candidate, in the order in which it matters (gate 2)."""
+"""Shapes the review page of one candidate: what changes, what was measured, and what this person may do about it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext, word
+from app.i18n.messages import lazy_gettext, listed, word
 from app.views.canary import CanaryPanel, canary_panel
 from app.views.candidates import stale
+from app.views.history import ShownDifference
 from app.views.review_actions import OfferedAction, offers
 from app.views.review_results import MeasuredResults
-from app.views.review_rows import HeldOutView, PinRow, held_out_view, pin_rows
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ClauseAnswer, Subject
 from rsi_reviews.difference import CandidateDifference
-from rsi_reviews.pointers import Pointer
+from rsi_reviews.pointers import Pointer, Uptake
 from rsi_reviews.projections import ENDED, Review
+
+CLAUSE_NAMES = {
+    "contracts_preserved": N_("Safety and evidence contracts are preserved"),
+    "checks_not_worse": N_("No designated check is worse"),
+    "metric_better": N_("The declared metric is better"),
+    "release_authorised": N_("A release is authorised"),
+}
+MOST = "_share_at_most"
+VERDICTS = {"pass": "satisfied", "fail": "violated", "inconclusive": "ambiguous", "error": "violated"}
+PARTS = {"proposed": N_("proposed it"), "wrote_earlier": N_("wrote an earlier one"),
+         "launched": N_("launched its evaluation"), "edited_suite": N_("edited its suite")}  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Changed:
-    """What is not as it was shown when somebody decided."""
+class HeldOutView:
+    """What is shown of the held-out suite: pass or fail, the number of this look, and the number of all looks."""
 
-    name: str
-    was: str
-    now: str
+    answer: str
+    verdict: str
+    look: int
+    looks: int
+    alpha: float
+    cases: int
+
+
+@dataclass(frozen=True)
+class PinRow:
+    """One version and the unfinished missions pinned to it."""
+
+    configuration: str
+    role: str
+    state: str
+    missions: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class SubmittedReviewForm:
-    """A form as it was left: what was typed, why it did not count, the subject that was seen."""
+    """A form as it was left: what was typed, why it was refused, and the subject that the person saw."""
 
     reason: str = ""
     refused: str = ""
@@ -73,7 +97,7 @@ class ReviewPage:
     robots: tuple[str, ...]
     key: str
     left: SubmittedReviewForm
-    changes: tuple[Changed, ...]
+    changes: tuple[ShownDifference, ...]
 
 
 def review_page(
@@ -86,7 +110,7 @@ def review_page(
     key: str,
     left: SubmittedReviewForm = SubmittedReviewForm(),
 ) -> ReviewPage:
-    """The page of one candidate for this visitor, at the shell's time."""
+    """The page of one candidate for this person, at the time of the shell."""
     pointer, manifest = seen.pointer, review.manifest
     robot = robots[0] if robots else ""
     return ReviewPage(
@@ -118,7 +142,7 @@ def _stale(review: Review, pointer: Pointer) -> str:
 
 
 def _effects(review: Review, seen: ReviewSources, *, robot: str) -> tuple[str, ...]:
-    """What a release will change, said before it happens; nothing once it has."""
+    """What a release will change; empty once it has happened."""
     if review.released_by is not None or review.status in ENDED:
         return ()
     manifest = review.manifest
@@ -153,11 +177,86 @@ def _effects(review: Review, seen: ReviewSources, *, robot: str) -> tuple[str, .
     )
 
 
-def _changed(seen: Subject | None, now: Subject | None) -> tuple[Changed, ...]:
+def _changed(seen: Subject | None, now: Subject | None) -> tuple[ShownDifference, ...]:
     if seen is None or now is None:
         return ()
     return tuple(
-        Changed(word(name), getattr(seen, name), getattr(now, name))
+        ShownDifference(word(name), getattr(seen, name), getattr(now, name))
         for name in now.__struct_fields__
         if getattr(seen, name) != getattr(now, name)
     )
+
+
+def policy_sentence(pointer: Pointer) -> str:
+    """Who must agree before a release, in one sentence."""
+    policy = pointer.policy
+    if policy.kind == "single_operator":
+        return lazy_gettext(
+            "Single operator: an author may decide alone, {hours} h after the evaluation. Approvals needed: {quorum}.",
+            hours=f"{policy.cooling_off_s / 3600.0:g}",
+            quorum=policy.quorum,
+        )
+    return lazy_gettext(
+        "Two people: a reviewer who is no author of it, then a releaser. Approvals needed: {quorum}.",
+        quorum=policy.quorum,
+    )
+
+
+def _quantity(name: str) -> str:
+    """A clause's number by its name: of which family, or the most that its share can be."""
+    if name.endswith(MOST):
+        return lazy_gettext("{quantity}, share at most", quantity=word(name.removesuffix(MOST)))
+    return listed(map(word, name.split(".")))
+
+
+def held_out_view(review: Review, pointer: Pointer, clauses: Sequence[ClauseAnswer]) -> HeldOutView | None:
+    """Made from the clause's numbers and the pointer's record of looks; single answers are never shown."""
+    taken = pointer.look_of(review.candidate)
+    better = next((one for one in clauses if one.clause == "metric_better"), None)
+    if taken is None or better is None:
+        return None
+    answer = "pass" if better.answer == "pass" else "fail"
+    return HeldOutView(
+        answer=answer,
+        verdict=VERDICTS[answer],
+        look=taken.look,
+        looks=len(pointer.looks),
+        alpha=taken.alpha,
+        cases=int(better.numbers.get("held_out_cases", 0)),
+    )
+
+
+def pin_rows(
+    review: Review, pointer: Pointer, pins: Mapping[Digest, Sequence[str]], versions: Mapping[Digest, str]
+) -> tuple[PinRow, ...]:
+    roles: dict[Digest, str] = {
+        pointer.configuration: "current",
+        review.baseline: N_("its baseline"),
+        review.configuration: N_("this candidate"),
+    }
+    names = dict.fromkeys((*roles, *pins))
+    return tuple(
+        PinRow(name, roles.get(name, ""), versions.get(name, "inactive"), tuple(pins.get(name, ())))
+        for name in names
+        if name
+    )
+
+
+def newest_uptakes(pointer: Pointer) -> tuple[Uptake, ...]:
+    """The newest uptake of each worker."""
+    return tuple({one.worker: one for one in pointer.uptakes}.values())
+
+
+def said_at(review: Review, what: str) -> float:
+    """When this was first said of a candidate, in wall seconds; 0 if never."""
+    return next((one.by.at_s for one in review.said if one.what == what), 0.0)
+
+
+def line_kind(line: str) -> str:
+    """The kind of a line of a raw difference: del, ins or same."""
+    return "ins" if line.startswith("+") else "del" if line.startswith("-") else "same"
+
+
+def numbers(answer: ClauseAnswer) -> tuple[tuple[str, float], ...]:
+    """The numbers that a clause rests on, by name."""
+    return tuple((_quantity(name), value) for name, value in answer.numbers.items())

@@ -1,4 +1,4 @@
-"""Pure: which stored decisions would have come out otherwise under a candidate. No robot was touched for it."""
+"""Shapes which stored decisions would have come out differently under a candidate. No robot is involved."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -1,12 +1,17 @@
-"""Pure: what an evaluation measured, as a reviewer reads it: what became worse first, pairs with their intervals."""
+"""Shapes what an evaluation measured: what became worse, paired gains with their intervals, and the list of cases."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import word
+from app.views.list_params import address
+from app.views.shell import Shell
+from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.values import Value
 from rsi_reviews import contracts
 from rsi_reviews.bounds import paired
+from rsi_reviews.projections import Review
 
 TWO_SIDED = 0.025
 WIDTH = 460.0
@@ -14,10 +19,12 @@ ROW = 26.0
 FLIPS = 50
 Pair = tuple[contracts.CaseResult, contracts.CaseResult]
 """The same case under the baseline and under the candidate."""
+SHOWN = 200
+CHANGES = ("", N_("pass to fail"), N_("fail to pass"), "worse", "better", "same")
+ORDER = {change: place for place, change in enumerate(CHANGES)}
 
 
-@dataclass(frozen=True)
-class CaseRow:
+class CaseRow(Value):
     """One case under both configurations. `before` and `after` are the declared metric, `change` which way it went."""
 
     case: str
@@ -188,3 +195,78 @@ def _families(
 
 def _mean(pairs: Sequence[Pair], side: int, metric: contracts.Metric) -> float:
     return sum(float(getattr(pair[side], metric)) for pair in pairs) / len(pairs)
+
+
+@dataclass(frozen=True)
+class CaseTab:
+    """One kind of change as a tab, with its number of cases."""
+
+    title: str
+    href: str
+    count: int
+    chosen: bool
+
+
+@dataclass(frozen=True)
+class CasesPage:
+    """The cases that the address asks for, those that became worse first."""
+
+    shell: Shell
+    candidate: str
+    metric: str
+    tabs: tuple[CaseTab, ...]
+    families: tuple[CaseTab, ...]
+    rows: tuple[CaseRow, ...]
+    found: int
+    following: str
+
+
+def cases_page(
+    shell: Shell,
+    review: Review,
+    results: contracts.ResultSet,
+    situations: Mapping[str, str],
+    *,
+    change: str,
+    family: str,
+    skip: int,
+) -> CasesPage:
+    """Raises UnknownName for an unknown tab and ContractInvalid for a negative `skip`."""
+    if change not in CHANGES or family not in ("", *contracts.FAMILIES):
+        raise UnknownName(
+            f"There are no cases called {change[:40]} {family[:40]}".strip(), do=N_("choose one of the tabs")
+        )
+    if review.manifest is None or skip < 0:
+        raise ContractInvalid(f"{skip} is no place in a list", where="skip", do=N_("begin at the first page"))
+    metric = review.manifest.metric
+    every = [case_row(pair, metric, situations) for pair in pairs_of(results, review.baseline)]
+    of_family = [one for one in every if family in ("", one.family)]
+    chosen = sorted((one for one in of_family if change in ("", one.change)), key=lambda one: ORDER[one.change])
+    path, params = f"/candidates/{review.candidate}/cases", {"change": change, "family": family}
+    more = skip + SHOWN < len(chosen)
+    return CasesPage(
+        shell=shell,
+        candidate=review.candidate,
+        metric=word(metric),
+        tabs=tuple(
+            CaseTab(
+                title=one or "all",
+                href=address(path, params, change=one),
+                count=sum(one in ("", row.change) for row in of_family),
+                chosen=one == change,
+            )
+            for one in CHANGES
+        ),
+        families=tuple(
+            CaseTab(
+                title=word(one) if one else N_("every family"),
+                href=address(path, params, family=one),
+                count=sum(one in ("", row.family) for row in every),
+                chosen=one == family,
+            )
+            for one in ("", *contracts.FAMILIES)
+        ),
+        rows=tuple(chosen[skip : skip + SHOWN]),
+        found=len(chosen),
+        following=address(path, params, skip=str(skip + SHOWN)) if more else "",
+    )

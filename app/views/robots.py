@@ -1,4 +1,4 @@
-"""Pure: robots as people see them: what each says of itself, what it shows, its mission, and who is in control."""
+"""Shapes robots: what each reports and shows, its mission, and who is in control."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ class Shots:
 
 @dataclass(frozen=True)
 class LastReport:
-    """What a robot says of itself, and how old that word is in wall time. `link` is good, old or lost."""
+    """A robot's last report and its age in wall time. `link` is good, old or lost."""
 
     robot_id: str
     heard: bool
@@ -141,7 +141,7 @@ class RobotsRegion:
 
 @dataclass(frozen=True)
 class RobotsPage(RobotsRegion):
-    """All robots inside the shell, with the house's limit on autonomy."""
+    """All robots inside the shell of a page, with the fleet's autonomy limit."""
 
     shell: Shell
     levels: tuple[Level, ...]
@@ -160,7 +160,7 @@ class RobotRegion:
 
 @dataclass(frozen=True)
 class RobotPage(RobotRegion):
-    """One robot inside the shell, with what may be asked of it."""
+    """One robot inside the shell of a page, with what it can be asked to do."""
 
     shell: Shell
     levels: tuple[Level, ...]
@@ -169,7 +169,7 @@ class RobotPage(RobotRegion):
 
 @dataclass(frozen=True)
 class CameraRegion:
-    """One robot's camera by itself."""
+    """One robot's camera alone."""
 
     camera: CameraView
 

@@ -1,4 +1,4 @@
-"""Pure: the second click of a rollback: what goes back to what, what is paused, and why."""
+"""Shapes the confirmation of a rollback: what goes back to what, what is paused, and why."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Pure: a robot's newest way to a safe place as people read it: declared and measured, accepted by nobody (D27)."""
+"""Shapes a robot's newest return to a safe point: declared and measured, never accepted (D27)."""
 
 from dataclasses import dataclass
 
@@ -7,12 +7,12 @@ from harness.contracts.retreat_events import RetreatEnded, RetreatIntended
 from harness.projections.control import Retreating
 
 OLD_S = 86400.0
-"""So long the end of a retreat stays on the robot's page, unless a mission of the robot begins earlier."""
+"""How long an ended return stays on the robot's page in seconds, unless a mission of the robot begins earlier."""
 
 
 @dataclass(frozen=True)
 class LastRetreat:
-    """What stands on the robot's page: whether it is on its way, or else when it ended, wall seconds."""
+    """A return as the robot's page shows it: whether it is under way, or when it ended in wall seconds."""
 
     text: str
     moving: bool

@@ -1,4 +1,4 @@
-"""Pure: every mission event as a sentence, its lane on the timeline, and whether it needs a person's eye."""
+"""Turns every mission event into a sentence, its lane on the timeline, and its tone."""
 
 from typing import Literal, assert_never
 

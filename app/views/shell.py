@@ -1,4 +1,4 @@
-"""Pure: what every page carries around its own content: navigation, counts, and a stop for every robot."""
+"""Shapes what every page carries around its content: navigation, counts, and a stop for every robot."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ class PageShell:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """The state of the house that every page shows: missions that have not ended, and how many questions wait."""
+    """What every page shows of the site: unfinished missions, and the number of questions that wait."""
 
     missions: Sequence[Mission]
     waiting: int

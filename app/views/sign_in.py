@@ -1,4 +1,4 @@
-"""Pure: the page at the door: by password, by the identity provider, by a link; and why somebody is not let in."""
+"""Shapes the sign-in page: password, identity provider or link, and why somebody was not signed in."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -39,12 +39,12 @@ REASONS: Mapping[str, tuple[str, str]] = {
         N_("Ask an admin of this console to enable it."),
     ),
 }
-"""By the code of the refusal: what happened, and what to do now."""
+"""What happened and what to do now, by the code of the refusal."""
 
 
 @dataclass(frozen=True)
 class SignInRefusal:
-    """Why somebody is not let in, and what to do; empty for somebody who only just came."""
+    """Why somebody was not signed in, and what to do; empty on the first visit."""
 
     why: str = ""
     do: str = ""
@@ -71,7 +71,7 @@ class SignInPage:
 
 
 def refusal_of(code: str, *, what: str, do: str) -> SignInRefusal:
-    """In the words of the page; in the refusal's own for a code that the page has no words for."""
+    """The explanation of a refusal; the refusal's own sentence for a code without one."""
     return SignInRefusal(*REASONS.get(code, (what, do)))
 
 

@@ -1,4 +1,4 @@
-"""Pure: the stages of a mission in three columns (declared, measured, accepted) and as a graph."""
+"""Shapes the stages of a mission in three columns (declared, measured, accepted), and as a graph."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Pure: floor drawn in SVG: metres, the y axis turned so that north is up."""
+"""SVG coordinates of a floor plan: metres, with the y axis flipped so that north is up."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Pure: a mission's history as lanes on one time axis and as a list of sentences, both addressed by position."""
+"""Shapes a mission's history: its events as lanes on one time axis, and those around the reader's place."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -58,21 +58,6 @@ class Lane:
 
 
 @dataclass(frozen=True)
-class TimelineLine:
-    """One event as a sentence."""
-
-    position: int
-    elapsed_s: float
-    recorded_s: float
-    lane: str
-    kind: str
-    tone: str
-    text: str
-    href: str
-    current: bool
-
-
-@dataclass(frozen=True)
 class Axis:
     """Where an instant of mission time stands on the page's axis, in percent."""
 
@@ -115,11 +100,10 @@ def timeline(mission_id: str, entries: Sequence[TimelineEntry], *, axis: Axis, a
     )
 
 
-def lines(mission_id: str, entries: Sequence[TimelineEntry], *, place: int, at: int | None) -> tuple[TimelineLine, ...]:
-    """The events around the reader's place (counted from 1) as sentences, oldest first."""
+def around(entries: Sequence[TimelineEntry], *, place: int) -> tuple[TimelineEntry, ...]:
+    """At most 2 * AROUND events with the reader's place (counted from 1) among them, oldest first."""
     first = max(min(place - AROUND, len(entries) - 2 * AROUND), 0)
-    around = entries[first : first + 2 * AROUND]
-    return tuple(line(mission_id, entry, begin_s=entries[0].mission_s, at=at) for entry in around)
+    return tuple(entries[first : first + 2 * AROUND])
 
 
 def until(entries: Sequence[TimelineEntry], at: int | None) -> tuple[TimelineEntry, ...]:
@@ -129,16 +113,6 @@ def until(entries: Sequence[TimelineEntry], at: int | None) -> tuple[TimelineEnt
     return tuple(entry for entry in entries if entry.position <= at) or tuple(entries[:1])
 
 
-def line(mission_id: str, entry: TimelineEntry, *, begin_s: float, at: int | None) -> TimelineLine:
-    """One event as a sentence; `at` marks the one that the reader stands at."""
-    return TimelineLine(
-        position=entry.position,
-        elapsed_s=entry.mission_s - begin_s,
-        recorded_s=entry.recorded_s,
-        lane=dict(LANES)[sentences.FAMILY[entry.kind]],
-        kind=entry.kind,
-        tone=sentences.tone(entry.event),
-        text=sentences.sentence(entry.event),
-        href=f"/missions/{mission_id}/events/{entry.position}",
-        current=entry.position == at,
-    )
+def family(kind: str) -> str:
+    """The title of the lane that an event of this kind belongs to."""
+    return dict(LANES)[sentences.FAMILY[kind]]

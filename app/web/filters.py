@@ -1,4 +1,4 @@
-"""How values and items look on a page: instants, durations, numbers with their units; an item's words and colour."""
+"""The template filters: instants, durations and numbers with units; the words and colours of items."""
 
 import json
 from collections.abc import Callable, Iterable
@@ -11,6 +11,7 @@ from markupsafe import escape
 
 from app.i18n.messages import lazy_gettext, listed, word
 from app.views import (
+    alerts,
     canary,
     candidates,
     evidence,
@@ -22,9 +23,12 @@ from app.views import (
     preview,
     providers,
     queue,
+    readings,
     releases,
-    review_rows,
+    review,
     robots,
+    sentences,
+    timeline,
 )  # fmt: skip
 from harness.contracts.values import encode
 from rsi_reviews.difference import NAMES
@@ -41,12 +45,12 @@ def instant(at_s: float) -> str:
 
 
 def iso(at_s: float) -> str:
-    """The same for machines."""
+    """An instant as RFC 3339 in UTC with milliseconds, for <time datetime> attributes."""
     return datetime.fromtimestamp(at_s, UTC).isoformat(timespec="milliseconds")
 
 
 def duration(seconds: float) -> str:
-    """2 min 41 s; below ten seconds with one decimal."""
+    """Seconds as "2 min 41 s"; below ten seconds with one decimal."""
     if seconds < 10:
         return lazy_gettext("{seconds} s", seconds=f"{max(seconds, 0.0):.1f}")
     minutes, rest = divmod(round(seconds), 60)
@@ -61,33 +65,33 @@ def duration(seconds: float) -> str:
 
 
 def elapsed(seconds: float) -> str:
-    """02:41.3: a place on the mission's own time."""
+    """Seconds of mission time as "02:41.3"."""
     minutes, rest = divmod(max(seconds, 0.0), 60)
     return f"{int(minutes):02d}:{rest:04.1f}"
 
 
 def short(digest: str) -> str:
-    """The first eight signs of a digest or long identifier."""
+    """The first eight characters of a digest or long identifier."""
     return digest[:8]
 
 
 def words(slug: str) -> str:
-    """awaiting_human reads as awaiting human, in every language that knows the word."""
+    """A slug of the vocabulary as words: awaiting_human reads as "awaiting human", in the reader's language."""
     return word(slug)
 
 
 def named(name: str) -> str:
-    """A name that somebody gave, as it was given: no word of any language."""
+    """A name that somebody gave; it is not translated."""
     return escape(name)
 
 
 def pretty(value: Any) -> str:
-    """JSON for reading."""
+    """A value as indented JSON."""
     return json.dumps(value, indent=2, ensure_ascii=False, sort_keys=True)
 
 
 def compact(value: Any) -> str:
-    """JSON on one line, cut where nobody reads on."""
+    """A value as JSON on one line, cut at a readable length."""
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 320 else f"{text[:320]}… ({len(text)} signs)"
 
@@ -97,12 +101,12 @@ def percent(share: float) -> str:
 
 
 def listed_words(slugs: Iterable[str]) -> str:
-    """Words of the vocabulary, one after the other."""
+    """Slugs of the vocabulary as a list of words."""
     return listed(map(word, slugs))
 
 
 def roles(joined: str) -> str:
-    """Roles as the log keeps them, joined by +."""
+    """Roles, which the log stores joined by +, as a list of words."""
     return listed(joined.split("+"))
 
 
@@ -123,45 +127,59 @@ VALUES: dict[str, Callable[..., str]] = {
     "number": measures.number,
 }
 ITEMS: dict[str, Callable[..., Any]] = {
+    "alert_state": alerts.TITLES.__getitem__,
+    "alert_text": alerts.text,
+    "alert_title": alerts.title,
+    "alert_tone": alerts.tone,
     "allowed": preview.allowed,
     "autonomy": robots.AUTONOMY.__getitem__,
     "begun": queue.begun,
-    "begun_s": lambda review: review_rows.said_at(review, "evaluation_begun"),
+    "begun_s": lambda candidate: review.said_at(candidate, "evaluation_begun"),
     "builtins": msgspec.to_builtins,
     "canonical": lambda value: encode(value).decode(),
     "card_fields": providers.card_fields,
     "cause": releases.CAUSES.__getitem__,
     "cause_tone": releases.cause_tone,
-    "clause": review_rows.CLAUSE_NAMES.__getitem__,
-    "clause_verdict": review_rows.VERDICTS.__getitem__,
+    "clause": review.CLAUSE_NAMES.__getitem__,
+    "clause_verdict": review.VERDICTS.__getitem__,
     "component": NAMES.__getitem__,
     "condition_rows": measures.condition_rows,
     "goal_conditions": missions.goal_conditions,
     "declared": evidence.declared,
     "degrees": degrees,
+    "event_family": timeline.family,
+    "event_sentence": sentences.sentence,
+    "event_tone": sentences.tone,
     "fields": measures.fields,
     "finding": dict(canary.FINDINGS).__getitem__,
+    "clause_verdicts": readings.clause_verdicts,
     "goal_reason": missions.goal_reason,
+    "goal_words": readings.goal_words,
+    "mission_reading": readings.mission_view,
+    "source_words": readings.source_words,
     "labels": missions.labels,
     "leading": measures.leading,
     "length_m": places.length_m,
-    "line_kind": review_rows.line_kind,
+    "line_kind": review.line_kind,
     "listed_stage": missions.listed_stage,
     "memory_tone": lambda standing: memory.TONES.get(standing, "plain"),
     "metric": candidates.metric,
     "mission_sentence": missions.sentence,
     "mission_tone": missions.tone,
-    "newest_uptakes": review_rows.newest_uptakes,
-    "numbers": review_rows.numbers,
-    "part": review_rows.PARTS.__getitem__,
+    "newest_uptakes": review.newest_uptakes,
+    "no_answer_action": handoffs.NO_ANSWER_ACTIONS.__getitem__,
+    "numbers": review.numbers,
+    "part": review.PARTS.__getitem__,
     "place_meaning": places.MEANING.__getitem__,
     "place_tone": lambda verification: places.TONES.get(verification, "plain"),
-    "policy_sentence": review_rows.policy_sentence,
+    "policy_sentence": review.policy_sentence,
     "provider": evidence.provider,
+    "put_away": alerts.put_away,
     "question": handoffs.question,
     "review_tone": candidates.tone,
     "safe_place": places.safe_place,
-    "said_at": review_rows.said_at,
+    "said_at": review.said_at,
+    "shelved_until_s": alerts.shelved_until_s,
     "stated": memory.stated,
     "stop_steps": robots.stop_steps,
     "supervision": providers.supervision,

@@ -1,4 +1,4 @@
-"""`Idempotency-Key` on the API: the same request again gets the answer of the first, and does nothing.
+"""Serves `Idempotency-Key` on the API: a repeated request gets the first answer and does nothing.
 
 An answer is kept for a day. A request that was begun and whose answer is not known, because the console died on it, is
 never done again: its second sender is told so.
@@ -22,11 +22,11 @@ from harness.contracts.ids import sha256
 KEPT_S = 86400.0
 KEY = re.compile("[!-~]{1,200}")
 SECRET_ANSWERS = ("/api/v1/tokens", "/api/v1/sign-in-links")
-"""Their answers carry a secret that is shown once: that they were given is remembered, not what they said."""
+"""Routes whose answers carry a secret that is shown once: it is recorded that they answered, not the answer."""
 
 
 class Idempotency:
-    """ASGI middleware behind the doorkeeper."""
+    """ASGI middleware behind the security middleware."""
 
     def __init__(self, app: ASGIApp, *, store: SqlAccounts, clock: Callable[[], float]) -> None:
         self._app, self._store, self._clock = app, store, clock
@@ -75,7 +75,7 @@ class Idempotency:
 
 
 class _Overheard:
-    """Passes an answer on and remembers it."""
+    """Passes a response on and records it."""
 
     def __init__(self, send: Send) -> None:
         self._send = send

@@ -1,4 +1,4 @@
-"""The regions of a mission page, in one table: its name, what it shows, and the signals that refresh it.
+"""The table of the mission page's regions: name, content, and the signals that refresh each.
 
 From a name come the template (`missions/_name.html`), the element (`#name`) and the address (`/missions/{id}/name`).
 """
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Region:
-    """One part of the page that is fetched by itself. `triggers`: the signals, as htmx writes them."""
+    """One part of the page that is fetched alone. `triggers` are its signals in the syntax of htmx."""
 
     name: str
     triggers: str
@@ -20,7 +20,7 @@ class Region:
 
 
 def _region(name: str, *signals: str) -> Region:
-    """`signals`: "observations 2s" is heard every two seconds at most."""
+    """A region with its triggers; the signal "observations 2s" refreshes it every two seconds at most."""
     parts = [one.partition(" ") for one in ("mission", *signals)]
     heard = [f"live:{signal} from:body{f' throttle:{pause}' if pause else ''}" for signal, _, pause in parts]
     return Region(name=name, triggers=", ".join(heard))

@@ -1,4 +1,4 @@
-"""Templates: strict, escaped, in the reader's language, and given exactly one page. The only place that knows Jinja."""
+"""Renders templates: strict, escaped, in the reader's language, each with exactly one page object."""
 
 from collections.abc import Callable
 from functools import cache, partial
@@ -22,20 +22,23 @@ from rsi_reviews.difference import NAMES
 
 
 class TranslatedEnvironment(Environment):
-    """What fills the holes of a message is given to gettext by name."""
+    """A Jinja environment whose gettext takes the placeholders of a message by name."""
 
     newstyle_gettext = True
 
 
 def environment(folder: Path, language: str = ENGLISH) -> Environment:
-    """Undefined names are errors, everything is escaped, whitespace around blocks is dropped."""
+    """Undefined names are errors and everything is escaped.
+
+    A space before a block tag stays: the formatter of the templates may break the line there, and the words on both
+    sides of the tag must not grow together.
+    """
     jinja = TranslatedEnvironment(
         loader=FileSystemLoader(folder),
         extensions=["jinja2.ext.i18n"],
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
-        lstrip_blocks=True,
         finalize=None if language == ENGLISH else partial(_localised, language=language),
     )
     jinja.policies["ext.i18n.trimmed"] = True
@@ -73,7 +76,7 @@ def gettext_functions(language: str) -> dict[str, Callable[..., Markup]]:
 
 
 def _localised(value: Any, language: str) -> Any:
-    """What an expression shows: a Message or a Reason in the reader's language, everything else as it is."""
+    """A Message or a Reason in the reader's language; every other value unchanged."""
     return localise(value, language) if isinstance(value, Message | Reason) else value
 
 
@@ -93,6 +96,6 @@ def templates(language: str) -> Environment:
 
 
 def render(template: str, page: Any, *, status: int = 200) -> HTMLResponse:
-    """One template with one page, in the language of the request. Raises jinja2.UndefinedError if they disagree."""
+    """Render a template in the language of the request. Raises jinja2.UndefinedError if it reads what `page` lacks."""
     chosen = templates(CHOICE.get().language)
     return HTMLResponse(chosen.get_template(template).render(page=page), status_code=status)

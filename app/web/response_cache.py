@@ -1,4 +1,4 @@
-"""One render for a hundred browsers: a region's answer is kept until the next signal or act, a second at most.
+"""Caches a region's response until the next signal or act, for one second at most, so many browsers cost one render.
 
 Every request is let in by the doorkeeper on its own before it comes here. An answer is shared among readers of the
 same roles and language; where a region names its reader, or offers what is theirs, among their own browsers alone.
@@ -26,7 +26,7 @@ Key = tuple[str, bytes, str, tuple[str, ...], str, int]
 
 @dataclass(frozen=True)
 class CachedResponse:
-    """A whole answer as the routes gave it. `at_s`: when it was asked for."""
+    """A complete response of a route. `at_s` is when it was requested."""
 
     start: Message
     body: bytes
@@ -72,7 +72,7 @@ class ResponseCache:
         return kept if kept is not None and self._clock() - kept.at_s < LASTS_S else None
 
     async def _under_way(self, key: Key) -> CachedResponse | None:
-        """What somebody else's request for the same is about to be answered with; None if that fails."""
+        """The response to another request for the same region that is under way; None if that one fails."""
         rendering = self._rendering.get(key)
         return await asyncio.shield(rendering) if rendering is not None else None
 
@@ -93,7 +93,7 @@ class ResponseCache:
 
 
 class _ResponseRecorder:
-    """Passes an answer on and remembers it."""
+    """Passes a response on and records it."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -110,7 +110,7 @@ class _ResponseRecorder:
         await self._send(message)
 
     def answer(self, at_s: float) -> CachedResponse | None:
-        """The answer, if it is whole and good."""
+        """The recorded response, if it is complete and successful."""
         if self._start is None or not self._whole or self._start["status"] != 200:
             return None
         return CachedResponse(start=self._start, body=b"".join(self._body), at_s=at_s)

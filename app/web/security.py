@@ -1,4 +1,4 @@
-"""The doorkeeper in front of every route: host, caller, origin, limits, and the headers of every answer."""
+"""The security middleware in front of every route: host, caller, origin, limits, and response headers."""
 
 import re
 from dataclasses import dataclass
@@ -27,21 +27,21 @@ SCENE_POLICY = (
     "frame-ancestors 'self'"
 )
 BY_ITSELF = "x-by-itself"
-"""The header by which a page's script says that nobody asked for this request."""
+"""The header of a request that a page's script makes by itself, without a person."""
 SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
 SIGN_IN = "/account/sign-in"
 OPEN_PATHS = ("/healthz", "/readyz", SIGN_IN, "/account/oidc", "/account/oidc/back", "/account/oidc/leave")
 BEARER_PATHS = ("/api/", "/metrics")
 UNROTATED = ("/account/", "/static/")
-"""Answers that never bring a fresh cookie: those that set one themselves, and those that caches keep."""
+"""Routes whose responses never carry a rotated cookie: they set one themselves, or caches keep them."""
 OWN_ACCOUNT = ("/account/", "/api/v1/account/")
 OWN_VIEW = re.compile(r"/missions/[^/]+/scene/[^/]+/instant")
-"""Where somebody who may only read still changes something: their own password and sessions, their own 3D view."""
+"""What people who may only read can still change: their own password, sessions and 3D view."""
 
 
 @dataclass(frozen=True)
 class SecurityPolicy:
-    """What the doorkeeper goes by. `known` and `strangers` are the buckets of callers; `secure` is TLS in front."""
+    """The policy of the middleware. `known` and `anonymous` limit callers; `secure`: browsers come over TLS."""
 
     hosts: frozenset[str]
     cookie: str
@@ -52,7 +52,7 @@ class SecurityPolicy:
 
 @dataclass(frozen=True)
 class RequestRefusal:
-    """Why a request goes no further."""
+    """Why a request is refused."""
 
     status: int
     code: str
@@ -142,7 +142,7 @@ class SecurityMiddleware:
 
 
 def _not_permitted(path: str, principal: Principal, *, unsafe: bool) -> RequestRefusal | None:
-    """Coarse, and closed: who holds nothing but reading changes nothing. What exactly is allowed, the command asks."""
+    """A coarse check: who may only read changes nothing. Each command checks its own permission later."""
     if not principal.may("read") and not unsafe:
         return RequestRefusal(403, "unreadable")
     if unsafe and principal.only_reads and not (path.startswith(OWN_ACCOUNT) or OWN_VIEW.fullmatch(path)):
@@ -156,7 +156,7 @@ def _small(headers: Headers) -> bool:
 
 
 def same_origin(headers: Headers, *, websocket: bool) -> bool:
-    """Whether a browser says that this request comes from our own pages; silence counts as no."""
+    """Whether the browser declares that the request comes from our own pages; a missing header counts as no."""
     site = headers.get("sec-fetch-site")
     if site is not None and site != "same-origin":
         return False
@@ -219,13 +219,13 @@ def _with_headers(send: Send, *, secure: bool, cookie: str = "") -> Send:
 
 
 def principal_of(request: Request) -> Principal:
-    """Whom the doorkeeper let in."""
+    """The principal that the security middleware authenticated."""
     principal: Principal = request.state.principal
     return principal
 
 
 def actor_of(request: Request) -> Actor:
-    """The visitor as an actor with every role they have; a command is stored with the one that allowed it."""
+    """The principal as an actor with all their roles; a command is stored with the one role that allowed it."""
     return principal_of(request).actor
 
 

@@ -1,4 +1,4 @@
-"""The last answer: what no route and no error handler foresaw is logged, and told as every other failure is."""
+"""The outermost middleware: logs an unexpected failure and answers it like every other failure."""
 
 import logging
 

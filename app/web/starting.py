@@ -1,4 +1,4 @@
-"""The page that answers while robots start: it says what is awaited, looks again by itself, and takes no command."""
+"""Answers with a page while robots start: says what is awaited, refreshes itself, and takes no command."""
 
 import socket
 from collections.abc import Iterator, Sequence
@@ -23,14 +23,14 @@ LEFT_S = 5.0
 
 @dataclass(frozen=True)
 class StartingPage:
-    """Which robots are awaited."""
+    """The robots that are still starting."""
 
     robots: tuple[str, ...]
 
 
 @contextmanager
 def starting(settings: ConsoleSettings, listener: socket.socket, robots: Sequence[str]) -> Iterator[None]:
-    """Answer on this socket until the block ends; the socket itself stays open for whoever serves next."""
+    """Serve the page on this socket until the block ends; the socket stays open for the console."""
     config = uvicorn.Config(
         _app(settings, tuple(robots)),
         log_level="warning",

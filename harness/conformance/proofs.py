@@ -10,8 +10,8 @@ from harness.conformance.test_bench import POLL_S, Bench
 from harness.contracts import observations, protocol
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import Digest, sha256
+from harness.projections.proposals import matches
 from harness.provider_protocol.proposals import intended
-from harness.verification.proposals import matches
 
 SAMPLES: dict[str, type[observations.Sample]] = {
     "pose": observations.Pose,

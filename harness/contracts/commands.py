@@ -229,6 +229,7 @@ MissionCommand = (
     | AuthoriseWait
     | FailNode
     | revision_commands.ReviseContract
+    | revision_commands.ReviseToRecover
     | revision_commands.TightenConstraints
     | AskPerson
     | revision_commands.DisputeCompletion

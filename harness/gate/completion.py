@@ -14,10 +14,10 @@ from harness.contracts.tasks import Node
 from harness.contracts.verdicts import NodeVerdict, strictest
 from harness.gate.rules import BY_RESULT, GATE_RULES, Rule, first_broken, not_satisfied
 from harness.projections.mission import Mission, required_contract
+from harness.projections.proposals import proposals_for
 from harness.recovery.classify import classify
 from harness.verification.facts import declared_effects_of, facts_of
 from harness.verification.finding import UNAVAILABLE
-from harness.verification.proposals import proposals_for
 
 
 def complete(mission: Mission, command: CompleteNode) -> Decision[events.MissionEvent]:

@@ -14,7 +14,7 @@ from harness.contracts.reasons import Reason, because
 from harness.contracts.rules import RulesVersion, required_independence
 from harness.contracts.verdicts import NodeVerdict, strictest
 from harness.projections.mission import Mission, required_contract
-from harness.verification.proposals import proposals_for, unproposed, written_by_harness
+from harness.projections.proposals import proposals_for, unproposed, written_by_harness
 
 Rule = Callable[[Mission, EvidencePacket, NodeVerdict], Reason | None]
 

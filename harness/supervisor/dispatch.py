@@ -11,7 +11,7 @@ from harness.contexts.view import StateView
 from harness.contracts import commands, ids
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.capabilities import Capability, CapabilityCard
-from harness.contracts.configuration import FailureClass
+from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.contexts import Context
 from harness.contracts.control import CONTROL, RequireNoTeleoperation
 from harness.contracts.decisions import Accepted, Refused, refused
@@ -29,7 +29,7 @@ from harness.gate.commit import CommandEnvelope
 from harness.gate.dispatch import spend
 from harness.planning.planner import Plan, planned
 from harness.planning.skill import LOOK_S, propose_skill
-from harness.projections.mission import Mission, required_contract
+from harness.projections.mission import Mission, NodeState, required_contract
 from harness.projections.mission_fold import apply
 from harness.recovery.state import VERIFY_ONLY
 from harness.routing.need import Need
@@ -250,7 +250,7 @@ class Dispatcher:
             blobs=tuple(d for d in images if isinstance(d, str)) if isinstance(images, tuple) else (),  # type: ignore[misc]
             verify_only=attempt.verify_only,
             cites=cites,
-            action=attempt.recovery.action if attempt.recovery else None,
+            action=attempt.recovery.action if attempt.recovery else _paid(mission.of(attempt.node_id), number),
             handoff_id=attempt.approval.handoff_id if attempt.approval else None,
             moves=card.moves,
         )
@@ -316,6 +316,12 @@ class Dispatcher:
             )
             self._runtime.submit(mission.mission_id, command)
         return Refused(failure, reason)
+
+
+def _paid(node: NodeState, number: int) -> RecoveryAction | None:
+    """The recovery step that a revision of the graph paid for, where this attempt is the one it leads to."""
+    last = node.spends[-1] if node.spends else None
+    return last.action if last is not None and last.signature is not None and last.attempt == number else None
 
 
 def _planned(prepared: Prepared, plan: Plan, c1: Context) -> NodePlanned:

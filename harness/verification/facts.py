@@ -10,7 +10,7 @@ from harness.contracts.rules import FIRST_RULES, LINEAGE, RulesVersion
 from harness.contracts.tasks import Node
 from harness.contracts.values import Count
 from harness.contracts.verdicts import ConditionResult, NodeVerdict
-from harness.verification.proposals import proposed, written_by_harness
+from harness.projections.proposals import proposed, written_by_harness
 
 
 def facts_of(
@@ -106,7 +106,7 @@ def _arguments(condition: effects.Condition, result: ConditionResult) -> dict[st
             return {"images": list(result.evidence)}
         case effects.Visual():
             return {"report": result.evidence[0], "frames": list(result.evidence[1:])}
-        case effects.Relational(predicate="same_image" | "kept") as effect:
+        case effects.Relational(predicate="same_image" | "kept_picture") as effect:
             image, report = result.evidence
             return {"subject": effect.subject, "object": effect.object, "images": [image], "report": report}
         case effects.Relational(predicate="passage_checked") as effect:

@@ -2,14 +2,24 @@
 what it names.
 """
 
+import ast
 from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from tools.marks import complaint, definition, ledger
+from tools.ledger import still_to_prove
+from tools.marks import ROOT, LedgerMark, complaint, definition, ledger, to_prove_again
 from tools.mutations import OPERATORS, mutated, planted
 
+USES = {
+    "command line": ("from app.cli.main import app", "tests.integration.runs import", '-m", "app.cli.main'),
+    "API": ("tests.builders.house", "tests.builders.serving", "TestClient", "tests.builders.consoles"),
+    "page": ("tests.builders.house", "tests.builders.serving", "TestClient", "tests.builders.consoles", "playwright"),
+}
+"""How a test module of an entry point looks: it runs the program, or asks the served console."""
 SYMBOL = "harness.contracts.values:digest"
 SOURCE = '''
 def within(value, limit, *, strict):
@@ -35,6 +45,7 @@ def test_the_ledger_has_every_row_once() -> None:
 
 def test_a_mark_that_names_a_row_and_a_symbol_is_fine() -> None:
     assert complaint(("R34", "R112"), {"symbol": SYMBOL}) == ""
+    assert complaint(("R34",), {"symbol": SYMBOL, "entry": "API"}) == ""
     assert complaint(("R78",), {"planted": "harness.routing:provider.start(1)"}) == ""
 
 
@@ -48,10 +59,41 @@ def test_a_mark_that_names_a_row_and_a_symbol_is_fine() -> None:
         (("R34",), {"symbol": "harness.contracts.values:nowhere"}),
         (("R34",), {"symbol": "harness.nowhere:digest"}),
         (("R34",), {"planted": "harness.nowhere:f()"}),
+        (("R34",), {"symbol": SYMBOL, "entry": "a builder"}),
     ],
 )
 def test_a_false_mark_is_found(rows: tuple[str, ...], named: dict[str, str]) -> None:
     assert complaint(rows, named).startswith("ledger mark: ")
+
+
+def test_every_row_to_prove_again_is_a_row_of_the_ledger_and_says_what_to_show() -> None:
+    again = to_prove_again()
+    assert set(again) <= set(ledger())
+    assert all(len(must_show) > 20 for must_show in again.values())
+
+
+def test_a_row_leaves_the_list_with_a_test_from_an_entry_point_alone() -> None:
+    mark = LedgerMark(test="t", rows=("R33",), symbol=SYMBOL, planted="")
+    assert "R33" in still_to_prove({"R33": [mark]})
+    assert "R33" not in still_to_prove({"R33": [mark, replace(mark, entry="API")]})
+
+
+def entries() -> Iterator[tuple[Path, str]]:
+    """Every test module with an entry point that its marks name."""
+    for path in sorted((ROOT / "tests").rglob("test_*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "ledger":
+                named = [one.value for one in node.keywords if one.arg == "entry"]
+                yield from ((path, str(one.value)) for one in named if isinstance(one, ast.Constant))
+
+
+def test_a_test_that_claims_an_entry_point_uses_it() -> None:
+    strays = [
+        f"{path.name}: {entry}"
+        for path, entry in entries()
+        if not any(words in path.read_text(encoding="utf-8") for words in USES[entry])
+    ]
+    assert strays == []
 
 
 def test_a_symbol_may_be_a_method(tmp_path: Path) -> None:

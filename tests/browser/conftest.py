@@ -8,7 +8,7 @@ from typing import Protocol
 import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, Playwright, expect, sync_playwright
 
-from tests.builders.patience import PATIENCE_MS
+from tests.builders.timeouts import TIMEOUT_MS
 from tools import browser as chromium
 
 ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts"
@@ -65,7 +65,7 @@ class TakePicture(Protocol):
 @pytest.fixture(scope="session")
 def playwright() -> Iterator[Playwright]:
     """The driver. What is expected of a page is waited for with patience."""
-    expect.set_options(timeout=PATIENCE_MS)
+    expect.set_options(timeout=TIMEOUT_MS)
     with sync_playwright() as driver:
         yield driver
 
@@ -105,7 +105,7 @@ def open_page(browser: Browser, console_watch: ConsoleWatch) -> Iterator[OpenPag
         )
         contexts.append(context)
         page = context.new_page()
-        page.set_default_timeout(PATIENCE_MS)
+        page.set_default_timeout(TIMEOUT_MS)
         console_watch.follow(page)
         page.goto(url)
         return page

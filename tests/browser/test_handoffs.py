@@ -21,7 +21,7 @@ from app.main import bind, create_app, open_accounts
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
-from tests.builders.patience import PATIENCE_S
+from tests.builders.timeouts import TIMEOUT_S
 from tests.builders.waiting import BOB, Waiting, waiting
 
 LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
@@ -71,7 +71,7 @@ def served() -> Iterator[Served]:
         yield Served(app, f"http://127.0.0.1:{settings.port}", asked)
         broker.close()
         server.should_exit = True
-        thread.join(timeout=PATIENCE_S)
+        thread.join(timeout=TIMEOUT_S)
         listener.close()
 
 

@@ -12,9 +12,9 @@ from app.main import bind
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.browser.test_accessible import CONTRAST, LEVELS, SIZES, broken
 from tests.builders.consoles import Stand, console_stand
-from tests.builders.issuers import trusting
-from tests.builders.patience import PATIENCE_S
+from tests.builders.oidc_console import trusting
 from tests.builders.people import PASSWORD, SETTING_UP
+from tests.builders.timeouts import TIMEOUT_S
 from tests.fakes.issuer import ADA, Issuer, issuing
 
 REFUSED = r"the server responded with a status of 40[13]"
@@ -33,7 +33,7 @@ def served() -> Iterator[tuple[Stand, Issuer, str]]:
             yield stand, issuer, f"http://127.0.0.1:{port}"
             stand.app.state.console.broker.close()
             server.should_exit = True
-            thread.join(timeout=PATIENCE_S)
+            thread.join(timeout=TIMEOUT_S)
 
 
 @pytest.mark.parametrize("scripts", [True, False])

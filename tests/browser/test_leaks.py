@@ -5,8 +5,8 @@ from typing import Any
 from playwright.sync_api import CDPSession, Page
 
 from tests.browser.conftest import OpenPage
-from tests.builders.patience import comes_true
 from tests.builders.serving import Serving, serving
+from tests.builders.timeouts import wait_until
 
 ROUNDS = 6
 REFRESH = """async (times) => { for (let n = 0; n < times; n++) {
@@ -29,7 +29,7 @@ def as_before(session: CDPSession, before: dict[str, Any], *names: str) -> bool:
 
 
 def wander(served: Serving, page: Page) -> None:
-    """Through the rooms an operator uses."""
+    """Open the pages that an operator uses, one after the other."""
     for path in ("/", "/missions", f"/handoffs/{served.asked.handoff_id}", "/alerts", "/robots", "/queue"):
         served.open(page, path)
 
@@ -45,10 +45,10 @@ def test_navigating_leaves_heap_and_streams_as_they_were(open_page: OpenPage) ->
         for _ in range(ROUNDS):
             wander(served, page)
         served.open(page, "/")
-        comes_true(
+        wait_until(
             page, lambda: as_before(session, before, "JSHeapUsedSize", "Nodes", "JSEventListeners"), "a small heap"
         )
-        comes_true(page, lambda: served.broker.watching <= 2, "an end of the streams of pages that were left")
+        wait_until(page, lambda: served.broker.watching <= 2, "an end of the streams of pages that were left")
 
 
 def test_a_page_that_refreshes_itself_for_hours_keeps_its_size(open_page: OpenPage) -> None:
@@ -56,8 +56,12 @@ def test_a_page_that_refreshes_itself_for_hours_keeps_its_size(open_page: OpenPa
         page = served.enter(open_page())
         session = page.context.new_cdp_session(page)
         session.send("Performance.enable")
+        requested: list[str] = []
+        page.on("request", lambda request: requested.append(request.url))
         page.evaluate(REFRESH, 10)
         page.wait_for_timeout(300)
         before = heap(session)
+        requested.clear()
         page.evaluate(REFRESH, 60)
-        comes_true(page, lambda: as_before(session, before, "JSHeapUsedSize", "JSEventListeners"), "a small heap")
+        assert len(requested) >= 3, "the page did not refresh itself"
+        wait_until(page, lambda: as_before(session, before, "JSHeapUsedSize", "JSEventListeners"), "a small heap")

@@ -19,7 +19,7 @@ from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from tests.browser.conftest import OpenPage, TakePicture
 from tests.browser.test_handoffs import Served
-from tests.builders.patience import PATIENCE_S, comes_true
+from tests.builders.timeouts import TIMEOUT_S, wait_until
 from tests.builders.waiting import Waiting, waiting
 
 LITTLE_S = 40.0
@@ -50,7 +50,7 @@ def served() -> Iterator[Served]:
         yield Served(app, f"http://127.0.0.1:{settings.port}", asked)
         broker.close()
         server.should_exit = True
-        thread.join(timeout=PATIENCE_S)
+        thread.join(timeout=TIMEOUT_S)
         listener.close()
 
 
@@ -93,9 +93,9 @@ def test_a_newcomer_takes_a_robot_over_keeps_it_while_driving_and_hands_it_back(
             page.keyboard.down("ArrowUp")
         return "driving" in word.inner_text()
 
-    comes_true(page, driving, "a robot that drives")
+    wait_until(page, driving, "a robot that drives")
     page.keyboard.up("ArrowUp")
-    comes_true(page, lambda: _until_s(asked) > claim.until_at_s, "a claim that is kept while its holder drives")
+    wait_until(page, lambda: _until_s(asked) > claim.until_at_s, "a claim that is kept while its holder drives")
     page.get_by_role("button", name="Release control and go to the handoff").click()
     page.wait_for_url(served.question)
     page.get_by_label("What you did").fill("drove it past the pallet")

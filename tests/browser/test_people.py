@@ -14,8 +14,8 @@ from app.main import bind
 from app.settings import ConsoleSettings
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.builders.consoles import OWNER, Stand, console_stand
-from tests.builders.patience import PATIENCE_S
 from tests.builders.people import PASSWORD, SETTING_UP, standing_watch
+from tests.builders.timeouts import TIMEOUT_S
 
 VIEWER = r"'unsafe-eval' is not an allowed source of script.*'wasm-unsafe-eval' blob:|policy violation: script-src eval"
 """The 3D viewer's sorter of splats wants to evaluate text; its frame's own policy forbids it."""
@@ -41,7 +41,7 @@ def served() -> Iterator[tuple[Stand, str]]:
             yield stand, f"http://127.0.0.1:{port}"
             stand.app.state.console.broker.close()
             server.should_exit = True
-            thread.join(timeout=PATIENCE_S)
+            thread.join(timeout=TIMEOUT_S)
 
 
 def sign_in(page: Page, name: str, password: str = PASSWORD) -> None:

@@ -23,10 +23,10 @@ from app.settings import ConsoleSettings
 from rsi_reviews.acceptance import accepted
 from rsi_reviews.release_service import ReleaseService
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
-from tests.builders.heard import heard
-from tests.builders.patience import PATIENCE_S
+from tests.builders.harness_with_signals import harness_with_signals
 from tests.builders.releases import LAUNCHER, PREDICATE, Bench, candidate, evaluation, routed, say, terms_of
 from tests.builders.releases import expect as taken
+from tests.builders.timeouts import TIMEOUT_S
 
 RULES = {"runOnly": {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]}}
 PASSWORD = "seven green bottles"
@@ -63,7 +63,7 @@ class Served:
 @pytest.fixture
 def served(open_page: OpenPage) -> Iterator[Served]:
     broker = SignalBroker()
-    with heard(broker) as harness:
+    with harness_with_signals(broker) as harness:
         listener = bind(0)
         port = listener.getsockname()[1]
         console = ConsoleSettings(port=port, robots=("vbot-1",), owner_token=SecretStr("t"), password_memory_kib=19456)
@@ -91,7 +91,7 @@ def served(open_page: OpenPage) -> Iterator[Served]:
                 page.context.close()
             broker.close()
             server.should_exit = True
-            thread.join(timeout=PATIENCE_S)
+            thread.join(timeout=TIMEOUT_S)
             listener.close()
 
 

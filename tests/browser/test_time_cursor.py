@@ -31,7 +31,7 @@ from rsi_reviews.candidate_queries import selected
 from rsi_reviews.deciders import DECIDERS
 from simulator.in_process import SIMULATOR
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
-from tests.builders.patience import PATIENCE_S, comes_true
+from tests.builders.timeouts import TIMEOUT_S, wait_until
 
 VIEWER = r"'unsafe-eval' is not an allowed source of script.*'wasm-unsafe-eval' blob:|policy violation: script-src eval"
 
@@ -83,7 +83,7 @@ def served() -> Iterator[Served]:
         yield Served(app, f"http://127.0.0.1:{settings.port}", mission_id)
         broker.close()
         server.should_exit = True
-        thread.join(timeout=PATIENCE_S)
+        thread.join(timeout=TIMEOUT_S)
         listener.close()
 
 
@@ -138,7 +138,7 @@ def test_keys_step_through_the_events_and_every_region_follows(page: Page, serve
     expect(page.locator("#stages .stage[data-state=committed]")).to_have_count(1)
     expect(page.locator("#graph .node[data-state=committed]")).to_have_count(1)
     expect(page.locator("#events tr[aria-current]")).to_have_count(1)
-    comes_true(page, lambda: len(lefts(page)) == 1, "one place of all cursor lines")
+    wait_until(page, lambda: len(lefts(page)) == 1, "one place of all cursor lines")
     page.keyboard.press("End")
     expect(page).to_have_url(served.mission)
     expect(page.locator("#head")).to_contain_text("succeeded")
@@ -153,15 +153,15 @@ def test_the_instant_in_the_address_survives_a_reload_and_is_the_same_for_anothe
     )
     expect(page).to_have_url(re.compile(r"\?t=58\.5$"))
     expect(page.locator("#frames figcaption")).to_contain_text("at 00:5")
-    comes_true(page, lambda: len(lefts(page)) == 1, "one place of all cursor lines")
+    wait_until(page, lambda: len(lefts(page)) == 1, "one place of all cursor lines")
     shown = instant(page)
     page.reload()
-    comes_true(page, lambda: instant(page) == shown, "the same instant after a reload")
+    wait_until(page, lambda: instant(page) == shown, "the same instant after a reload")
     other = open_page(width=1440, height=900)
     without_3d(other)
     served.enter(other)
     other.goto(page.url)
-    comes_true(other, lambda: instant(other) == shown, "the same instant for another reader")
+    wait_until(other, lambda: instant(other) == shown, "the same instant for another reader")
 
 
 def at_s(page: Page) -> float:
@@ -246,7 +246,7 @@ def test_two_readers_see_two_instants_in_3d(
         late, early = (light(one.locator(".scene").screenshot()) for one in (page, other))
         return late > early * 1.2 and early > 0
 
-    comes_true(page, apart, "a whole mission that lights more pixels than its beginning")
+    wait_until(page, apart, "a whole mission that lights more pixels than its beginning")
     take_picture(page, "cursor-end", whole=False)
     take_picture(other, "cursor-begin", whole=False)
 

@@ -19,9 +19,9 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
-from tests.builders.patience import PATIENCE_S, comes_true
 from tests.builders.serving import LET_GO_EARLY
 from tests.builders.silence import listen, silent_ms
+from tests.builders.timeouts import TIMEOUT_S, wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
 VIEWER = r"'unsafe-eval' is not an allowed source of script.*'wasm-unsafe-eval' blob:|policy violation: script-src eval"
@@ -55,7 +55,7 @@ class Console:
         """One more sign-in link, by the owner's token from the data folder."""
         owner = json.loads((self._folder / "owner.lock").read_text(encoding="utf-8"))
         headers = {"Authorization": f"Bearer {owner['token']}"}
-        answer = httpx.post(f"{self.address}/api/v1/sign-in-links", headers=headers, timeout=PATIENCE_S)
+        answer = httpx.post(f"{self.address}/api/v1/sign-in-links", headers=headers, timeout=TIMEOUT_S)
         return str(answer.raise_for_status().json()["url"])
 
     def suspend(self) -> None:
@@ -68,10 +68,10 @@ class Console:
         self.go_on()
         self.process.terminate()
         try:
-            self.process.wait(timeout=PATIENCE_S)
+            self.process.wait(timeout=TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self.process.kill()
-            self.process.wait(timeout=PATIENCE_S)
+            self.process.wait(timeout=TIMEOUT_S)
         assert self.process.stdout is not None
         self.process.stdout.close()
         self._log.close()
@@ -155,7 +155,7 @@ def test_the_3d_view_draws_what_the_lidar_saw(
     expect(page.locator("#view")).to_contain_text(re.compile(r"[1-9]\d{2} points|\d \d{3} points"))
     scene = page.locator(".scene")
     scene.scroll_into_view_if_needed()
-    comes_true(page, lambda: colours(scene.screenshot()) >= 60, "a 3D view that is not uniform")
+    wait_until(page, lambda: colours(scene.screenshot()) >= 60, "a 3D view that is not uniform")
     take_picture(page, "scene", whole=False)
 
 

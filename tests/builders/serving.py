@@ -21,7 +21,7 @@ from harness.contracts.ids import MissionId
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.runtime import Start
 from tests.builders.missions_run import ROBOT
-from tests.builders.patience import PATIENCE_S
+from tests.builders.timeouts import TIMEOUT_S
 from tests.builders.waiting import ADA, Waiting, waiting
 from tests.builders.wires import Wire
 
@@ -117,5 +117,5 @@ def serving(
                 page.context.close()
             broker.close()
             server.should_exit = True
-            thread.join(timeout=PATIENCE_S)
+            thread.join(timeout=TIMEOUT_S)
             listener.close()

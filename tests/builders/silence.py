@@ -4,7 +4,7 @@ its clock.
 
 from playwright.sync_api import Page
 
-from tests.builders.patience import comes_true
+from tests.builders.timeouts import wait_until
 
 LISTENING = """
 window.EventSource = class extends EventSource {
@@ -33,6 +33,6 @@ def listen(page: Page) -> None:
 
 def silent_ms(page: Page) -> float:
     """From the console's last message to "lost", less the time for which the machine kept the page waiting."""
-    comes_true(page, lambda: page.evaluate("window.silentMs !== undefined"), "a word about the lost link")
+    wait_until(page, lambda: page.evaluate("window.silentMs !== undefined"), "a word about the lost link")
     found: float = page.evaluate("window.silentMs")
     return found

@@ -33,7 +33,8 @@ def test_a_transient_fault_is_recovered_from(template: str, fault: str, verdict:
     with ran(template, fault) as mission:
         safe(mission, fault)
         assert mission.verdicts(LEG[template])[0] == verdict
-        assert mission.actions == actions
+        around = (template, fault) == ("warehouse-inspection", "blocked-passage")
+        assert mission.actions == (["local_replan"] if around else actions), "the corridor leaves room for a detour"
         assert mission.mission.status == "succeeded"
 
 

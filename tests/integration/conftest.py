@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.builders.issuers import Entrance, entrance
+from tests.builders.oidc_console import OidcConsole, oidc_console
 from tests.fakes.issuer import Issuer, issuing
 
 
@@ -15,7 +15,7 @@ def issuer() -> Iterator[Issuer]:
 
 
 @pytest.fixture
-def here(issuer: Issuer) -> Iterator[Entrance]:
+def here(issuer: Issuer) -> Iterator[OidcConsole]:
     """A console with an admin, who has a password."""
-    with entrance(issuer) as made:
+    with oidc_console(issuer) as made:
         yield made

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from app.auth.commit_authority import authority
 from app.i18n.reasons.rendering import sentence
-from app.views.handoff_shown import ShownRecord
+from app.views.handoff_question import ShownRecord
 from harness.contracts.actors import Actor
 from harness.contracts.commands import RejectHandoff
 from harness.contracts.decisions import Refused

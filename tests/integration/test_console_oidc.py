@@ -10,12 +10,14 @@ from fastapi.testclient import TestClient
 from app.auth.permissions import GRANTS, ROLES
 from app.i18n.reasons.rendering import sentence
 from tests.builders.consoles import BASE, FOREIGN, OWN
-from tests.builders.issuers import RETURNING, Entrance, cookies, entrance
+from tests.builders.oidc_console import RETURNING, OidcConsole, cookies, oidc_console
 from tests.builders.people import PASSWORD, SETTING_UP, store_of
 from tests.fakes.issuer import ACCESS_TOKEN, ADA, CLIENT_SECRET, Issuer
 
 
-def test_a_person_of_a_mapped_group_comes_in_with_that_role_and_lands_where_they_wanted_to_go(here: Entrance) -> None:
+def test_a_person_of_a_mapped_group_comes_in_with_that_role_and_lands_where_they_wanted_to_go(
+    here: OidcConsole,
+) -> None:
     client = here.browser()
     refused = client.get("/missions?status=running")
     on = re.findall(r'href="(/account/sign-in[^"]*)"', refused.text)[0]
@@ -32,7 +34,9 @@ def test_a_person_of_a_mapped_group_comes_in_with_that_role_and_lands_where_they
     assert added.detail == f"operator, {ADA['sub']} at {here.issuer.url}"
 
 
-def test_what_goes_to_the_issuer_carries_state_nonce_and_a_challenge_and_the_secret_stays_here(here: Entrance) -> None:
+def test_what_goes_to_the_issuer_carries_state_nonce_and_a_challenge_and_the_secret_stays_here(
+    here: OidcConsole,
+) -> None:
     first, second = here.away(here.browser()), here.away(here.browser())
     for one in ("state", "nonce", "code_challenge"):
         values = [re.findall(rf"[?&]{one}=([^&]+)", away)[0] for away in (first, second)]
@@ -44,7 +48,7 @@ def test_what_goes_to_the_issuer_carries_state_nonce_and_a_challenge_and_the_sec
     assert here.issuer.asked == ["discovery", "keys"], "the issuer is not asked again for every sign-in"
 
 
-def test_the_same_person_is_one_account_and_another_of_the_same_name_is_another(here: Entrance) -> None:
+def test_the_same_person_is_one_account_and_another_of_the_same_name_is_another(here: OidcConsole) -> None:
     assert here.enter(here.browser()).status_code == 200
     here.issuer.person = {**ADA, "preferred_username": "ada.lovelace"}
     again = here.browser()
@@ -56,7 +60,7 @@ def test_the_same_person_is_one_account_and_another_of_the_same_name_is_another(
     assert re.fullmatch(r"ada-[0-9a-f]{6}", other.get("/api/v1/account").json()["name"])
 
 
-def test_a_name_that_is_taken_here_leads_to_nobody_elses_account(here: Entrance) -> None:
+def test_a_name_that_is_taken_here_leads_to_nobody_elses_account(here: OidcConsole) -> None:
     here.issuer.person = {**ADA, "preferred_username": "the-admin"}
     client = here.browser()
     here.enter(client)
@@ -65,7 +69,7 @@ def test_a_name_that_is_taken_here_leads_to_nobody_elses_account(here: Entrance)
     assert own["roles"] == ["operator"]
 
 
-def test_roles_follow_the_groups_at_every_sign_in_and_nobody_changes_them_here(here: Entrance) -> None:
+def test_roles_follow_the_groups_at_every_sign_in_and_nobody_changes_them_here(here: OidcConsole) -> None:
     client = here.browser()
     here.enter(client)
     here.issuer.person = {**ADA, "groups": ["robot-reviewers", "others"]}
@@ -92,7 +96,7 @@ def test_roles_follow_the_groups_at_every_sign_in_and_nobody_changes_them_here(h
     assert later.get("/").status_code == 401, "who lost every role is out at once"
 
 
-def test_a_stranger_is_told_what_to_ask_for(here: Entrance) -> None:
+def test_a_stranger_is_told_what_to_ask_for(here: OidcConsole) -> None:
     for groups in ([], ["others"], "robot-operators ", {"robot-operators": 1}, None, [["robot-operators"]]):
         here.issuer.person = {**ADA, "groups": groups}
         client = here.browser()
@@ -108,7 +112,7 @@ SILENT = {"sub": ADA["sub"], "preferred_username": "ada"}
 """Ada where the identity token does not say a word about groups."""
 
 
-def test_groups_that_the_token_lacks_are_asked_for_where_the_issuer_tells_of_people(here: Entrance) -> None:
+def test_groups_that_the_token_lacks_are_asked_for_where_the_issuer_tells_of_people(here: OidcConsole) -> None:
     here.issuer.person = {"sub": ADA["sub"], "groups": None}
     here.issuer.said = {"sub": ADA["sub"], "preferred_username": "ada", "groups": ["robot-admins"]}
     client = here.browser()
@@ -122,7 +126,7 @@ def test_groups_that_the_token_lacks_are_asked_for_where_the_issuer_tells_of_peo
     assert here.issuer.asked.count("person") == 2
 
 
-def test_what_the_token_says_of_groups_is_asked_of_nobody_else(here: Entrance) -> None:
+def test_what_the_token_says_of_groups_is_asked_of_nobody_else(here: OidcConsole) -> None:
     here.issuer.said = {"sub": ADA["sub"], "groups": ["robot-admins"]}
     client = here.browser()
     here.enter(client)
@@ -132,7 +136,7 @@ def test_what_the_token_says_of_groups_is_asked_of_nobody_else(here: Entrance) -
     assert "person" not in here.issuer.asked
 
 
-def test_who_has_an_account_by_name_comes_in_without_a_question_about_groups(here: Entrance) -> None:
+def test_who_has_an_account_by_name_comes_in_without_a_question_about_groups(here: OidcConsole) -> None:
     setting_up(here, "the-admin", subject=str(ADA["sub"]))
     here.issuer.person, here.issuer.said = SILENT, {"sub": "somebody else"}
     client = here.browser()
@@ -142,13 +146,13 @@ def test_who_has_an_account_by_name_comes_in_without_a_question_about_groups(her
 
 
 def test_without_a_mapping_nobody_has_a_role(issuer: Issuer) -> None:
-    with entrance(issuer, roles={}) as here:
+    with oidc_console(issuer, roles={}) as here:
         assert here.enter(here.browser()).status_code == 403
         assert here.refusals() == ["role_missing"]
 
 
 def test_the_first_account_is_an_admins_by_this_door_too(issuer: Issuer) -> None:
-    with entrance(issuer, settled=False) as here:
+    with oidc_console(issuer, settled=False) as here:
         first = here.stand.operator()
         assert here.enter(here.browser()).status_code == 403
         assert first.get("/").status_code == 200
@@ -157,7 +161,7 @@ def test_the_first_account_is_an_admins_by_this_door_too(issuer: Issuer) -> None
         assert first.get("/").status_code == 401, "one-time links let nobody in once there is an account"
 
 
-def test_a_disabled_person_stays_out(here: Entrance) -> None:
+def test_a_disabled_person_stays_out(here: OidcConsole) -> None:
     client = here.browser()
     here.enter(client)
     admin = here.browser()
@@ -168,14 +172,14 @@ def test_a_disabled_person_stays_out(here: Entrance) -> None:
     assert here.refusals() == ["account_disabled"]
 
 
-def test_who_has_no_password_signs_in_with_none(here: Entrance) -> None:
+def test_who_has_no_password_signs_in_with_none(here: OidcConsole) -> None:
     here.enter(here.browser())
     for password in ("", "x", PASSWORD):
         answer = here.browser().post("/account/sign-in", data={"name": "ada", "password": password})
         assert answer.status_code == 403
 
 
-def test_a_session_is_fresh_and_the_one_before_is_over(here: Entrance) -> None:
+def test_a_session_is_fresh_and_the_one_before_is_over(here: OidcConsole) -> None:
     client = here.browser()
     client.post("/account/sign-in", data={"name": "the-admin", "password": PASSWORD})
     before = cookies(client)["regen_session_8000"]
@@ -188,7 +192,7 @@ def test_a_session_is_fresh_and_the_one_before_is_over(here: Entrance) -> None:
     assert old.get("/").status_code == 401
 
 
-def test_a_sign_in_begins_on_our_own_page_at_the_address_that_the_issuer_knows(here: Entrance) -> None:
+def test_a_sign_in_begins_on_our_own_page_at_the_address_that_the_issuer_knows(here: OidcConsole) -> None:
     for headers in ({"Sec-Fetch-Site": "cross-site"}, {"Sec-Fetch-Site": "none"}, FOREIGN):
         answer = here.browser().get("/account/oidc", headers=headers)
         assert answer.status_code == 403
@@ -207,7 +211,7 @@ ELSEWHERE = (
 )  # fmt: skip
 
 
-def test_nobody_is_sent_anywhere_but_to_a_page_of_this_console(here: Entrance) -> None:
+def test_nobody_is_sent_anywhere_but_to_a_page_of_this_console(here: OidcConsole) -> None:
     password = {"name": "the-admin", "password": PASSWORD}
     for page in ELSEWHERE:
         assert 'content="0; url=/"' in here.enter(here.browser(), page=page).text, page
@@ -217,7 +221,7 @@ def test_nobody_is_sent_anywhere_but_to_a_page_of_this_console(here: Entrance) -
     assert typed.headers["location"] == "/missions?status=running"
 
 
-def test_signing_out_ends_the_session_and_offers_the_issuers_own_way_out(here: Entrance) -> None:
+def test_signing_out_ends_the_session_and_offers_the_issuers_own_way_out(here: OidcConsole) -> None:
     client = here.browser()
     here.enter(client)
     out = client.post("/account/sign-out")
@@ -227,18 +231,18 @@ def test_signing_out_ends_the_session_and_offers_the_issuers_own_way_out(here: E
     away = client.get("/account/oidc/leave").headers["location"]
     assert away.startswith(f"{here.issuer.url}/out?client_id=regen-console&post_logout_redirect_uri=http%3A%2F%2F")
     here.issuer.document = {"end_session_endpoint": None}
-    with entrance(here.issuer) as other:
+    with oidc_console(here.issuer) as other:
         assert other.browser().get("/account/oidc/leave").headers["location"] == "/account/sign-in"
 
 
-def setting_up(here: Entrance, name: str, *, subject: str) -> None:
+def setting_up(here: OidcConsole, name: str, *, subject: str) -> None:
     identities = here.stand.app.state.console.issuer.identities
     identities.link(name, issuer=here.issuer.url, subject=subject, by=SETTING_UP)
 
 
 @pytest.mark.parametrize("role", ROLES)
 def test_every_role_comes_by_this_door_with_exactly_what_it_may(issuer: Issuer, role: str) -> None:
-    with entrance(issuer, roles={"a-group": (role,)}) as here:
+    with oidc_console(issuer, roles={"a-group": (role,)}) as here:
         issuer.person = {**ADA, "groups": ["a-group"]}
         client = here.browser()
         assert here.enter(client).status_code == 200
@@ -254,7 +258,7 @@ def test_every_role_comes_by_this_door_with_exactly_what_it_may(issuer: Issuer, 
 
 
 def test_no_secret_of_a_sign_in_stands_in_a_page_the_accounts_an_event_or_a_log(
-    here: Entrance, caplog: pytest.LogCaptureFixture
+    here: OidcConsole, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(0)
     here.issuer.said = {"sub": "another", "groups": ["robot-operators"]}

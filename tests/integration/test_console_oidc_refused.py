@@ -6,7 +6,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from tests.builders.consoles import BASE, OWN
-from tests.builders.issuers import RETURNING, Entrance, cookies, entrance
+from tests.builders.oidc_console import RETURNING, OidcConsole, cookies, oidc_console
 from tests.builders.people import PASSWORD
 from tests.fakes.issuer import ADA, Issuer, new_key
 
@@ -27,7 +27,7 @@ WRONG: tuple[tuple[dict[str, object], str], ...] = (
 )
 
 
-def test_a_token_for_somebody_else_for_another_time_or_sign_in_is_refused(here: Entrance) -> None:
+def test_a_token_for_somebody_else_for_another_time_or_sign_in_is_refused(here: OidcConsole) -> None:
     for wrong, code in WRONG:
         here.issuer.claims = wrong
         client = here.browser()
@@ -38,7 +38,7 @@ def test_a_token_for_somebody_else_for_another_time_or_sign_in_is_refused(here: 
 
 
 @pytest.mark.parametrize("algorithm", ["none", "HS256"])
-def test_a_token_that_no_key_of_the_issuers_own_signed_is_refused(here: Entrance, algorithm: str) -> None:
+def test_a_token_that_no_key_of_the_issuers_own_signed_is_refused(here: OidcConsole, algorithm: str) -> None:
     here.issuer.algorithm = algorithm
     client = here.browser()
     assert here.enter(client).status_code == 403
@@ -46,7 +46,7 @@ def test_a_token_that_no_key_of_the_issuers_own_signed_is_refused(here: Entrance
     assert here.keeps_out(client)
 
 
-def test_a_token_signed_with_a_strangers_key_of_the_same_name_is_refused(here: Entrance) -> None:
+def test_a_token_signed_with_a_strangers_key_of_the_same_name_is_refused(here: OidcConsole) -> None:
     here.issuer.published = [here.issuer.key]
     here.issuer.key = new_key("first")
     client = here.browser()
@@ -55,7 +55,7 @@ def test_a_token_signed_with_a_strangers_key_of_the_same_name_is_refused(here: E
     assert here.keeps_out(client)
 
 
-def test_a_way_back_works_once_in_the_browser_that_began_it_with_the_state_it_began_with(here: Entrance) -> None:
+def test_a_way_back_works_once_in_the_browser_that_began_it_with_the_state_it_began_with(here: OidcConsole) -> None:
     client = here.browser()
     back = here.signed(here.away(client))
     elsewhere = here.browser()
@@ -73,7 +73,7 @@ def test_a_way_back_works_once_in_the_browser_that_began_it_with_the_state_it_be
     assert [one.get("/").status_code for one in (elsewhere, planted, other)] == [401, 401, 401]
 
 
-def test_a_code_that_was_used_is_refused(here: Entrance) -> None:
+def test_a_code_that_was_used_is_refused(here: OidcConsole) -> None:
     client = here.browser()
     back = here.signed(here.away(client))
     assert client.get(back, headers=RETURNING).status_code == 200
@@ -82,7 +82,7 @@ def test_a_code_that_was_used_is_refused(here: Entrance) -> None:
     assert here.refusals() == ["code_refused"]
 
 
-def test_a_code_of_another_browser_lacks_its_verifier(here: Entrance) -> None:
+def test_a_code_of_another_browser_lacks_its_verifier(here: OidcConsole) -> None:
     """A code that somebody stole is put into a sign-in of their own: PKCE binds it to the browser that asked."""
     stolen = re.findall(r"code=([^&]+)", here.signed(here.away(here.browser())))[0]
     thief = here.browser()
@@ -91,7 +91,7 @@ def test_a_code_of_another_browser_lacks_its_verifier(here: Entrance) -> None:
     assert thief.get("/").status_code == 401
 
 
-def test_an_answer_of_another_issuer_or_none_at_all_is_refused(here: Entrance) -> None:
+def test_an_answer_of_another_issuer_or_none_at_all_is_refused(here: OidcConsole) -> None:
     assert here.enter(here.browser(), changed={"iss": "https://elsewhere.example"}).status_code == 403
     assert here.enter(here.browser(), changed={"iss": ""}).status_code == 403
     assert here.enter(here.browser(), changed={"error": "access_denied", "code": ""}).status_code == 403
@@ -100,13 +100,13 @@ def test_an_answer_of_another_issuer_or_none_at_all_is_refused(here: Entrance) -
 
 
 def test_an_issuer_that_does_not_answer_is_named_and_passwords_go_on(issuer: Issuer) -> None:
-    with entrance(issuer) as here:
+    with oidc_console(issuer) as here:
         issuer.broken = True
         answer = here.browser().get("/account/oidc")
         assert answer.status_code == 502
         assert "The identity provider does not answer." in answer.text
         assert "set-cookie" not in answer.headers
-    with entrance(issuer, issuer="http://127.0.0.1:9") as here:
+    with oidc_console(issuer, issuer="http://127.0.0.1:9") as here:
         client = here.browser()
         assert client.get("/account/oidc").status_code == 502
         entered = client.post("/account/sign-in", data={"name": "the-admin", "password": PASSWORD})
@@ -126,7 +126,7 @@ def test_an_issuer_that_does_not_answer_is_named_and_passwords_go_on(issuer: Iss
     ],
 )
 def test_nobody_is_asked_and_nobody_sent_outside_of_the_configured_hosts(
-    here: Entrance, document: dict[str, object]
+    here: OidcConsole, document: dict[str, object]
 ) -> None:
     here.issuer.document = document
     client = here.browser()
@@ -139,7 +139,7 @@ def test_nobody_is_asked_and_nobody_sent_outside_of_the_configured_hosts(
 
 
 def test_a_wrong_client_secret_is_the_admins_matter(issuer: Issuer) -> None:
-    with entrance(issuer, client_secret="wrong") as here:
+    with oidc_console(issuer, client_secret="wrong") as here:
         assert here.enter(here.browser()).status_code == 403
         assert here.refusals() == ["client_refused"]
 
@@ -159,7 +159,7 @@ TOLD: tuple[tuple[dict[str, object], dict[str, object], str], ...] = (
 )
 
 
-def test_what_is_told_of_somebody_else_or_to_nobody_we_know_gives_no_role(here: Entrance) -> None:
+def test_what_is_told_of_somebody_else_or_to_nobody_we_know_gives_no_role(here: OidcConsole) -> None:
     here.issuer.person = SILENT
     for said, given, code in TOLD:
         here.issuer.said, here.issuer.given = said, given
@@ -171,7 +171,7 @@ def test_what_is_told_of_somebody_else_or_to_nobody_we_know_gives_no_role(here: 
 
 
 @pytest.mark.parametrize("endpoint", ["https://elsewhere.example/person", "http://127.0.0.1:9/person", 7, None])
-def test_an_access_token_goes_to_no_host_that_is_not_configured(here: Entrance, endpoint: object) -> None:
+def test_an_access_token_goes_to_no_host_that_is_not_configured(here: OidcConsole, endpoint: object) -> None:
     here.issuer.person, here.issuer.document = SILENT, {"userinfo_endpoint": endpoint}
     assert here.enter(here.browser()).status_code == 403
     assert here.refusals() == ["role_missing"]

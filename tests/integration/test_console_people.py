@@ -12,8 +12,8 @@ from app.auth.command_permissions import required_permission
 from app.auth.permissions import GRANTS, ROLES, Permission
 from harness.contracts.ids import MissionId
 from rsi_reviews.release_service import ReleaseService
+from tests.builders.console_with_roles import ALERT_TURNS, TURNS, ConsoleWithRoles, routes
 from tests.builders.consoles import BASE, Stand, console_stand
-from tests.builders.house import ALERT_TURNS, TURNS, House, routes
 from tests.builders.people import PASSWORD, SETTING_UP, counted, everybody, program, store_of
 from tests.builders.releases import LAUNCHER, candidate, expect, say
 
@@ -40,6 +40,8 @@ OWN_BUSINESS = {
     "/candidates/check",
 }
 ROBOT_TURNS: dict[str, Permission] = {"autonomy": "drive", "pause": "stop", "resume": "drive", "safe": "stop"}
+TELEOPERATION = ("teleoperation", "wheel")
+"""The path of the API, and its name in the release before, kept as a hidden alias."""
 CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/missions"): "drive",
     ("POST", "/missions/{mission_id}/stop"): "stop",
@@ -59,9 +61,9 @@ CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/api/v1/missions/{mission_id}/autonomy"): "drive",
     ("POST", "/api/v1/robots/{robot_id}/safe"): "stop",
     ("POST", "/api/v1/robots/{robot_id}/posture"): "drive",
-    ("POST", "/api/v1/robots/{robot_id}/wheel"): "drive",
-    ("POST", "/api/v1/robots/{robot_id}/wheel/turn"): "drive",
-    ("POST", "/api/v1/robots/{robot_id}/wheel/return"): "stop",
+    **{("POST", f"/api/v1/robots/{{robot_id}}/{path}"): "drive" for path in TELEOPERATION},
+    **{("POST", f"/api/v1/robots/{{robot_id}}/{path}/turn"): "drive" for path in TELEOPERATION},
+    **{("POST", f"/api/v1/robots/{{robot_id}}/{path}/return"): "stop" for path in TELEOPERATION},
     **{("POST", f"{door}/alerts/{{alert_id}}/{turn}"): "alerts" for door in ("", "/api/v1") for turn in ALERT_TURNS},
     ("POST", "/api/v1/leases/{resource:path}/free"): "drive",
     ("POST", "/api/v1/places/{place_id}"): "drive",
@@ -95,10 +97,10 @@ CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/api/v1/missions/{mission_id}/withdraw"): "stop",
     **{("POST", f"{door}/candidates"): "propose" for door in ("", "/api/v1")},
     **{
-        ("POST", f"{door}/candidates/{{candidate}}/{verb}"): required_permission(kind.becomes)
-        for door in ("", "/api/v1")
+        ("POST", f"/api/v1/candidates/{{candidate}}/{verb}"): required_permission(kind.becomes)
         for verb, kind in releases.ACTS.items()
     },
+    ("POST", "/candidates/{candidate}/{verb}"): "propose",
     ("POST", "/api/v1/candidates/{candidate}/request_changes"): "review",
     **{("POST", f"{door}/releases/policy"): "people" for door in ("", "/api/v1")},
 }
@@ -106,7 +108,7 @@ CHANGE: dict[tuple[str, str], Permission] = {
 
 
 @pytest.fixture(scope="module")
-def house() -> Iterator[House]:
+def console() -> Iterator[ConsoleWithRoles]:
     with console_stand() as stand:
         _, handoff_id = stand.handed_off()
         people = everybody(stand)
@@ -117,11 +119,11 @@ def house() -> Iterator[House]:
         ((alert_id, _),) = stand.app.state.alert_watch.alerts.all()
         made = candidate()
         expect(ReleaseService(stand.harness.runtime).propose(made, say(LAUNCHER)))
-        yield House(stand, people, stand.created(), handoff_id, token_id, alert_id, made.candidate_id)
+        yield ConsoleWithRoles(stand, people, stand.created(), handoff_id, token_id, alert_id, made.candidate_id)
 
 
-def test_the_matrix_knows_every_route(house: House) -> None:
-    found = routes(house.stand)
+def test_the_matrix_knows_every_route(console: ConsoleWithRoles) -> None:
+    found = routes(console.stand)
     assert len(found) > 60
     changing = {one for one in found if one[0] != "GET" and one[1] not in OPEN | OWN_BUSINESS}
     assert changing == set(CHANGE)
@@ -129,12 +131,12 @@ def test_the_matrix_knows_every_route(house: House) -> None:
 
 
 @pytest.mark.parametrize("role", [*ROLES, "stranger"])
-def test_every_reading_route_answers_exactly_those_who_may_read_it(house: House, role: str) -> None:
+def test_every_reading_route_answers_exactly_those_who_may_read_it(console: ConsoleWithRoles, role: str) -> None:
     seen = 0
-    for method, path in routes(house.stand):
+    for method, path in routes(console.stand):
         if method != "GET" or path in ENDLESS:
             continue
-        status = house.send(role, method, path)
+        status = console.send(role, method, path)
         if path in OPEN:
             assert status == 200, path
         elif path in ISSUERS:
@@ -150,17 +152,17 @@ def test_every_reading_route_answers_exactly_those_who_may_read_it(house: House,
 
 
 @pytest.mark.parametrize("role", [*ROLES, "stranger"])
-def test_every_changing_route_refuses_whoever_may_not_and_nothing_happens(house: House, role: str) -> None:
-    with counted(house.stand):
+def test_every_changing_route_refuses_whoever_may_not_and_nothing_happens(console: ConsoleWithRoles, role: str) -> None:
+    with counted(console.stand):
         for (method, path), permission in CHANGE.items():
             if role not in GRANTS[permission]:
-                assert house.send(role, method, path) == (401 if role == "stranger" else 403), (method, path)
+                assert console.send(role, method, path) == (401 if role == "stranger" else 403), (method, path)
 
 
-def test_every_changing_route_serves_whoever_may(house: House) -> None:
+def test_every_changing_route_serves_whoever_may(console: ConsoleWithRoles) -> None:
     served = {}
     for (method, path), permission in CHANGE.items():
-        status = house.send(GRANTS[permission][0], method, path)
+        status = console.send(GRANTS[permission][0], method, path)
         served[method, path] = status
         assert status in (200, 201, 303, 409), (method, path, status)
     assert sum(status < 400 for status in served.values()) > len(served) / 3, served
@@ -193,12 +195,12 @@ def test_a_decision_is_stored_with_who_in_which_role_by_which_channel() -> None:
         assert "not safe" in audit
 
 
-def test_the_page_hides_what_would_be_refused_and_the_command_refuses_it_anyway(house: House) -> None:
-    seen_by = {role: house.people[role].get("/missions").text for role in ("viewer", "operator")}
+def test_the_page_hides_what_would_be_refused_and_the_command_refuses_it_anyway(console: ConsoleWithRoles) -> None:
+    seen_by = {role: console.people[role].get("/missions").text for role in ("viewer", "operator")}
     assert 'href="/missions/new"' in seen_by["operator"]
     assert "watching: " in seen_by["viewer"]
-    assert f'action="/missions/{house.mission_id}/stop"' not in seen_by["viewer"]
-    rail = house.people["viewer"].get("/overview/rail").text
+    assert f'action="/missions/{console.mission_id}/stop"' not in seen_by["viewer"]
+    rail = console.people["viewer"].get("/overview/rail").text
     assert "/missions/new" not in rail
 
 
@@ -230,7 +232,7 @@ def test_no_secret_stands_in_an_event_a_page_the_accounts_or_a_log(
     secrets = [secret, PASSWORD, "old secret phrase", "new secret phrase", "owner-token", *cookies]
     assert len(cookies) == len(ROLES)
     pages = [
-        who.get(House(stand, people, MissionId("m"), "h", "t").address(path)).text
+        who.get(ConsoleWithRoles(stand, people, MissionId("m"), "h", "t").address(path)).text
         for who in (admin, operator)
         for method, path in routes(stand)
         if method == "GET" and path not in ENDLESS

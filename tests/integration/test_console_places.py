@@ -2,15 +2,21 @@
 
 from collections.abc import Iterator
 
+import msgspec
 import pytest
 from fastapi.testclient import TestClient
 
+from app.acts.places import SavePlaceAct
 from app.i18n.reasons.rendering import sentence
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Refused
 from harness.contracts.ids import PlaceId
+from harness.contracts.place_events import SavePlace, place_stream
 from harness.contracts.tasks import TaskContract
 from harness.projections.mission import required_contract
 from tests.builders.consoles import Stand, console_stand
 
+ADA = Actor(name="ada", role="operator")
 DOCK = {
     "place_id": "dock_1", "name": "Loading dock", "aliases": "ramp, bay two", "x": "2.5", "y": "-1", "heading": "90",
     "region": "2, -2; 3, -2; 3, 0", "verification": "configured", "reason": "new ramp", "basis": "0",
@@ -42,7 +48,7 @@ def as_it_ships(stand: Stand, place_id: str) -> dict[str, str]:
     }  # fmt: skip
 
 
-@pytest.mark.ledger("R191", symbol="app.views.place_editor:place_of")
+@pytest.mark.ledger("R191", symbol="app.acts.places:SavePlaceAct.place")
 def test_a_place_keeps_everything_that_was_entered(stand: Stand, operator: TestClient) -> None:
     assert operator.post("/places/new", data=DOCK).status_code == 303
     place = stand.harness.runtime.site.places[-1]
@@ -137,9 +143,17 @@ def test_a_wrong_field_is_told_beside_it_and_nothing_is_saved(
     assert names(stand) == known
 
 
-def test_a_place_off_the_map_is_refused_by_the_gate(stand: Stand, operator: TestClient) -> None:
-    assert operator.post("/places/new", data={**DOCK, "x": "1e9"}).status_code == 409
-    assert "dock_1" not in names(stand)
+def test_a_place_off_the_map_is_told_beside_its_field_and_refused_by_the_gate(
+    stand: Stand, operator: TestClient
+) -> None:
+    far = operator.post("/places/new", data={**DOCK, "x": "1e9"})
+    assert far.status_code == 422 and 'id="wrong-x"' in far.text and "from -100000 to 100000" in far.text
+    site = stand.harness.runtime.site
+    place = SavePlaceAct(name="Far", x_m=1.0, y_m=0.0, reason="new").place(PlaceId("far"), site, by="ada")
+    asked = SavePlace(place=msgspec.structs.replace(place, approach_m=(1e9, 0.0)), basis=0, actor=ADA, reason="new")
+    decision = stand.harness.runtime.decide([(place_stream(site.name), asked)])
+    assert isinstance(decision, Refused)
+    assert "dock_1" not in names(stand) and "far" not in names(stand)
 
 
 def test_a_route_that_ends_elsewhere_is_told(operator: TestClient, stand: Stand) -> None:

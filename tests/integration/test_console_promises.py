@@ -63,7 +63,7 @@ class Offered(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def house() -> Iterator[tuple[Stand, dict[str, TestClient], MissionId, MissionId]]:
+def site() -> Iterator[tuple[Stand, dict[str, TestClient], MissionId, MissionId]]:
     """One robot under way, the other waiting for a person, and somebody of every role."""
     with fleet_stand() as stand:
         asking = started(stand.harness, TWO, faults=ASKS)
@@ -93,9 +93,9 @@ def walked(client: TestClient, *, pages: int = 90) -> dict[str, Offered]:
 
 @pytest.mark.parametrize("role", ROLES)
 def test_no_page_offers_an_act_that_it_refuses_to_whoever_reads_it(
-    house: tuple[Stand, dict[str, TestClient], MissionId, MissionId], role: str
+    site: tuple[Stand, dict[str, TestClient], MissionId, MissionId], role: str
 ) -> None:
-    client = house[1][role]
+    client = site[1][role]
     pages = walked(client)
     assert len(pages) > 20
     acts = {act: path for path, page in pages.items() for act in page.acts if "/sign-out" not in act}
@@ -105,9 +105,9 @@ def test_no_page_offers_an_act_that_it_refuses_to_whoever_reads_it(
 
 
 def test_every_page_has_a_stop_for_each_robot_that_names_it_and_its_mission(
-    house: tuple[Stand, dict[str, TestClient], MissionId, MissionId],
+    site: tuple[Stand, dict[str, TestClient], MissionId, MissionId],
 ) -> None:
-    _, people, driving, asking = house
+    _, people, driving, asking = site
     for path, page in walked(people["operator"]).items():
         stops = {f"/missions/{driving}/stop", f"/missions/{asking}/stop", "/robots/stop"}
         assert stops <= page.asks, path
@@ -142,7 +142,7 @@ def test_a_person_takes_over_drives_and_hands_back_and_the_harness_looks_for_its
         teleoperation = {"device": "tablet", "reason": "round the pallet"}
         assert operator.post("/robots/vbot-1/drive", data=teleoperation).status_code == 303
         pad = operator.get("/robots/vbot-1/drive").text
-        assert f'action="/handoffs/{handoff_id}/claim" data-keep=' in pad
+        assert re.search(rf'action="/handoffs/{handoff_id}/claim"\s+data-keep=', pad)
         assert "Its deadline is paused" in pad
         session = stand.app.state.console.control().wheels["vbot-1"].session
         before = len(stand.harness.starts(mission.mission_id))
@@ -233,9 +233,9 @@ TWINS = {
     "/queue/{mission_id}/withdraw": "/missions/{mission_id}/withdraw",
     "/robots/autonomy": "/control/autonomy",
     "/robots/{robot_id}/autonomy": "/missions/{mission_id}/autonomy",
-    "/robots/{robot_id}/drive": "/robots/{robot_id}/wheel",
-    "/robots/{robot_id}/drive/return": "/robots/{robot_id}/wheel/return",
-    "/robots/{robot_id}/drive/turn": "/robots/{robot_id}/wheel/turn",
+    "/robots/{robot_id}/drive": "/robots/{robot_id}/teleoperation",
+    "/robots/{robot_id}/drive/return": "/robots/{robot_id}/teleoperation/return",
+    "/robots/{robot_id}/drive/turn": "/robots/{robot_id}/teleoperation/turn",
     "/robots/{robot_id}/pause": "/missions/{mission_id}/pause",
     "/robots/{robot_id}/resume": "/missions/{mission_id}/resume",
     "/robots/{robot_id}/stand": "/robots/{robot_id}/posture",
@@ -245,7 +245,7 @@ OWN = {
     "/account/password", "/account/sign-in", "/account/sign-out", "/account/sign-out-everywhere",
     "/missions/{mission_id}/scene/{view}/instant",
 }  # fmt: skip
-"""A person's own browser: nothing of the house changes by them."""
+"""A person's own browser: nothing changes for anybody else."""
 
 
 def test_every_act_of_a_page_is_described_for_programs_too() -> None:

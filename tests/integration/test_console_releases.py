@@ -140,7 +140,7 @@ def test_an_author_is_told_before_the_click_and_refused_after_it(house: House) -
     name = house.bench.in_review(candidate())
     text = house.page("author", f"/candidates/{name}")
     assert "lea is an author of it" in text
-    button = re.findall(r'<button id="approve"[^>]*>', text)[0]
+    button = re.findall(r'<button\s+id="approve"[^>]*>', text)[0]
     assert "disabled" in button
     status, told = house.said("author", name, "approve")
     assert status == 409 and "lea is an author of it" in told

@@ -99,7 +99,7 @@ def test_driving_by_hand_from_the_page_moves_the_robot_and_only_for_its_driver()
         assert "by hand from tablet" in operator.get("/robots").text
         wrong = operator.post(f"/robots/{ONE}/drive/turn", json={"session": "x", "v_mps": 0.3})
         assert wrong.status_code == 409
-        taken = owner.post(f"/api/v1/robots/{ONE}/wheel", json={"device": "script", **REASON})
+        taken = owner.post(f"/api/v1/robots/{ONE}/teleoperation", json={"device": "script", **REASON})
         assert taken.status_code == 409 and taken.json()["code"] == "wheel_taken"
         assert operator.post(f"/robots/{ONE}/drive/return").status_code == 303
         assert stand.harness.robots[ONE].status().posture == "standing"
@@ -159,7 +159,8 @@ def test_a_robot_is_sent_to_its_safe_place_shown_on_its_way_and_stopped_there_by
         assert "declared succeeded. No facts are accepted from this." in sentence(operator.get(f"/robots/{ONE}").text)
         assert from_dock_m(stand) < 0.4
         ended = [one.recorded_s for one in stand.harness.runtime.stream(CONTROL) if name_of(one.kind) == "RetreatEnded"]
-        said = re.findall(r'<time datetime="([^"]*)">[^<]+ UTC</time>: Sent to', operator.get(f"/robots/{ONE}").text)
+        text = operator.get(f"/robots/{ONE}").text
+        said = re.findall(r'<time datetime="([^"]*)">[^<]+ UTC\s*</time>:\s+Sent to', text)
         assert said == [iso(ended[-1])]
         started(stand.harness, ONE)
         assert "Sent to" not in sentence(operator.get(f"/robots/{ONE}").text), "it mattered until the next mission"

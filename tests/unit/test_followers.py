@@ -75,7 +75,8 @@ def test_at_the_head_nothing_is_read() -> None:
     def read(after: int, limit: int) -> list[StoredEvent]:
         raise AssertionError("nothing is new")
 
-    Follower(target, head=store.head, read=read, fold="f").catch_up()
+    mark = Follower(target, head=store.head, read=read, fold="f").catch_up()
+    assert (mark.position, target.seen) == (2, [[1, 2]])
 
 
 @pytest.mark.parametrize(

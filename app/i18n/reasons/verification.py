@@ -49,8 +49,6 @@ SENTENCES: Mapping[str, str] = {
     "items_unacknowledged": N_("{items} items have no acknowledgement"),
     "jpeg_cut_short": N_("the JPEG is cut short"),
     "jpeg_without_header": N_("the JPEG has no frame header"),
-    "kept_and_read_back": N_("the picture {image} and its certificate were read back from the evidence store"),
-    "kept_of_another_length": N_("the certificate states {stated} bytes, the store gave back {found}"),
     "localiser_and_odometry_apart": N_("localiser and odometry differ by {disagreement_m:.2f} m"),
     "mandatory_evidence_missing": N_("mandatory evidence is missing: {names}"),
     "names_no_image": N_("{stages} names no image"),

@@ -76,4 +76,4 @@ def test_an_end_stays_on_the_page_for_a_day_or_until_the_robots_next_mission(
 def test_the_report_says_what_the_robot_did_without_an_answer(done: bool, said: str) -> None:
     reason = recorded("the robot declares itself lying")
     told = no_answer_taken(Unanswered(action="lie_down", done=done, reason=reason, at_s=1.0))
-    assert told == f"without an answer: lie down, {said}. the robot declares itself lying"
+    assert told == f"without an answer: lie down where it is, {said}. the robot declares itself lying"

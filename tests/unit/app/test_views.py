@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from app.views import forms
 from app.views.contexts import contexts
-from app.views.handoff_shown import action_view
+from app.views.handoff_question import action_view
 from app.views.measures import measures, number, quantity
 from app.views.mission_json import mission_outcome
 from app.views.sentences import FAMILY

@@ -1,17 +1,19 @@
 """Events of earlier releases: brought up in memory, never rewritten; a later release's shape is not guessed at."""
 
-from typing import Any
+from typing import Any, get_args
 
 import msgspec
 import pytest
 
 from harness.contracts.actors import Event
+from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
 from harness.contracts.errors import LogDamaged, StoreNewer
 from harness.contracts.ids import Digest, StreamId
 from harness.contracts.ports import StoredEvent
-from harness.contracts.upcasting import UPCASTERS, Upcaster, Upcasting
+from harness.contracts.upcasting import UPCASTERS, Upcaster, Upcasting, name_of
 from harness.contracts.values import encode
+from tests.saying import raises_saying
 
 ZERO = Digest("0" * 64)
 
@@ -87,14 +89,14 @@ def test_only_the_newest_shape_is_written_and_it_is_read_back() -> None:
 
 
 def test_the_old_shape_under_the_new_kind_is_damage_and_the_new_one_under_the_old_kind_too() -> None:
-    with pytest.raises(LogDamaged, match="position 7"):
+    with raises_saying(LogDamaged, match="position 7"):
         CODEC.decode(stored("LegMeasured@3", {"kind": "LegMeasured", "distance": 1762.0}))
-    with pytest.raises(LogDamaged, match="position 7"):
+    with raises_saying(LogDamaged, match="position 7"):
         CODEC.decode(stored("LegMeasured", {"kind": "LegMeasured", "distance_m": 17.62, "source": "localiser"}))
 
 
 def test_a_shape_of_a_later_release_says_so() -> None:
-    with pytest.raises(StoreNewer, match=r"LegMeasured@4 was written by a later release.*install the newer version"):
+    with raises_saying(StoreNewer, match=r"LegMeasured@4 was written by a later release.*install the newer version"):
         CODEC.decode(stored("LegMeasured@4", {"kind": "LegMeasured", "distance_m": 17.62, "source": "localiser"}))
 
 
@@ -110,5 +112,8 @@ def test_ways_that_fork_or_turn_are_refused(wrong: tuple[Upcaster, ...], says: s
         Upcasting(wrong)
 
 
-def test_the_upcasters_of_every_release_lead_somewhere() -> None:
-    Upcasting(UPCASTERS)
+def test_the_upcasters_of_every_release_lead_to_an_event_of_today() -> None:
+    chain, today = Upcasting(UPCASTERS), {kind.__name__ for kind in get_args(AnyEvent)}
+    for step in UPCASTERS:
+        assert chain.is_old(step.old) and not chain.is_old(chain.written(name_of(step.new)))
+        assert name_of(step.new) in today

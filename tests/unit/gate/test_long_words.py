@@ -31,7 +31,7 @@ WORDS = ["", "x" * 5000, "ü„“\n\t" * 300]
 HANDOFF_ID = HandoffId("hof_1")
 
 
-def read_again(decider: Decider[Any, Any, Any], state: Any, command: Any) -> None:
+def assert_read_again(decider: Decider[Any, Any, Any], state: Any, command: Any) -> None:
     """What the command leads to is decoded from what would be stored."""
     decision = decider.decide(state, command, NOW)
     assert isinstance(decision, Accepted) and decision.events
@@ -55,25 +55,25 @@ def read_again(decider: Decider[Any, Any, Any], state: Any, command: Any) -> Non
 @pytest.mark.parametrize("words", WORDS)
 def test_every_reason_of_a_mission_can_be_read_again(words: str) -> None:
     mission = created()
-    read_again(DECIDER, mission, StopMission(actor=OPERATOR, reason=words))
-    read_again(DECIDER, mission, PauseMission(actor=OPERATOR, reason=words))
-    read_again(DECIDER, mission, RaiseVeto(layer="robot", reason=words))
-    read_again(DECIDER, mission, FailNode(node_id=GO, reason=words))
-    read_again(DECIDER, mission, EndMission(status="failed", reason=words))
+    assert_read_again(DECIDER, mission, StopMission(actor=OPERATOR, reason=words))
+    assert_read_again(DECIDER, mission, PauseMission(actor=OPERATOR, reason=words))
+    assert_read_again(DECIDER, mission, RaiseVeto(layer="robot", reason=words))
+    assert_read_again(DECIDER, mission, FailNode(node_id=GO, reason=words))
+    assert_read_again(DECIDER, mission, EndMission(status="failed", reason=words))
     failure = ReportFailure(node_id=GO, invocation_id=None, failure="violated", reason=words, at_s=1.0)
-    read_again(DECIDER, mission, failure)
+    assert_read_again(DECIDER, mission, failure)
     asking = AskPerson(handoff_id=HANDOFF_ID, node_id=GO, failure="violated", reason=words)
     asked = after(mission, failure, asking)
     answer = AnswerMission(handoff_id=HANDOFF_ID, decision="rejected", actor=OPERATOR, reason=words)
-    read_again(DECIDER, asked, answer)
+    assert_read_again(DECIDER, asked, answer)
     done = after(mission, dispatch(mission))
     done = after(done, complete(done))
     disputed = DisputeCompletion(condition_id=done.facts[0].condition_id, actor=OPERATOR, reason=words)
-    read_again(DECIDER, done, disputed)
+    assert_read_again(DECIDER, done, disputed)
 
 
 @pytest.mark.parametrize("words", WORDS)
 def test_every_reason_at_a_handoff_and_a_lease_can_be_read_again(words: str) -> None:
     reject = RejectHandoff(actor=OPERATOR, reason=words, key="k", cycle=0, subject=Digest("0" * 64))
-    read_again(HANDOFF, Handoff(status="open"), reject)
-    read_again(LEASE, LEASE.initial, QuarantineLease(invocation_id=InvocationId("inv_1"), reason=words))
+    assert_read_again(HANDOFF, Handoff(status="open"), reject)
+    assert_read_again(LEASE, LEASE.initial, QuarantineLease(invocation_id=InvocationId("inv_1"), reason=words))

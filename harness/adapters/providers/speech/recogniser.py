@@ -62,7 +62,8 @@ def _samples(recording: bytes) -> bytes:
         with wave.open(io.BytesIO(recording)) as file:
             if (file.getnchannels(), file.getsampwidth()) != (1, 2):
                 raise _failure("the recording is not 16-bit mono")
-            rate_hz, body = file.getframerate(), file.readframes(file.getnframes())
+            rate_hz = file.getframerate()
+            body: bytes = file.readframes(file.getnframes())
     except (wave.Error, EOFError) as error:
         raise _failure(f"the recording is no WAV ({error})") from error
     if rate_hz == RATE_HZ:

@@ -1,4 +1,4 @@
-"""Sign-ins under way to an identity provider: how long, how many, how often, and what the trail says of them."""
+"""Sign-ins under way at the identity provider: how long, how many, how often, and what the audit log says of them."""
 
 import itertools
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Pure: what a person is shown to decide on, the same for everybody: no clock, no key, no language, no template."""
+"""Shapes what a person is shown before a decision: typed data, the same in every language and under every template."""
 
 import json
 from dataclasses import dataclass
@@ -9,6 +9,7 @@ from msgspec import to_builtins
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, word
 from app.views.budgets import Budget, budget, spent_of_limits
+from app.views.history import ShownDifference
 from app.views.measures import quantity
 from harness.contracts.handoff_events import HandoffOpened, ProposedAction
 from harness.contracts.ids import sha256
@@ -38,15 +39,6 @@ class ActionView:
     digest: str
     body: str
     sound: bool
-
-
-@dataclass(frozen=True)
-class ShownDifference:
-    """One thing that is not as it was shown."""
-
-    name: str
-    was: str
-    now: str
 
 
 @dataclass(frozen=True)
@@ -86,7 +78,7 @@ def shown_record(opened: HandoffOpened, mission: Mission) -> ShownRecord:
 
 
 def shown_question(opened: HandoffOpened, mission: Mission) -> ShownQuestion:
-    """From the question and the mission's state alone."""
+    """The question as it stands, from the handoff and the mission's state alone."""
     state = mission.nodes.get(opened.node_id)
     return ShownQuestion(
         opened=opened,
@@ -97,7 +89,7 @@ def shown_question(opened: HandoffOpened, mission: Mission) -> ShownQuestion:
 
 
 def action_view(proposal: ProposedAction | None, *, subject: str) -> ActionView | None:
-    """Rows come from the canonical bytes, so that nothing can be shown that is not digested."""
+    """The rows are read from the canonical bytes, so that only what is digested can be shown."""
     if proposal is None:
         return None
     body = encode(proposal)

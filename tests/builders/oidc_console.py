@@ -39,7 +39,7 @@ def trusting(issuer: Issuer, /, *, port: int = 8000, **more: Any) -> ConsoleSett
 
 
 @dataclass(frozen=True)
-class Entrance:
+class OidcConsole:
     """A console, its identity provider, and a browser that goes between them."""
 
     stand: Stand
@@ -85,9 +85,9 @@ def cookies(client: TestClient) -> dict[str, str]:
 
 
 @contextmanager
-def entrance(issuer: Issuer, /, *, settled: bool = True, **more: Any) -> Iterator[Entrance]:
+def oidc_console(issuer: Issuer, /, *, settled: bool = True, **more: Any) -> Iterator[OidcConsole]:
     """A console with an admin, who has a password, unless `settled` is False."""
     with console_stand(settings=trusting(issuer, **more)) as stand:
         if settled:
             stand.app.state.sessions.accounts.add("the-admin", roles=["admin"], password=PASSWORD, by=SETTING_UP)
-        yield Entrance(stand, issuer)
+        yield OidcConsole(stand, issuer)

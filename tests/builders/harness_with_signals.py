@@ -20,7 +20,7 @@ from tests.builders.missions_run import ROBOT
 
 
 @contextmanager
-def heard(signals: Signals, *, seed: int = 3) -> Iterator[Harness]:
+def harness_with_signals(signals: Signals, *, seed: int = 3) -> Iterator[Harness]:
     """A harness in which nobody approves the motion of canary missions: the release service alone is tested."""
     with ExitStack() as stack:
         robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=seed), robot_id=ROBOT)

@@ -17,7 +17,7 @@ REASONED = ("stop", "pause", "resume", "dispute", "withdraw", "case", "free")
 
 
 @dataclass(frozen=True)
-class House:
+class ConsoleWithRoles:
     """A console with a mission that ended, one in progress, a question, and a person of every role."""
 
     stand: Stand
@@ -41,6 +41,7 @@ class House:
             "position": "1",
             "form": "viser",
             "candidate": self.candidate,
+            "verb": "comment",
             "resource": "vbot-1/mobile_base",
         }
         return re.sub(r"\{(\w+)(:\w+)?\}", lambda found: names.get(found[1], "1"), path)
@@ -89,7 +90,7 @@ class House:
             return {"name": "newcomer", "scopes": ["read"]}
         if last == "{name}":
             return {"roles": ["viewer"]}
-        if last in ("autonomy", "safe", "stand", "posture", "wheel", "drive", "turn", "return"):
+        if last in ("autonomy", "safe", "stand", "posture", "teleoperation", "wheel", "drive", "turn", "return"):
             return self.at_robot(last)
         return {"reason": "because"} if last in REASONED else {}
 

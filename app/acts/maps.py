@@ -1,0 +1,27 @@
+"""Acts on maps: attach a point cloud."""
+
+from typing import Annotated, Any
+
+import msgspec
+from pydantic import Field
+
+from app.acts import base
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.maps import AttachCloud, MapCloud
+
+
+class AttachCloudAct(base.Act):
+    """Attach a MapCloud as `regen map import --json` prints it; its chunks are stored already."""
+
+    becomes = AttachCloud
+    cloud: Annotated[dict[str, Any], Field(max_length=20)]
+    reason: base.Reason
+
+    def fields(self) -> dict[str, Any]:
+        """Raises ContractInvalid for what is no cloud."""
+        try:
+            return {"cloud": msgspec.convert(self.cloud, MapCloud), "reason": self.reason}
+        except msgspec.ValidationError as error:
+            raise ContractInvalid(
+                f"That is no map cloud: {error}", where="cloud", do="send what `regen map import --json` prints"
+            ) from error

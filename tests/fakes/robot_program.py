@@ -1,0 +1,73 @@
+"""A simulated robot, as a program of its own, whose answers over HTTP are changed in one way: `robot_program MODE ...`.
+
+silent: it proposes nothing. elsewhere: its arrivals are proposed for another target. more: it proposes a fact that no
+stage has. older: it speaks protocol 1.0, and refuses a request with a field that this protocol does not know.
+"""
+
+import json
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from fastapi import FastAPI, Request, Response
+
+from simulator import __main__ as program
+from simulator.service import Pace, robot_service
+
+Report = dict[str, Any]
+
+
+def silent(report: Report) -> Report:
+    return report | {"proposed_facts": []}
+
+
+def elsewhere(report: Report) -> Report:
+    moved = [one | {"arguments": one["arguments"] | {"target_m": [9.0, 9.0]}} for one in report["proposed_facts"]]
+    return report | {"proposed_facts": moved}
+
+
+def more(report: Report) -> Report:
+    done = report["status"] == "succeeded"
+    coffee = [{"name": "coffee_made", "arguments": {"cups": 2.0}}] if done else []
+    return report | {"proposed_facts": report["proposed_facts"] + coffee}
+
+
+def older(report: Report) -> Report:
+    return {name: value for name, value in report.items() if name != "proposed_facts"}
+
+
+MODES: dict[str, Callable[[Report], Report]] = {
+    "silent": silent, "elsewhere": elsewhere, "more": more, "older": older,
+}  # fmt: skip
+
+
+def changed(answer: Any, mode: str) -> Any:
+    if isinstance(answer, dict) and "handle" in answer and "identity" in answer:
+        return MODES[mode](answer)
+    if mode == "older" and isinstance(answer, list) and answer and "provider_id" in answer[0]:
+        return [{name: value for name, value in card.items() if name != "protocol"} for card in answer]
+    return answer
+
+
+def service(mode: str) -> Callable[[Pace, str], FastAPI]:
+    def made(pace: Pace, token: str) -> FastAPI:
+        app = robot_service(pace, token)
+
+        @app.middleware("http")
+        async def change(request: Request, call_next: Any) -> Response:
+            if mode == "older" and b'"intended"' in await request.body():
+                return Response(b'{"code": "invalid_body", "what": "unknown field intended"}', 422)
+            answered = await call_next(request)
+            body = b"".join([part async for part in answered.body_iterator])
+            if answered.headers.get("content-type") == "application/json":
+                body = json.dumps(changed(json.loads(body), mode)).encode()
+            return Response(body, answered.status_code, media_type=answered.headers.get("content-type"))
+
+        return app
+
+    return made
+
+
+if __name__ == "__main__":
+    program.robot_service = service(sys.argv.pop(1))
+    sys.exit(program.main())
