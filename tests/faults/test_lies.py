@@ -13,9 +13,8 @@ from tests.builders.missions_run import Ran
 from tests.fakes import lying
 
 INSPECTION = "warehouse-inspection"
-DOCK_FLOOR = ((-0.7, -0.7), (0.7, -0.7), (0.7, 0.7), (-0.7, 0.7))
 CLEAR_CORNER = ((12.4, 7.9), (13.6, 7.9), (13.6, 9.0), (12.4, 9.0))
-SHIFTED = ((10.9, 8.9), (12.3, 8.9), (12.3, 10.0), (10.9, 10.0))
+SHIFTED = ((10.3, 10.7), (11.7, 10.7), (11.7, 12.7), (10.3, 12.7))
 CONTRARY = "Inspection report, Office storage area. The passage is clear: nothing stands on its floor."
 
 
