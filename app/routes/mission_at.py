@@ -142,7 +142,7 @@ class MissionAt:
             node_id=self.node,
             read=console.context,
             candidates=console.candidates,
-            question=console.routing_question,
+            explain=console.explained,
         )
 
     @cached_property

@@ -30,7 +30,7 @@ PEOPLE = ("human", "stop", "safe_stop")
 """Steps that end the try or ask a person: nothing is committed by them."""
 
 
-class StepCount(Value):
+class StepEffect(Value):
     """One failure class and step: how often it was taken, and how often the stage was committed next."""
 
     failure: str
@@ -48,7 +48,7 @@ class StepReport(Value):
 
     missions: Count
     seed: Count
-    steps: tuple[StepCount, ...]
+    steps: tuple[StepEffect, ...]
     offences: tuple[str, ...]
 
 
@@ -66,7 +66,7 @@ def recovery_steps(missions: int, *, seed: int) -> StepReport:
                 taken[(failure, action)] += 1
                 committed[(failure, action)] += helped
     steps = tuple(
-        StepCount(failure=failure, action=action, taken=times, committed=committed[(failure, action)])
+        StepEffect(failure=failure, action=action, taken=times, committed=committed[(failure, action)])
         for (failure, action), times in sorted(taken.items())
     )
     offences = tuple(f"{one.action} after {one.failure}: 0 of {one.taken}" for one in steps if one.ineffective)

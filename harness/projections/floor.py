@@ -2,9 +2,9 @@
 
 import math
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from harness.contracts.exploration import FREE, OCCUPIED, UNKNOWN, GridMap
 from harness.contracts.values import NonNegative, Share, Value
@@ -71,8 +71,8 @@ def _reachable(grid: GridMap) -> tuple[Mask, Mask]:
 
 def _largest_part(seen: Mask, floor: Mask) -> Mask:
     """The connected part of the floor that holds most of what was seen."""
-    count, parts = cv2.connectedComponents(floor.astype(np.uint8), connectivity=4)
-    sizes = np.bincount(np.asarray(parts)[seen], minlength=count)
+    parts, count = ndimage.label(floor)
+    sizes = np.bincount(np.asarray(parts)[seen], minlength=count + 1)
     part: Mask = (np.asarray(parts) == int(sizes.argmax())) & floor
     return part
 
