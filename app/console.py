@@ -22,6 +22,7 @@ from app.background.presence import Presence
 from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
 from app.background.trajectories import Measurements
+from app.i18n.messages import reasoned
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.views.shell import Shell, Surroundings, shell
@@ -160,7 +161,7 @@ class Console:
         try:
             self.runtime.blob(digest)
         except BlobDamaged as error:
-            return error.what
+            return reasoned(error.what)
         return ""
 
     def context(self, digest: Digest) -> Context | None:

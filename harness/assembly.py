@@ -22,7 +22,7 @@ from harness.adapters.providers.speech.speaker import PacedSpeaker, RoomSpeaker
 from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.configurations import StoredConfigurations
 from harness.adapters.stores.memory_index import VolatileMemoryIndex
-from harness.baseline.load import baseline, earlier
+from harness.baseline.load import baseline, earlier, further
 from harness.baseline.load import site as shipped_site
 from harness.contracts import ports
 from harness.contracts.configuration import Configuration
@@ -42,6 +42,7 @@ from harness.gate.handoffs import DECIDER as HANDOFF
 from harness.gate.leases import DECIDER as LEASE
 from harness.gate.maps import DECIDER as MAP
 from harness.gate.places import DECIDER as PLACE
+from harness.goals.reader import GRAMMAR, GoalReader
 from harness.memory.fabric import MemoryFabric
 from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.projections.mission import Mission
@@ -130,6 +131,7 @@ class Parts:
     snapshots: ports.Snapshots | None = None
     verifier: Verifier = verify
     planner: Planner = GRAPH_ORDER
+    reader: GoalReader = GRAMMAR
     proposer: Proposer = NEAREST_EDGE
     deciders: Deciders = field(default_factory=dict)
     authority: Authority = unquestioned
@@ -286,6 +288,8 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, ports.Clock] = MappingProx
         ),
         site=parts.site,
         memory=MemoryFabric(store=parts.store, index=parts.index),
+        beside=further(),
+        reader=parts.reader,
         rules=parts.rules,
     )
     return runtime

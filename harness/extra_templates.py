@@ -1,7 +1,7 @@
-"""Starts missions whose templates ship beside H_0: offered by name or goal, decomposed by a planner.
+"""Starts missions: offers the templates beside H_0 too, and has a planner order the stages of theirs.
 
-They run under their robot's current configuration, are pinned to it and end at the same gate. The compiled contract
-is stored in the log; a candidate cannot change their templates.
+Every mission runs under its robot's current configuration, is pinned to it and ends at the same gate. The compiled
+contract is stored in the log; a candidate cannot change the templates beside H_0.
 """
 
 from dataclasses import replace
@@ -12,26 +12,23 @@ from harness.contracts.any_events import AnyEvent
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.ids import Digest, RobotId
-from harness.contracts.places import Site
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import encode
-from harness.planning.compile import compile_contract
+from harness.goals.understanding import Understood
 from harness.planning.decomposition import ONE_AFTER_ANOTHER, Decomposed, StagePlanner, decomposed
-from harness.planning.templates import by_name, select
 from harness.runtime import Start
 
 
 class MissionStarter(Protocol):
     """What starting a mission needs of the runtime."""
 
-    @property
-    def site(self) -> Site: ...
-
     def current_configuration(self, robot_id: RobotId) -> Configuration: ...
+
+    def understood(self, start: Start) -> Understood: ...
 
     def start(self, start: Start, *, template: TaskTemplate | None = None) -> Accepted[AnyEvent] | Refused: ...
 
-    def draft(self, start: Start) -> TaskContract: ...
+    def draft(self, start: Start, *, template: TaskTemplate | None = None) -> TaskContract: ...
 
     def keep(self, body: bytes) -> Digest: ...
 
@@ -46,15 +43,14 @@ def offered(runtime: MissionStarter, robot_id: RobotId) -> tuple[TaskTemplate, .
 def begin(
     runtime: MissionStarter, start: Start, *, planner: StagePlanner = ONE_AFTER_ANOTHER
 ) -> Accepted[AnyEvent] | Refused:
-    """Start a mission of any offered template. Raises as `Runtime.start` does; nothing is written then.
+    """Start a mission of any offered template, or of several. Raises as `Runtime.start` does; nothing is written then.
 
     The plan of a template beside H_0 is stored as a blob; the mission's labels name it, its planner, and why the
     harness took its own plan instead, if it did.
     """
-    found = _found(runtime, start)
-    if found is None:
+    taken = _taken_apart(runtime, start, planner)
+    if taken is None:
         return runtime.start(start)
-    taken = _taken_apart(found, start, planner)
     labels = {"planner": taken.planner, "plan_refused": taken.refused}
     if taken.plan is not None:
         labels["plan"] = runtime.keep(encode(taken.plan))
@@ -64,23 +60,20 @@ def begin(
 
 def draft(runtime: MissionStarter, start: Start) -> TaskContract:
     """The contract that `begin` would create now; nothing is written. Raises as `begin` does."""
-    found = _found(runtime, start)
-    if found is None:
-        return runtime.draft(start)
-    taken = _taken_apart(found, start, ONE_AFTER_ANOTHER)
-    goal, arguments = start.goal or found.goal, start.arguments or {}
-    return compile_contract(goal=goal, template=taken.template, arguments=arguments, site=runtime.site)
+    taken = _taken_apart(runtime, start, ONE_AFTER_ANOTHER)
+    return runtime.draft(start, template=taken.template if taken else None)
 
 
-def _found(runtime: MissionStarter, start: Start) -> TaskTemplate | None:
-    """The template beside H_0 that is meant; None if it is one of the configuration's own. Raises UnknownName."""
-    every = offered(runtime, start.robot_id)
-    chosen = by_name(start.template, every) if start.template else select(start.goal, every)
-    return chosen if any(chosen is one for one in further()) else None
+def _taken_apart(runtime: MissionStarter, start: Start, planner: StagePlanner) -> Decomposed | None:
+    """The stages of the one template beside H_0 that the goal takes, as the planner orders them; None if it takes none.
 
-
-def _taken_apart(template: TaskTemplate, start: Start, planner: StagePlanner) -> Decomposed:
-    return decomposed(planner, goal=start.goal or template.goal, template=template)
+    The stages of several templates are done in the order that the goal says, and no planner is asked.
+    """
+    found = runtime.understood(start)
+    templates = [part.template for part in found.plan.parts] if found.plan else [found.template]
+    names = {template.name for template in templates if template is not None}
+    chosen = next((one for one in further() if {one.name} == names), None)
+    return decomposed(planner, goal=found.text, template=chosen) if chosen else None
 
 
 def _labelled(start: Start, labels: dict[str, str]) -> Start:

@@ -36,7 +36,7 @@ from harness.contracts.person_commands import PersonCommand
 from harness.contracts.place_events import place_stream
 from harness.contracts.places import Place, Site
 from harness.contracts.protocol import InvocationReport, RobotStatus
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Explanation, because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Value, encode
@@ -44,12 +44,12 @@ from harness.gate.commit import CommandEnvelope, Gate
 from harness.gate.ended_missions import EndedMissions
 from harness.gate.open_missions import OpenMissions
 from harness.gate.places import DECIDER as PLACE
+from harness.goals.reader import GRAMMAR, GoalReader
+from harness.goals.understanding import GoalRequest, Understood, compiled, read_again, understand
 from harness.memory.fabric import MemoryFabric
-from harness.planning.compile import compile_contract
-from harness.planning.templates import by_name, select
 from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
-from harness.projections.mission import Mission
+from harness.projections.mission import Mission, required_contract
 from harness.projections.places import Places, changed_site
 
 KEPT_CONTRACTS = 16
@@ -96,12 +96,15 @@ class Unreadable(Value):
     mission_id: MissionId
     robot_id: RobotId
     configuration: Digest
-    reason: str
+    reason: Explanation
 
 
 @dataclass(frozen=True)
 class Start:
-    """A person's request to start a mission: a template by name, or a goal that one matches; `channel`: how it came."""
+    """A person's request to start a mission: a template by name, a goal in words, or both; `channel`: how it came.
+
+    `confirm_reading` is the digest of the reading that the person confirmed (D41).
+    """
 
     actor: Actor
     robot_id: RobotId
@@ -113,6 +116,7 @@ class Start:
     labels: dict[str, str] | None = None
     replay: bool = False
     channel: str = ""
+    confirm_reading: str = ""
 
 
 class Runtime:
@@ -130,6 +134,8 @@ class Runtime:
         site: Site,
         memory: MemoryFabric,
         rules: RulesVersion = CURRENT_RULES,
+        beside: Sequence[TaskTemplate] = (),
+        reader: GoalReader = GRAMMAR,
     ) -> None:
         self._gate = gate
         self._store = store
@@ -138,6 +144,8 @@ class Runtime:
         self._signals = signals
         self._configurations = configurations
         self._shipped = site
+        self._beside = beside
+        self._reader = reader
         self._sites: LRUCache[tuple[MissionId, Digest], Site] = LRUCache(KEPT_LIVE)
         self.memory = memory
         self.rules = rules
@@ -183,20 +191,20 @@ class Runtime:
     def start(self, start: Start, *, template: TaskTemplate | None = None) -> Accepted[AnyEvent] | Refused:
         """Compile the goal to a contract and create the mission; the first event names it.
 
-        `template` replaces the configuration's own, for a replay whose legs are known only from its recording.
-        The mission is pinned to its robot's current configuration, which is stored with it (D35, R163).
-        Raises UnknownName (template, place), ContractInvalid or ConfigurationMissing; nothing is written then.
+        `template` replaces the one of its name: a replay's legs are known only from its recording, and a planner may
+        have ordered its stages. The mission is pinned to its robot's current configuration, stored with it (D35, R163).
+        Raises UnknownName (template, place), ContractInvalid, with GoalNotUnderstood, ReadingStale and Unsatisfiable
+        among it, or ConfigurationMissing; nothing is written then.
         """
         pinned = self._configurations.current_id(start.robot_id)
         configuration = self._configurations.get(pinned)
-        template = template or _chosen(start, configuration)
-        contract = self._compiled(start, template)
+        contract = self._compiled(start, self._templates(configuration, template))
         mission_id = self._ids.mission()
         create = CreateMission(
             mission_id=mission_id,
             robot_id=start.robot_id,
             goal=contract.goal.text,
-            template=template.name,
+            template=contract.template,
             requested_by=start.actor,
             configuration=pinned,
             contract=contract,
@@ -212,21 +220,49 @@ class Runtime:
         version = self._configurations.record(pinned)
         return self.commit([CommandEnvelope(mission_stream(mission_id), create, start.robot_id)], records=(version,))
 
-    def draft(self, start: Start) -> TaskContract:
+    def draft(self, start: Start, *, template: TaskTemplate | None = None) -> TaskContract:
         """The contract that `start` would create now; nothing is written. Raises as `start` does."""
         configuration = self._configurations.get(self._configurations.current_id(start.robot_id))
-        return self._compiled(start, _chosen(start, configuration))
+        return self._compiled(start, self._templates(configuration, template))
 
-    def _compiled(self, start: Start, template: TaskTemplate) -> TaskContract:
-        goal, arguments, site = start.goal or template.goal, start.arguments or {}, self.site
-        asked = encode((goal, template, arguments, site))
+    def understood(self, start: Start) -> Understood:
+        """What the goal of a request means now; nothing is written. Raises as `start` does."""
+        configuration = self._configurations.get(self._configurations.current_id(start.robot_id))
+        return self._read(start, self._templates(configuration, None))
+
+    def compiled_under(self, mission: Mission, configuration: Configuration) -> TaskContract | None:
+        """A mission's reading compiled under another configuration; None for a mission without a reading (D62)."""
+        contract = required_contract(mission)
+        templates = self._templates(configuration, None)
+        return read_again(contract, templates=templates, site=self.site, rules=self.rules)
+
+    def _templates(self, configuration: Configuration, instead: TaskTemplate | None) -> tuple[TaskTemplate, ...]:
+        """What may be started: the configuration's own, then those beside it; `instead` takes the place of its name."""
+        own = configuration.templates
+        names = {one.name for one in own}
+        every = (*own, *(one for one in self._beside if one.name not in names))
+        if instead is None:
+            return every
+        kept = tuple(instead if one.name == instead.name else one for one in every)
+        return kept if instead in kept else (*kept, instead)
+
+    def _compiled(self, start: Start, templates: tuple[TaskTemplate, ...]) -> TaskContract:
+        arguments, site = start.arguments or {}, self.site
+        asked = encode((start.goal, start.template, start.confirm_reading, templates, arguments, site))
         with self._caching:
             known = self._contracts.get(asked)
         if known is None:
-            known = compile_contract(goal=goal, template=template, arguments=arguments, site=site, rules=self.rules)
+            found = self._read(start, templates)
+            known = compiled(found, templates=templates, site=site, arguments=arguments, rules=self.rules)
             with self._caching:
                 self._contracts[asked] = known
         return known
+
+    def _read(self, start: Start, templates: tuple[TaskTemplate, ...]) -> Understood:
+        request = GoalRequest(
+            template=start.template, text=start.goal, arguments=start.arguments, confirm=start.confirm_reading
+        )
+        return understand(request, templates=templates, site=self.site, reader=self._reader)
 
     def submit(
         self, mission_id: MissionId, command: MissionCommand, *, records: Sequence[ports.Record] = ()
@@ -289,7 +325,7 @@ class Runtime:
                         mission_id=mission.mission_id,
                         robot_id=mission.robot_id,
                         configuration=mission.configuration,
-                        reason=str(error),
+                        reason=error.reason,
                     )
                 )
         return tuple(found)
@@ -318,7 +354,7 @@ class Runtime:
     def mission(self, mission_id: MissionId) -> Mission:
         mission: Mission = self._gate.state(mission_stream(mission_id))
         if not mission.version:
-            raise UnknownName(f"There is no mission {mission_id}", do="list them with `regen mission list`")
+            raise UnknownName(because("unknown_mission", mission_id=mission_id))
         return mission
 
     def missions(self) -> list[Mission]:
@@ -341,7 +377,7 @@ class Runtime:
     def handoff(self, handoff_id: HandoffId) -> Handoff:
         handoff: Handoff = self._gate.state(handoff_stream(handoff_id))
         if not handoff.version:
-            raise UnknownName(f"There is no handoff {handoff_id}", do="list them with `regen handoff list`")
+            raise UnknownName(because("unknown_handoff", handoff_id=handoff_id))
         return handoff
 
     def handoffs(self) -> list[Handoff]:
@@ -400,9 +436,3 @@ class Runtime:
     def observations(self, mission_id: MissionId) -> Live | None:
         with self._caching:
             return self._live.get(mission_id)
-
-
-def _chosen(start: Start, configuration: Configuration) -> TaskTemplate:
-    """The named template, else the one that the goal's text matches."""
-    templates = configuration.templates
-    return by_name(start.template, templates) if start.template else select(start.goal, templates)

@@ -10,6 +10,7 @@ from typing import Any
 
 import msgspec
 
+from harness.contracts.effects import Condition
 from harness.contracts.reasons import Fact, because
 from harness.contracts.tasks import EvidencePolicy, Node, TaskTemplate
 from harness.contracts.values import encode
@@ -40,7 +41,7 @@ _POLICY = msgspec.to_builtins(EvidencePolicy(mandatory=()))
 def loosened_template(old: TaskTemplate, new: TaskTemplate) -> Iterator[RestrictionViolation]:
     """Refusals for one template, paths from `templates.<name>` on."""
     path = f"templates.{old.name}"
-    for field in ("title", "goal", "phrases", "parameters"):
+    for field in ("title", "goal", "phrases", "parameters", "serves", "stages"):
         was, would = getattr(old, field), getattr(new, field)
         if would != was:
             yield _refusal("text_fixed", f"{path}.{field}", was, would, "text_fixed")
@@ -160,8 +161,9 @@ def _conditions(path: str, old: Any, new: Any, *, risk: str = "") -> Iterator[Re
             yield _refusal("condition_dropped", f"{path}.{name}", name, "", "condition_dropped")
             continue
         would = after[name]
-        yield from _unknown_keys(f"{path}.{name}", would, {"condition_id", "text", "effect", "fact", "independence"})
+        yield from _unknown_keys(f"{path}.{name}", would, set(Condition.__struct_fields__))
         yield from _same(f"{path}.{name}.text", was.get("text"), would.get("text"))
+        yield from _same(f"{path}.{name}.clause", was.get("clause"), would.get("clause"))
         yield from _same(f"{path}.{name}.fact", was.get("fact", "event"), would.get("fact", "event"))
         yield from _effect(f"{path}.{name}.effect", was.get("effect", {}), would.get("effect", {}))
         yield from _independence(

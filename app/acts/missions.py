@@ -20,7 +20,10 @@ from harness.runtime import Start
 
 
 class StartMissionAct(base.Act):
-    """A mission to start: a template by name, or a goal that one matches. No robot named: the console's first."""
+    """A mission to start: a template by name, a goal in words, or both. No robot named: the console's first.
+
+    `confirm_reading`: the digest of the reading that the person confirmed, where words were left unread.
+    """
 
     becomes = commands.CreateMission
     sentences: ClassVar[Mapping[str, str]] = {
@@ -35,6 +38,7 @@ class StartMissionAct(base.Act):
     seed: base.Count = 0
     autonomy: Autonomy = "autonomous"
     labels: dict[base.Slug, base.Text] = Field(default_factory=dict)
+    confirm_reading: Annotated[str, Field(pattern="^([0-9a-f]{64})?$")] = ""
 
     @classmethod
     def from_form(
@@ -45,8 +49,9 @@ class StartMissionAct(base.Act):
         `template` and `robots` are what can be chosen now. Raises ContractInvalid for a parameter that is too long.
         """
         robot_id, again = typed.get("robot_id", ""), typed.get("rerun_of", "")
+        by_goal = typed.get("template") == forms.BY_GOAL
         chosen = {
-            "template": template.name if template else "",
+            "template": template.name if template else forms.BY_GOAL if by_goal else "",
             "robot_id": robot_id if robot_id in robots else "",
             "goal": typed.get("goal", "").strip(),
         }
@@ -59,7 +64,9 @@ class StartMissionAct(base.Act):
         if wrong or isinstance(said, tuple):
             return tuple(wrong)
         arguments = {one.name: float(text) if one.type == "number" else text for one, text in given if text}
-        return cls.of(**dict(said) | {"arguments": arguments, "labels": {"rerun_of": again} if again else {}})
+        more = {"arguments": arguments, "confirm_reading": typed.get("confirm_reading", "")}
+        more |= {"labels": {"rerun_of": again}} if again else {}
+        return cls.of(**dict(said) | more | ({"template": ""} if by_goal else {}))
 
     @classmethod
     def _told(cls, name: str, value: Any) -> list[str]:
@@ -138,3 +145,12 @@ class LimitAutonomyAct(_ReasonAct):
 
     becomes = control.LimitAutonomy
     autonomy: Autonomy
+
+
+ACTS: Mapping[str, type[base.Act]] = {
+    "stop": StopMissionAct,
+    "withdraw": WithdrawMissionAct,
+    "pause": PauseMissionAct,
+    "resume": ResumeMissionAct,
+}
+"""By the word in the address, where the answer is the mission."""

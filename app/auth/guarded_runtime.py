@@ -19,7 +19,9 @@ from harness.contracts.events import MissionCreated
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Place, Site
 from harness.contracts.ports import LogHead, Record, StoredEvent
+from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskContract, TaskTemplate
+from harness.goals.understanding import Understood
 from harness.memory.fabric import MemoryFabric
 from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
@@ -123,9 +125,13 @@ class GuardedRuntime:
         """A place as it shipped, whatever people made of it since."""
         return self._runtime.shipped_place(place_id)
 
-    def draft(self, start: Start) -> TaskContract:
+    def draft(self, start: Start, *, template: TaskTemplate | None = None) -> TaskContract:
         """The contract that `start` would create now; nothing is written."""
-        return self._runtime.draft(start)
+        return self._runtime.draft(start, template=template)
+
+    def understood(self, start: Start) -> Understood:
+        """What the goal of a request means now; nothing is written."""
+        return self._runtime.understood(start)
 
     def current_configuration_id(self, robot_id: ids.RobotId) -> ids.Digest:
         """The version that a new mission of this robot is pinned to."""
@@ -209,7 +215,7 @@ def principal() -> Principal:
     try:
         return PRINCIPAL.get()
     except LookupError:
-        raise NotPermitted("Nobody is known to ask for this", do="sign in, or use a token") from None
+        raise NotPermitted(because("nobody_signed_in")) from None
 
 
 def _acting(kind: type[Command]) -> Actor:
@@ -224,6 +230,4 @@ def _signed(command: Any, actor: Actor) -> Any:
 def _same_robot(robot_id: str) -> None:
     found = principal()
     if found.robot_id not in ("", robot_id):
-        raise NotPermitted(
-            f"This token is for {found.robot_id}", where=f"token {found.name}", do=f"use one for {robot_id}"
-        )
+        raise NotPermitted(because("token_of_other_robot", robot_id=found.robot_id), where=f"token {found.name}")

@@ -94,7 +94,7 @@ def main() -> None:
     try:
         app()
     except HarnessError as error:
-        sys.exit(complain(error))
+        sys.exit(complain(error, as_json="--json" in sys.argv))
 
 
 if __name__ == "__main__":

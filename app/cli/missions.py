@@ -45,15 +45,18 @@ def run(
     argument: Annotated[list[str] | None, typer.Option("--set", help="NAME=VALUE of a template parameter.")] = None,
     fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
     record_to: Annotated[Path | None, typer.Option("--record", help="Write the mission as MCAP.")] = None,
+    goal: Annotated[str, typer.Option(help="The goal in words, where the first argument names a template.")] = "",
+    confirm_reading: Annotated[str, typer.Option(help="Digest of the reading to start, as the refusal shows it.")] = "",
 ) -> None:
     """Run one mission and wait for its end. At speed 0 nothing waits for people: exit 3 at once."""
     SIMULATOR.check_faults(fault or [])
     said = StartMissionAct.of(
-        template="" if " " in template else template,
-        goal=template if " " in template else "",
+        template="" if _in_words(template) else template,
+        goal=template if _in_words(template) else goal,
         arguments=_arguments(argument),
         seed=seed,
         labels={"faults": ",".join(fault)} if fault else {},
+        confirm_reading=confirm_reading,
     )
     chosen = output.settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
     with api_with_robots(data, chosen) as api:
@@ -65,6 +68,11 @@ def run(
             write_recording(runtime, MissionId(mission_id), record_to)
     output.show(outcome, as_json=as_json, lines=_summary(outcome))
     raise typer.Exit(output.exit_code(outcome["status"]))
+
+
+def _in_words(text: str) -> bool:
+    """Whether the first argument is a goal in words: it has spaces, or is not written in Latin letters."""
+    return " " in text or not text.isascii()
 
 
 @app.command()

@@ -16,6 +16,7 @@ from app.routes.candidate_json import row, sheet
 from harness.bootstrap import read_harness
 from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.ids import RobotId
+from harness.contracts.reasons import because
 from rsi_reviews.candidate_queries import CandidateQueries, selected
 from rsi_reviews.candidates import LARGEST_BYTES
 from rsi_reviews.deciders import DECIDERS
@@ -143,7 +144,7 @@ def _instant(text: str) -> float:
     try:
         found = datetime.fromisoformat(text)
     except ValueError as error:
-        raise UnknownName(f"{text!r} is no instant", where="--at", do="write it as 2026-11-20T09:30:00Z") from error
+        raise UnknownName(because("instant_invalid", text=text), where="--at") from error
     return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 
@@ -153,4 +154,4 @@ def _read(path: Path) -> bytes:
         with path.open("rb") as file:
             return file.read(LARGEST_BYTES + 1)
     except OSError as error:
-        raise HarnessError(f"The file cannot be read: {error.strerror}", where=str(path), do="name another") from error
+        raise HarnessError(because("file_unreadable", error=error.strerror or str(error)), where=str(path)) from error

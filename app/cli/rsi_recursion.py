@@ -19,6 +19,7 @@ from harness.bootstrap import read_harness
 from harness.contracts.configuration import Configuration
 from harness.contracts.errors import StoreUnavailable
 from harness.contracts.ids import MissionId
+from harness.contracts.reasons import because
 from harness.contracts.values import digest
 from harness.runtime import Runtime
 from rsi_reviews.candidate_queries import CandidateQueries, selected
@@ -145,7 +146,7 @@ def _configuration(queries: CandidateQueries, candidate: str) -> Configuration:
         with path.open("rb") as file:
             return read_configuration(file.read(LARGEST_BYTES + 1))
     except OSError as error:
-        raise StoreUnavailable(f"The file cannot be read: {error}", where=candidate, do="name another") from error
+        raise StoreUnavailable(because("file_unreadable", error=str(error)), where=candidate) from error
 
 
 def _write(folder: Path, candidate: Candidate) -> str:

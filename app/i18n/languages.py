@@ -23,7 +23,8 @@ from app.i18n import catalogues
 from app.i18n.messages import Message
 from app.i18n.reasons import rendering as reasons
 from app.i18n.retelling import Retelling
-from harness.contracts.reasons import Reason
+from harness.contracts.errors import HarnessError
+from harness.contracts.reasons import Explanation, Reason
 
 LANGUAGES: Mapping[str, str] = {"en": "English", "zh-Hans": "简体中文"}
 """By the tag that pages carry; each named in itself."""
@@ -142,6 +143,21 @@ def localise(value: Any, language: str) -> Any:
         fields = {name: _field(one, language) for name, one in value.fields.items()}
         return catalogues.translated(value.message, language).format(**fields).strip()
     return retelling(language).told(value)
+
+
+def in_words(reason: Explanation) -> str:
+    """A reason as a sentence, in the language of the present request."""
+    return reasons.sentence(reason, CHOICE.get().language)
+
+
+def explained(error: HarnessError) -> str:
+    """An error in one line, in the language of the present request: what happened, where, and what to do."""
+    return reasons.explained(error, CHOICE.get().language)
+
+
+def remedy(error: HarnessError) -> str:
+    """What to do about an error, in the language of the present request."""
+    return reasons.remedy(error, CHOICE.get().language)
 
 
 def _field(value: Any, language: str) -> Any:

@@ -1,13 +1,11 @@
 """/api/v1/alerts: list, acknowledge, shelve, suppress, restore and assign alerts."""
 
-from collections.abc import Callable
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from starlette.responses import JSONResponse
 
 from app.acts.alerts import ACTS
-from app.acts.base import Act
 from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_requests
 from app.routes import api_schemas as schemas
@@ -16,6 +14,7 @@ from app.views import alerts
 from app.views.alerts import AlertListParams
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
+from harness.contracts.reasons import because
 
 router = APIRouter(
     prefix="/api/v1",
@@ -37,9 +36,7 @@ def listed(
 ) -> Any:
     """Alerts, newest occurrence first. `status` is a tab of the page: empty for unacknowledged, all, active, ..."""
     if status not in {value for value, _, _ in alerts.GROUPS}:
-        raise UnknownName(
-            f"There is no group of alerts called {status[:40]}", do="use all, active, shelved, suppressed"
-        )
+        raise UnknownName(because("unknown_alert_status", status=status[:40]))
     asked = AlertListParams(group=status, words=q, priority=priority, robot=robot)
     found = alerts.chosen(console.alerts.all(), asked, now_s=console.clock())[:limit]
     return api_requests.plain([schemas.AlertSummary(**alerts.summary(one)) for one in found])
@@ -51,24 +48,15 @@ def show(console: ConsoleDep, alert_id: str) -> Any:
     return _shown(console, alert_id)
 
 
-def _route(kind: type[Act]) -> Callable[..., Any]:
-    """The handler of one act of app/acts/alerts.py, which is the body of its request."""
-
+def _act() -> api_requests.Handler:
     def act(console: ConsoleDep, actor: ActorDep, alert_id: str, body: Any) -> Any:
         decision = told(console, alert_id, body.to_command(actor))
         return api_requests.refusal(decision) if isinstance(decision, Refused) else _shown(console, alert_id)
 
-    act.__annotations__["body"] = kind
     return act
 
 
-for word, kind in ACTS.items():
-    router.post(
-        f"/alerts/{{alert_id}}/{word}",
-        name=word,
-        description=kind.__doc__,
-        responses=api_requests.answers(schemas.AlertResource),
-    )(_route(kind))
+api_requests.post_acts(router, "/alerts/{alert_id}", ACTS, _act, answered=schemas.AlertResource)
 
 
 def _shown(console: Console, alert_id: str) -> Any:

@@ -1,7 +1,6 @@
 """/api/v1/handoffs: questions to a person. Only a person's session answers them; a token may look again."""
 
 import json
-from collections.abc import Callable
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Response
@@ -68,26 +67,6 @@ def decide(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: ac
     return _said(console, actor, handoff_id, body)
 
 
-def _route(kind: type[Act]) -> Callable[..., Any]:
-    """The handler of one act of app/acts/handoffs.py, which is the body of its request."""
-
-    def act(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: Any) -> Any:
-        return _said(console, actor, handoff_id, body)
-
-    act.__annotations__["body"] = kind
-    return act
-
-
-for word, kind in acts.ACTS.items():
-    if kind is not acts.LookAgainAct:
-        router.post(
-            f"/handoffs/{{handoff_id}}/{word}",
-            name=word.replace("-", "_"),
-            description=kind.__doc__,
-            responses=api_requests.answers(Handoff),
-        )(_route(kind))
-
-
 def _said(console: Console, actor: Actor, handoff_id: HandoffId, said: Act) -> Any:
     """The handoff after the act, or a problem that lists what changed since the person saw it."""
     console.runtime.handoff(handoff_id)
@@ -103,3 +82,19 @@ def _said(console: Console, actor: Actor, handoff_id: HandoffId, said: Act) -> A
         "changes": [{"name": one.name, "was": one.was, "now": one.now} for one in found]
     }
     return JSONResponse(document, status_code=told.status_code, media_type=told.media_type)
+
+
+def _act() -> api_requests.Handler:
+    def act(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: Any) -> Any:
+        return _said(console, actor, handoff_id, body)
+
+    return act
+
+
+api_requests.post_acts(
+    router,
+    "/handoffs/{handoff_id}",
+    {verb: kind for verb, kind in acts.ACTS.items() if verb != "look"},
+    _act,
+    answered=Handoff,
+)

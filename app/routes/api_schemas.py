@@ -4,10 +4,12 @@ from typing import Any, Literal
 
 import msgspec
 
+from app.views.review_results import CaseRow
 from harness.contracts.control import Autonomy
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
 from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
 from harness.contracts.protocol import RobotStatus
+from harness.contracts.readings import ClauseObject, Span
 from harness.contracts.reasons import Reason
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Value
@@ -30,7 +32,7 @@ class ChangedSince(Value):
 class ProblemDocument(Value):
     """RFC 9457. `code` is the slug for machines, `do` what can be done now; `changes` since what was answered.
 
-    A refusal also has its `rule`, and `reason`: code and facts of what `detail` says.
+    `reason` is code and facts of what `detail` says; a refusal also has its `rule`.
     """
 
     type: str
@@ -124,6 +126,59 @@ class ReceiptOutcome(Value):
     values: dict[str, Any]
 
 
+class UnreadResource(Value):
+    """Words of a goal that were not read: characters from `start` up to `end`, and why."""
+
+    start: Count
+    end: Count
+    words: str
+    why: str
+
+
+class ReadClauseResource(Value):
+    """One clause of a reading. `words` are the parts of the text that it accounts for."""
+
+    number: Count
+    act: str
+    object: ClauseObject | None
+    negated: bool
+    count: Count
+    spans: tuple[Span, ...]
+    words: str
+
+
+class ReadingResource(Value):
+    """What a goal was read as. `digest` is what a person confirms."""
+
+    digest: str
+    told: str
+    reader: str
+    site: str
+    clauses: tuple[ReadClauseResource, ...]
+    defaults: tuple[str, ...]
+    unread: tuple[UnreadResource, ...]
+
+
+class ClauseCondition(Value):
+    """One condition that a clause is judged by; verdict, levels and evidence once the goal was tested."""
+
+    condition_id: str
+    text: str
+    verdict: str | None
+    evidence: tuple[str, ...]
+    independence: Count | None
+    required_independence: Count | None
+
+
+class ClauseOutcome(Value):
+    """One clause, or default of the mission profile, of a mission's goal."""
+
+    clause: str
+    told: str
+    verdict: str | None
+    conditions: tuple[ClauseCondition, ...]
+
+
 class DeclaredCondition(Value):
     """A condition that only a provider declares, or a completion condition that rests on one (`node_id` null)."""
 
@@ -165,6 +220,8 @@ class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
     mission_id: str
     robot_id: str
     goal: str
+    reading: ReadingResource | None
+    clauses: tuple[ClauseOutcome, ...]
     template: str
     status: str
     goal_verdict: str | None
@@ -203,6 +260,7 @@ class MissionPreview(Value):
     longest_s: float
     stages: tuple[str, ...]
     contract: TaskContract
+    reading: ReadingResource | None
 
 
 class LogEvent(msgspec.Struct, frozen=True, kw_only=True):
@@ -390,21 +448,6 @@ class CandidateCheck(Value):
     difference: ConfigurationDifference
 
 
-class CaseResource(Value):
-    """One case under both configurations. `before` and `after` are the declared metric, `change` which way it went."""
-
-    case: str
-    family: str
-    seed: int
-    situation: str
-    before: float
-    after: float
-    before_status: str
-    after_status: str
-    change: str
-    note: str
-
-
 class Family(Value):
     """Pairs of one family, with the 95 % interval of their difference."""
 
@@ -422,9 +465,9 @@ class Results(Value):
 
     pairs: Count
     safety_pairs: Count
-    pass_to_fail: tuple[CaseResource, ...]
+    pass_to_fail: tuple[CaseRow, ...]
     pass_to_fail_total: Count
-    fail_to_pass: tuple[CaseResource, ...]
+    fail_to_pass: tuple[CaseRow, ...]
     fail_to_pass_total: Count
     families: tuple[Family, ...]
     held_out: contracts.HeldOutAnswer | None

@@ -8,6 +8,7 @@ from starlette.responses import HTMLResponse
 from app.console import ActorDep, Console, ConsoleDep
 from app.i18n.messages import lazy_gettext
 from app.views import exploration
+from app.views.readings import goal_words
 from app.web.rendering import render
 from harness.contracts.errors import BlobDamaged
 from harness.contracts.exploration import GridMap
@@ -24,7 +25,10 @@ def show(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, leg: Leg =
     region = _region(console, mission_id, leg)
     mission = console.runtime.mission(mission_id)
     shell = console.shell(
-        lazy_gettext("Exploration: {goal}", goal=mission.goal), "missions", actor, topics=[f"mission/{mission_id}"]
+        lazy_gettext("Exploration: {goal}", goal=goal_words(mission)),
+        "missions",
+        actor,
+        topics=[f"mission/{mission_id}"],
     )
     page = exploration.exploration_page(shell, mission, console.histories.of(mission_id), region)
     return render("missions/exploration.html", page)

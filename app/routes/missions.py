@@ -11,6 +11,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from app.acts.missions import StartMissionAct, StopMissionAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
+from app.i18n.languages import explained
 from app.i18n.messages import lazy_gettext, reasoned
 from app.routes.handoff_page import word_of
 from app.routes.listing import searching
@@ -20,13 +21,16 @@ from app.views.forms import Again, Before, FormOptions, StopPage, Wrong
 from app.views.list_params import ListParams
 from app.views.missions import Counted, MissionsPage
 from app.views.preview import Preview
+from app.views.readings import goal_words, question_view
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, UnknownName
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.readings import ReadingQuestion
+from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskTemplate
 from harness.extra_templates import begin, draft, offered
 from harness.projections.mission import Mission
@@ -59,7 +63,7 @@ def listed(console: Console, actor: Actor, params: ListParams) -> MissionsPage:
     facets = {name: value for name, value in params.query.facets.items() if name != "status"}
     queries = {value: replace(params.query, facets=facets | stands_for) for value, _, stands_for in missions.GROUPS}
     if group not in queries:
-        raise UnknownName(f"There is no group of missions called {group}", do=N_("choose one of the tabs of the list"))
+        raise UnknownName(because("unknown_mission_tab", group=group))
     found = console.lists.missions(queries[group])
     tallies = console.lists.tallies("mission")
     counted = Counted(groups={value: console.lists.count(one) for value, one in queries.items()}, tallies=tallies)
@@ -81,6 +85,8 @@ def preview(console: ConsoleDep, principal: PrincipalDep, actor: ActorDep, typed
     """The form with the contract it would be compiled to; nothing is written."""
     principal.acting("drive")
     drafted = _asked(console, actor, typed, lambda order: draft(console.runtime, order))
+    if isinstance(drafted, ReadingQuestion):
+        return _form(console, actor, typed, question=drafted)
     if isinstance(drafted, tuple):
         return _form(console, actor, typed, wrong=drafted)
     return _form(console, actor, typed, shown=previews.preview(drafted, console.runtime.site))
@@ -90,6 +96,8 @@ def preview(console: ConsoleDep, principal: PrincipalDep, actor: ActorDep, typed
 def start(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
     key = typed.get("key", "")
     begun = _asked(console, actor, typed, lambda order: console.keys.once(key, lambda: started(console, order)))
+    if isinstance(begun, ReadingQuestion):
+        return _form(console, actor, typed, question=begun)
     if isinstance(begun, tuple):
         return _form(console, actor, typed, wrong=begun)
     return RedirectResponse(f"/missions/{begun}", status_code=303)
@@ -99,7 +107,7 @@ def ordered(console: Console, actor: Actor, said: StartMissionAct, *, channel: s
     """What is asked for, over which channel; raises UnknownName for a robot that this console does not have."""
     robot_id = said.robot_id or console.settings.robots[0]
     if robot_id not in console.settings.robots:
-        raise UnknownName(f"There is no robot {robot_id[:40]}", do=f"choose from {', '.join(console.settings.robots)}")
+        raise UnknownName(because("unknown_robot", robot_id=robot_id[:40], known=tuple(console.settings.robots)))
     return dataclasses.replace(said.model_copy(update={"robot_id": robot_id}).to_command(actor), channel=channel)
 
 
@@ -107,7 +115,7 @@ def started(console: Console, order: Start) -> MissionId:
     """The new mission's id; raises UnknownName, ContractInvalid or StartRefused."""
     decision = begin(console.runtime, order)
     if isinstance(decision, Refused):
-        raise StartRefused(reasoned(decision.reason), where=decision.rule)
+        raise StartRefused(decision.reason, where=decision.rule)
     return next(event.mission_id for event in decision.events if isinstance(event, MissionCreated))
 
 
@@ -145,20 +153,24 @@ def _template(console: Console, typed: dict[str, str]) -> TaskTemplate | None:
     return next((one for one in _offered(console, typed) if one.name == typed.get("template")), None)
 
 
-def _asked(console: Console, actor: Actor, typed: dict[str, str], act: Callable[[Start], T]) -> T | tuple[Wrong, ...]:
-    """What comes of the order that the form makes, or what is wrong with the form."""
+def _asked(
+    console: Console, actor: Actor, typed: dict[str, str], act: Callable[[Start], T]
+) -> T | tuple[Wrong, ...] | ReadingQuestion:
+    """What comes of the order that the form makes, what is wrong with the form, or what the person is asked."""
     if typed.get("rerun_of"):
         console.runtime.mission(MissionId(typed["rerun_of"]))
     try:
         said = StartMissionAct.from_form(typed, template=_template(console, typed), robots=console.settings.robots)
         return said if isinstance(said, tuple) else act(ordered(console, actor, said, channel="page"))
+    except GoalNotUnderstood as error:
+        return error.question
     except (UnknownName, ContractInvalid) as error:
         return (_beside(console, typed, error),)
 
 
 def _beside(console: Console, typed: dict[str, str], error: UnknownName | ContractInvalid) -> Wrong:
     template = _template(console, typed)
-    return forms.about_field(error, typed, template) if template else Wrong("", str(error))
+    return forms.about_field(error, typed, template) if template else Wrong("", explained(error))
 
 
 def _as_before(console: Console, mission_id: MissionId) -> dict[str, str]:
@@ -178,7 +190,7 @@ def _again(console: Console, typed: dict[str, str]) -> Again | None:
     done = ("committed", "superseded")
     return Again(
         mission_id=mission.mission_id,
-        goal=mission.goal,
+        goal=goal_words(mission),
         status=mission.status,
         unaccepted=tuple(name for name, node in mission.nodes.items() if node.status not in done),
     )
@@ -191,7 +203,9 @@ def _form(
     *,
     wrong: Sequence[Wrong] = (),
     shown: Preview | None = None,
+    question: ReadingQuestion | None = None,
 ) -> HTMLResponse:
+    """The form again; 422 where something must be corrected, or a reading confirmed."""
     robots = console.settings.robots
     robot_id = typed.get("robot_id") or robots[0]
     page = forms.start_page(
@@ -201,10 +215,11 @@ def _form(
         key=typed.get("key") or console.sessions.key(),
         wrong=wrong,
         again=_again(console, typed),
-        ahead=[Before(one.mission_id, one.goal, one.status) for one in waiting_line(console, robot_id)],
+        ahead=[Before(one.mission_id, goal_words(one), one.status) for one in waiting_line(console, robot_id)],
         preview=shown,
+        reading=question_view(question) if question else None,
     )
-    return render("missions/new.html", page, status=422 if wrong else 200)
+    return render("missions/new.html", page, status=422 if wrong or question else 200)
 
 
 def waiting_line(console: Console, robot_id: str) -> list[Mission]:
@@ -219,7 +234,7 @@ def _stop_page(console: Console, actor: Actor, mission_id: MissionId, *, errors:
         shell=console.shell(lazy_gettext("Stop {robot_id}", robot_id=mission.robot_id), "missions", actor),
         mission_id=mission_id,
         robot_id=mission.robot_id,
-        goal=mission.goal,
+        goal=goal_words(mission),
         status=mission.status,
         robot=word_of(console, mission.robot_id),
         reasons=forms.STOP_REASONS,

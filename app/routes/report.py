@@ -19,6 +19,7 @@ from app.i18n.messages import lazy_gettext, reasoned
 from app.views import events, facts, report
 from app.views.facts import FactPage
 from app.views.mission_json import mission_outcome, no_answer_outcome
+from app.views.readings import goal_words
 from app.views.report import ReportPage, ReportSources
 from app.web.rendering import render
 from app.web.report_pdf import report_pdf
@@ -31,6 +32,7 @@ from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.events import HandoffAnswered
 from harness.contracts.handoff_events import HandoffEvent, HandoffOpened, NoAnswerTaken
 from harness.contracts.ids import Digest, HandoffId, MissionId, handoff_stream
+from harness.contracts.reasons import because
 from harness.contracts.retreat_events import RetreatEnded, RetreatEvent, RetreatIntended, RetreatStopping
 from harness.contracts.revision_commands import DisputeCompletion
 from harness.projections.handoffs import Unanswered
@@ -65,9 +67,7 @@ def dossier(console: ConsoleDep, principal: PrincipalDep, mission_id: MissionId)
     actor = principal.acting("export")
     console.runtime.mission(mission_id)
     if console.dossier is None:
-        raise UnknownName(
-            N_("This console has no data folder, so it has no key to sign with"), do=N_("start it with --data")
-        )
+        raise UnknownName(because("no_signing_key"))
     folder = Path(mkdtemp(prefix="dossier-"))
     file = folder / f"{mission_id}.dossier.zip"
     try:
@@ -84,7 +84,7 @@ def page_of(console: Console, actor: Actor, mission_id: MissionId, errors: Seque
     entries = console.histories.of(mission_id)
     mission = console.runtime.mission(mission_id)
     broken = {blob: console.check(Digest(blob)) for blob, _, _ in report.pictures(entries)}
-    shell = console.shell(lazy_gettext("Report: {goal}", goal=mission.goal), "missions", actor)
+    shell = console.shell(lazy_gettext("Report: {goal}", goal=goal_words(mission)), "missions", actor)
     return report.report_page(shell, mission, entries, _journal(console, mission_id), broken, errors=errors)
 
 

@@ -8,6 +8,7 @@ from starlette.responses import HTMLResponse
 
 from app.console import ActorDep
 from app.routes.mission_at import InstantDep, MissionPage
+from app.views.readings import goal_words
 from app.web.regions import REGIONS
 from app.web.rendering import render
 
@@ -33,7 +34,7 @@ def show(instant: InstantDep, actor: ActorDep) -> HTMLResponse:
     names = (f"mission/{instant.mission_id}", f"live/{instant.mission_id}")
     page = MissionPage(
         **{one.name: getattr(instant, one.name) for one in fields(instant)},
-        shell=instant.console.shell(instant.mission.goal, "missions", actor, topics=names),
+        shell=instant.console.shell(goal_words(instant.mission), "missions", actor, topics=names),
         viewer=instant.console.sessions.key(),
     )
     return render("missions/detail.html", page)

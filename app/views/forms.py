@@ -4,8 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
+from app.i18n.languages import explained
 from app.i18n.messages import lazy_gettext
 from app.views.preview import Preview
+from app.views.readings import ReadingView
 from app.views.robots import LastReport
 from app.views.shell import Shell
 from harness.contracts.errors import HarnessError
@@ -13,6 +15,8 @@ from harness.contracts.places import Place
 from harness.contracts.tasks import TaskContract, TaskTemplate
 
 REASON_SIGNS = 200
+BY_GOAL = "by-goal"
+"""The choice of no template: the goal alone says what to do."""
 GOAL_SIGNS = 2000
 STOP_REASONS = (N_("unexpected motion"), N_("person in the way"), N_("wrong mission"), N_("no longer needed"))
 
@@ -70,7 +74,8 @@ class Wrong:
 class StartPage:
     """The form that starts a mission; `errors` are shown above it and take the focus, `wrong` beside their fields.
 
-    `ahead` are the missions of the chosen robot that are done first, oldest first. `preview` is a compiled contract.
+    `ahead` are the missions of the chosen robot that are done first, oldest first. `preview` is a compiled contract,
+    `reading` what was read of a goal that was not understood as a whole.
     """
 
     shell: Shell
@@ -85,6 +90,7 @@ class StartPage:
     again: Again | None
     ahead: tuple[Before, ...]
     preview: Preview | None
+    reading: ReadingView | None = None
 
 
 @dataclass(frozen=True)
@@ -120,6 +126,7 @@ def start_page(
     again: Again | None = None,
     ahead: Sequence[Before] = (),
     preview: Preview | None = None,
+    reading: ReadingView | None = None,
 ) -> StartPage:
     """The form as the person left it; the first template is chosen before anything was typed."""
     templates = offer.templates
@@ -128,7 +135,10 @@ def start_page(
     beside = {one.field: one.text for one in wrong if one.field}
     return StartPage(
         shell=shell,
-        templates=tuple(SelectOption(one.name, one.title, one.name == wanted) for one in templates),
+        templates=(
+            *(SelectOption(one.name, one.title, one.name == wanted) for one in templates),
+            SelectOption(BY_GOAL, N_("What the goal says"), wanted == BY_GOAL),
+        ),
         robots=tuple(SelectOption(one, one, one == typed.get("robot_id", "")) for one in offer.robots),
         fields=_fields(template, offer.places, typed, beside) if template else (),
         goal=typed.get("goal", template.goal if template else ""),
@@ -139,15 +149,17 @@ def start_page(
         again=again,
         ahead=tuple(ahead),
         preview=preview,
+        reading=reading,
     )
 
 
 def about_field(error: HarnessError, typed: Mapping[str, str], template: TaskTemplate) -> Wrong:
     """An error of the compiler beside the field it is about: the one it names, or whose value it quotes."""
-    said = str(error)
+    said = explained(error)
+    facts = error.reason.facts.values()
     for parameter in template.parameters:
         value = typed.get(parameter.name, "").strip()
-        if f"argument {parameter.name}" in error.where or (value and repr(value[:80]) in said):
+        if f"argument {parameter.name}" in error.where or (value and (value[:80] in facts or repr(value[:80]) in said)):
             return Wrong(parameter.name, said)
     return Wrong("", said)
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from app.i18n.reasons import rendering as reasons
 from app.views.proposals import proposals_json
+from app.views.readings import clauses_json, mission_reading, reading_json
 from app.views.timeline import TimelineEntry
 from harness.contracts.effects import Metric
 from harness.contracts.events import DispatchIntended, PacketRetained
@@ -32,6 +33,8 @@ def mission_outcome(
         "mission_id": mission.mission_id,
         "status": mission.status,
         "goal": mission.goal,
+        "reading": reading_json(mission.goal, reading) if (reading := mission_reading(mission)) else None,
+        "clauses": clauses_json(mission),
         "template": mission.template,
         "robot_id": mission.robot_id,
         "goal_verdict": mission.goal_outcome or None,

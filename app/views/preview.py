@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed, word
 from app.views.places import SiteMap, site_map
+from app.views.readings import ReadingView, reading_view
 from app.views.stages import Acceptance, Graph, Stage, graph
 from harness.contracts.effects import Metric
 from harness.contracts.places import Site
+from harness.contracts.readings import Reading
 from harness.contracts.tasks import Node, RecoveryLimits, TaskContract, order
 
 RISKS = ("low", "medium", "high")
@@ -34,6 +36,7 @@ class Preview:
     longest_s: float
     map: SiteMap
     marks: tuple[PlaceMark, ...]
+    reading: ReadingView | None = None
 
 
 def preview(contract: TaskContract, site: Site) -> Preview:
@@ -47,6 +50,7 @@ def preview(contract: TaskContract, site: Site) -> Preview:
         longest_s=sum(node.timeout_s for node in nodes),
         map=site_map(site),
         marks=_marks(contract, site, nodes),
+        reading=reading_view(contract.goal.text, contract.reading) if isinstance(contract.reading, Reading) else None,
     )
 
 

@@ -9,15 +9,19 @@ from urllib.parse import quote
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
+from msgspec import to_builtins
 from starlette.exceptions import HTTPException
 from starlette.responses import HTMLResponse, Response
 from starlette.types import Scope
 
 from app.auth.next_url import OVERVIEW, safe_next_url
 from app.auth.permissions import NotPermitted
+from app.i18n import languages
 from app.i18n.catalogues import N_
+from app.views.readings import question_json
 from app.web.rendering import render
 from harness.contracts import errors
+from harness.contracts.reasons import Reason
 
 STATUS: tuple[tuple[type[errors.HarnessError], int], ...] = (
     (NotPermitted, 403),
@@ -136,7 +140,11 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(errors.HarnessError)
     def harness_error(request: Request, error: errors.HarnessError) -> Response:
         status = next((number for kind, number in STATUS if isinstance(error, kind)), 500)
-        return told(request, status=status, code=error.code, what=error.what, where=error.where, do=error.do)
+        what, do = languages.in_words(error.what), languages.remedy(error)
+        more = {"reason": to_builtins(error.what)} if isinstance(error.what, Reason) else {}
+        if isinstance(error, errors.GoalNotUnderstood):
+            more |= question_json(error.question)
+        return told(request, status=status, code=error.code, what=what, where=error.where, do=do, more=more)
 
     @app.exception_handler(RequestValidationError)
     def invalid(request: Request, error: RequestValidationError) -> Response:
@@ -149,10 +157,19 @@ def install(app: FastAPI) -> None:
         return told(request, status=error.status_code, code="http", what=what, where=request.url.path, do="")
 
 
-def told(request: Request, *, status: int, code: str, what: str, where: str, do: str) -> Response:
-    """One failure as a problem for /api/, else as a page."""
+def told(
+    request: Request,
+    *,
+    status: int,
+    code: str,
+    what: str,
+    where: str,
+    do: str,
+    more: Mapping[str, Any] | None = None,
+) -> Response:
+    """One failure as a problem for /api/, with `more` in it, else as a page."""
     if request.url.path.startswith("/api/"):
-        return problem(status, code=code, title=what, detail=f"{what}. {where}".strip(), do=do)
+        return problem(status, code=code, title=what, detail=f"{what}. {where}".strip(), do=do, more=more)
     page: HTMLResponse = render(
         "error.html", ErrorPage(status=status, title=what, what="", where=where, do=do), status=status
     )

@@ -15,13 +15,15 @@ from fpdf.enums import XPos, YPos
 from fpdf.fonts import FontFace, TTFFont
 from fpdf.image_parsing import preload_image
 
-from app.i18n.catalogues import ENGLISH, N_
+from app.i18n.catalogues import ENGLISH
 from app.i18n.languages import localise
 from app.i18n.messages import lazy_gettext, word
 from app.views.missions import sentence
+from app.views.readings import clause_verdicts, goal_words, source_words
 from app.views.report import DeclaredResult, ReportPage, ReportPicture
 from app.web.filters import clock, duration, instant, words
 from harness.contracts.errors import HarnessError
+from harness.contracts.reasons import because
 
 FONT, CHINESE = "DejaVu", "Droid"
 LETTERS, HANZI = "dejavu-2.37", "droid-fallback-6.0.1/DroidSansFallback.ttf"
@@ -173,7 +175,9 @@ def _drawn(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes], *, ma
 
 def _summary(paper: _Paper, page: ReportPage) -> None:
     say = paper.spoken
-    paper.title_line(lazy_gettext("Report: {goal}", goal=page.head.mission.goal), size=15)
+    paper.title_line(lazy_gettext("Report: {goal}", goal=goal_words(page.head.mission)), size=15)
+    if source := source_words(page.head.mission):
+        paper.paragraph(lazy_gettext("asked as “{text}”", text=source))
     paper.paragraph(f"{say(words(page.head.mission.status)).capitalize()}. {say(sentence(page.head.mission))}")
     starts = (
         lazy_gettext("the robot's journal cannot be read from here")
@@ -206,6 +210,7 @@ def _goal(paper: _Paper, page: ReportPage) -> None:
         lazy_gettext("Goal: {verdict}", verdict=word(page.verdict) if page.verdict else lazy_gettext("not tested"))
     )
     paper.paragraph(page.reason)
+    _clauses(paper, page)
     for one in page.conditions:
         measured = ", ".join(f"{say(m.name)} {say(m.value or lazy_gettext('not measured'))}" for m in one.measures)
         verdict = lazy_gettext("declared") if one.declared else word(one.result.verdict)
@@ -220,6 +225,33 @@ def _goal(paper: _Paper, page: ReportPage) -> None:
         paper.title_line(lazy_gettext("Declared by a provider, not verified"))
         body = [(effect.text, words(effect.node_id), clock(effect.at_s)) for effect in page.declared]
         paper.rows((lazy_gettext("condition"), lazy_gettext("stage"), lazy_gettext("at")), body, (56, 28, 16))
+
+
+def _clauses(paper: _Paper, page: ReportPage) -> None:
+    """The goal verdict as a table by clause (D44)."""
+    say = paper.spoken
+    body = [
+        (
+            say(row.told),
+            say(one.result.text),
+            say(word(one.result.verdict)),
+            lazy_gettext(
+                "{level} of {required}", level=one.result.independence, required=one.result.required_independence
+            ),
+        )
+        for row in clause_verdicts(page.head.mission)
+        for one in row.tests
+        if one.result
+    ]
+    if body:
+        heads = (
+            lazy_gettext("clause"),
+            lazy_gettext("condition"),
+            lazy_gettext("verdict"),
+            lazy_gettext("independence"),
+        )
+        paper.rows(heads, body, (30, 42, 14, 14))
+        paper.ln(1)
 
 
 def _stages(paper: _Paper, page: ReportPage) -> None:
@@ -311,7 +343,7 @@ def _height(paper: _Paper, body: bytes, blob: str, mission_id: str) -> float:
         _, _, info = preload_image(paper.image_cache, BytesIO(body))
     except (OSError, ValueError) as error:
         raise PictureUnreadable(
-            f"Picture {blob[:12]} cannot be drawn: {error}", where=mission_id, do=N_("see the printable report")
+            because("picture_unreadable", blob=blob[:12], error=str(error)), where=mission_id
         ) from error
     return PICTURE_MM * info.height / info.width
 

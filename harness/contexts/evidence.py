@@ -121,12 +121,17 @@ def trajectory_record(
     packet: EvidencePacket, reference: EvidenceReference, *, current: bool, mandatory: bool
 ) -> ContextRecord:
     """A sealed trajectory with its part in the decision and the execution's times."""
+    return referenced("trajectory", trajectory_reference(packet, reference, current=current), mandatory=mandatory)
+
+
+def trajectory_reference(packet: EvidencePacket, reference: EvidenceReference, *, current: bool) -> EvidenceReference:
+    """The reference to a sealed trajectory, which says its part in the decision and the execution's times."""
     values: dict[str, float | str] = {
         "role": "current" if current else "cited",
         "dispatched_s": packet.dispatched_s,
         "terminal_s": packet.terminal_s,
     }
-    return referenced("trajectory", replace(reference, values=reference.values | values), mandatory=mandatory)
+    return replace(reference, values=reference.values | values)
 
 
 def _instant(view: StateView, kind: str, reference: EvidenceReference, *, source: Source, node: Node) -> SelectionItem:

@@ -9,11 +9,14 @@ Of a packet: "conditions" (list of Condition); "policy" (VerificationPolicy); "e
 (RequestRecord).
 
 Of the goal: "goal", "conditions" (as first stored), "policy", "constraints", "facts", "receipts" as above; "node"
-(CommittedNode, one per ended node); "declared_effects" (list of DeclaredEffect); "observations" (RecentSamples: what is
-true now); "trajectory" (role "cited") and "before": the history on which a circuit is tested; "map"
-(EvidenceReference): what an exploration drew; "request" and "read_back" as above, read once more.
+(CommittedNode, one per ended node) or, of a goal with a reading, "nodes" (all of them in one list); "tracks" (list of
+EvidenceReference: the trajectories of every execution, where a region is forbidden); "declared_effects" (list of
+DeclaredEffect); "observations" (RecentSamples: what is true now); "trajectory" (role "cited") and "before": the history
+on which a circuit is tested; "map" (EvidenceReference): what an exploration drew; "request" and "read_back" as above,
+read once more.
 """
 
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from harness.contexts import evidence
@@ -21,7 +24,7 @@ from harness.contexts.observed import other_map, recent_window
 from harness.contexts.planner import goal_record
 from harness.contexts.selection import Selection, SelectionItem, compile_context
 from harness.contexts.skill import ancestors, relevant_facts
-from harness.contexts.view import StateView, accepted, configured, plain, referenced
+from harness.contexts.view import StateView, accepted, configured, forbidden_m, plain, referenced
 from harness.contracts.capabilities import CapabilityCard, Risk
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.effects import Condition, Metric, Relational, Symbolic
@@ -37,6 +40,8 @@ from harness.projections.mission import declared_nodes
 WINDOW_S = 3.0
 HISTORIES = ("circuit",)
 """Metric predicates that need a trajectory, not only where the robot is now (R121)."""
+WHOLE_WAY = ("stayed_out",)
+"""Predicates that need the trajectory of every execution."""
 MAPPED = ("covered",)
 """Predicates that need the map which the mission drew."""
 
@@ -81,7 +86,7 @@ def goal_context(view: StateView) -> Context:
         SelectionItem(configured("policy", "goal", _goal_policy(view), at_s=view.at_s, mandatory=True)),
         SelectionItem(configured("constraints", "contract", _safety_state(view), at_s=view.at_s)),
         SelectionItem(accepted("facts", "mission", facts, at_s=view.at_s, mandatory=True)),
-        *(_node(view, node_id, packet) for node_id, packet in packets.items()),
+        *_nodes(view, packets),
         *_declared(view),
         *_receipts(view, packets),
         *(SelectionItem(referenced(one.kind, one, mandatory=True)) for one in view.measured),
@@ -89,6 +94,7 @@ def goal_context(view: StateView) -> Context:
         *_map(view),
         recent_window(view, window_s=WINDOW_S),
         *_histories(view, packets),
+        *_whole_way(view),
         *(SelectionItem(record) for record in view.proposals),
     ]
     selection = Selection(
@@ -144,9 +150,7 @@ def _safety_state(view: StateView) -> SafetyState:
     constraints = view.contract.constraints
     return SafetyState(
         speed_cap_mps=constraints.speed_cap_mps,
-        keep_out_m={
-            place.place_id: place.region_m for place in view.site.places if place.place_id in constraints.keep_out
-        },
+        keep_out_m=forbidden_m(view.site, constraints.keep_out),
         vetoes=view.mission.vetoes,
     )
 
@@ -226,8 +230,38 @@ def _committing(view: StateView) -> dict[NodeId, EvidencePacket]:
     return found
 
 
-def _node(view: StateView, node_id: NodeId, packet: EvidencePacket) -> SelectionItem:
-    node = CommittedNode(
+def _nodes(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[SelectionItem]:
+    """Every accepted stage. A goal of several clauses has more of them than a context has records."""
+    nodes = [_node(view, node_id, packet) for node_id, packet in packets.items()]
+    if view.contract.reading is UNSET or not nodes:
+        return [
+            SelectionItem(accepted("node", node.node_id, node, at_s=node.terminal_s, mandatory=True)) for node in nodes
+        ]
+    newest = max(node.terminal_s for node in nodes)
+    return [SelectionItem(accepted("nodes", "mission", tuple(nodes), at_s=newest, mandatory=True))]
+
+
+def _whole_way(view: StateView) -> list[SelectionItem]:
+    """Where a region is forbidden: where the body was in every execution, accepted or not, as one record."""
+    if not any(one.effect.predicate in WHOLE_WAY for one in view.contract.completion_conditions):
+        return []
+    packets = [packet for state in view.mission.nodes.values() for packet in state.packets]
+    references = [
+        evidence.trajectory_reference(packet, reference, current=False)
+        for packet in packets
+        for reference in packet.estimates
+        if reference.kind == "trajectory"
+    ]
+    if not references:
+        return []
+    record = accepted(
+        "tracks", "mission", tuple(references), at_s=max(one.until_s for one in references), mandatory=True
+    )
+    return [SelectionItem(record)]
+
+
+def _node(view: StateView, node_id: NodeId, packet: EvidencePacket) -> CommittedNode:
+    return CommittedNode(
         node_id=node_id,
         identity=packet.identity,
         requests=tuple(source.packet.identity.request_id for source in evidence.sources_of(view, packet)),
@@ -235,7 +269,6 @@ def _node(view: StateView, node_id: NodeId, packet: EvidencePacket) -> Selection
         terminal_s=packet.terminal_s,
         committed_k=view.mission.of(node_id).committed_k or 0,
     )
-    return SelectionItem(accepted("node", node_id, node, at_s=packet.terminal_s, mandatory=True))
 
 
 def _declared(view: StateView) -> list[SelectionItem]:

@@ -1,5 +1,6 @@
 """Input of the context compiler: one state version, the instant it applies to, and recent samples."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -12,7 +13,7 @@ from harness.contracts.observations import AnySample, Origin
 from harness.contracts.places import Site
 from harness.contracts.protocol import RobotStatus
 from harness.contracts.tasks import Node, TaskContract
-from harness.contracts.values import Value
+from harness.contracts.values import Point, Value
 from harness.projections.mission import Mission, required_contract
 
 
@@ -52,6 +53,14 @@ class StateView(Value):
         """A retained packet of this mission, rejected ones included."""
         packets = (packet for state in self.mission.nodes.values() for packet in state.packets)
         return next((packet for packet in packets if packet.identity.packet_id == packet_id), None)
+
+
+def forbidden_m(site: Site, names: Sequence[str]) -> dict[str, tuple[Point, ...]]:
+    """The floor that a contract keeps out of, by name: places, passages and zones, metres in the site's frame."""
+    floors: dict[str, tuple[Point, ...]] = {zone.name: zone.region_m for zone in site.zones}
+    floors |= {passage.passage_id: passage.floor_m for passage in site.passages}
+    floors |= {place.place_id: place.region_m for place in site.places}
+    return {name: floor for name, floor in floors.items() if name in names}
 
 
 def plain(value: Any) -> Any:

@@ -76,13 +76,18 @@ Independence = Annotated[int, msgspec.Meta(ge=0, le=2)]
 
 
 class Condition(values.Value):
-    """One declared test. `fact` says whether its fact is permanent or holds only while it is true (D20)."""
+    """One declared test. `fact` says whether its fact is permanent or holds only while it is true (D20).
+
+    `clause`: what of the reading it is tested for (D42): a clause by its number, or `profile.return` for a default of
+    the mission profile. Missing in contracts of earlier releases, and in the conditions of single stages.
+    """
 
     condition_id: ConditionId
     text: values.Name
     effect: AnyEffect
     fact: FactKind = "event"
     independence: Independence | None = None
+    clause: values.Name | msgspec.UnsetType = msgspec.UNSET
 
 
 class Precondition(values.Value):

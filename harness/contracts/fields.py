@@ -46,6 +46,13 @@ MEANINGS: Mapping[type[msgspec.Struct], Words] = {
         "goal": ("text", "The goal where the person says none of their own"),
         "phrases": ("text", "Words by which a goal finds this template, in the order of the templates"),
         "recovery_total": ("steps", "Recovery steps of all stages together"),
+        "serves": ("clauses", "For which clauses of a goal the template is taken"),
+        "stages": ("names", "The stage that answers a further act, such as a return"),
+    },
+    tasks.Serves: {
+        "act": ("name", "What a clause asks for"),
+        "object": ("kind", "What kind of thing it is about"),
+        "parameter": ("name", "Which parameter takes the place"),
     },
     tasks.TemplateParameter: {
         "name": ("name", "What the template refers to it by"),
@@ -93,6 +100,7 @@ MEANINGS: Mapping[type[msgspec.Struct], Words] = {
         "effect": ("as its kind", "What is measured, against which target and bound"),
         "fact": ("kind", "Whether its truth is permanent or lasts only while it holds"),
         "independence": ("level", "How independent of the provider the evidence must be"),
+        "clause": ("name", "The act of a goal that it is tested for"),
     },
     Precondition: {
         "predicate": ("name", "What must hold at every dispatch"),

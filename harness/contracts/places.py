@@ -35,6 +35,7 @@ class Route(Value):
     start: PlaceId
     end: PlaceId
     waypoints_m: tuple[Point, ...]
+    aliases: tuple[str, ...] | msgspec.UnsetType = msgspec.UNSET
 
 
 class Passage(Value):
@@ -43,6 +44,7 @@ class Passage(Value):
     passage_id: PlaceId
     frame: Name
     floor_m: tuple[Point, ...]
+    aliases: tuple[str, ...] | msgspec.UnsetType = msgspec.UNSET
 
 
 class Retreat(Value):
@@ -74,6 +76,17 @@ class Zone(Value):
     retreat: Retreat | None = None
 
 
+class MissionProfile(Value):
+    """What a mission at this site does without being asked: `defaults`; a goal may leave out those in `removable`.
+
+    `home` is where a return leads when the goal names no place.
+    """
+
+    home: PlaceId
+    defaults: tuple[Literal["return", "report"], ...] = ("return", "report")
+    removable: tuple[Literal["return", "report"], ...] = ()
+
+
 class Site(Value):
     """All places, routes, passages and zones of one map version.
 
@@ -89,3 +102,4 @@ class Site(Value):
     passages: tuple[Passage, ...] = ()
     zones: tuple[Zone, ...] = ()
     vouched: tuple[Name, ...] = ()
+    profile: MissionProfile | msgspec.UnsetType = msgspec.UNSET

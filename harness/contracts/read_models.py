@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from harness.contracts.reasons import Explanation
+from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.values import Count, Name, Value
 
 Listing = Literal["mission", "evidence", "handoff"]
@@ -34,6 +34,8 @@ class MissionItem(Value):
     budget: Count
     handoff_id: str
     k: Count
+    reading: Reason | msgspec.UnsetType = msgspec.UNSET
+    """What the goal was read as; missing for a mission without a reading."""
 
 
 class EvidenceItem(Value):

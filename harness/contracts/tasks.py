@@ -19,6 +19,8 @@ from harness.contracts.effects import (
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import ConditionId, Digest, NodeId, PlaceId, ResourceId
 from harness.contracts.protocol import Parameters
+from harness.contracts.readings import PROFILE, Act, Clause, ObjectKind, Reading, clause_id
+from harness.contracts.reasons import because
 from harness.contracts.rules import FIRST_RULES, RETIRED, Retired, RulesVersion
 from harness.contracts.values import Count, Name, Positive, Value
 
@@ -91,7 +93,11 @@ class Constraints(Value):
 
 
 class TaskContract(Value):
-    """One compiled request. `template` and `site` say what it was compiled from."""
+    """One compiled request. `template` says what it was compiled from, several names joined by `+`.
+
+    `reading` is what the goal was understood as (D40); `confirmed` its digest where a person confirmed a reading that
+    leaves words unread. Contracts of earlier releases, and of templates that take no goal in words, have neither.
+    """
 
     goal: Goal
     nodes: Annotated[tuple[Node, ...], msgspec.Meta(min_length=1)]
@@ -102,12 +108,14 @@ class TaskContract(Value):
     frame: Name
     map_version: Name
     bindings: dict[str, Any] = msgspec.field(default_factory=dict)
+    reading: Reading | msgspec.UnsetType = msgspec.UNSET
+    confirmed: Digest | msgspec.UnsetType = msgspec.UNSET
 
     def node(self, node_id: NodeId) -> Node:
         """Raises UnknownName."""
         found = next((node for node in self.nodes if node.node_id == node_id), None)
         if found is None:
-            raise UnknownName(f"The contract has no node {node_id}", where="contract", do="compare the node's name")
+            raise UnknownName(because("node_unknown", node_id=node_id), where="contract")
         return found
 
 
@@ -120,8 +128,20 @@ class TemplateParameter(Value):
     default: str | float | None = None
 
 
+class Serves(Value):
+    """One kind of clause that a template does: the act, and which parameter takes the place it is about."""
+
+    act: Act
+    object: ObjectKind
+    parameter: str = ""
+
+
 class TaskTemplate(Value):
-    """A task contract with open places. Strings `${name.field}` are bound by planning; the rest is literal."""
+    """A task contract with open places. Strings `${name.field}` are bound by planning; the rest is literal.
+
+    `serves` says for which clauses of a goal it is taken; one without it is started by its name only. `stages` names
+    the stage that answers a further act, such as `return`; a default that a goal declines is left out.
+    """
 
     name: Name
     version: Name
@@ -133,6 +153,8 @@ class TaskTemplate(Value):
     completion_conditions: tuple[dict[str, Any], ...]
     constraints: dict[str, Any]
     recovery_total: Count
+    serves: tuple[Serves, ...] | msgspec.UnsetType = msgspec.UNSET
+    stages: dict[Act, NodeId] | msgspec.UnsetType = msgspec.UNSET
 
 
 def check(contract: TaskContract, *, rules: RulesVersion = FIRST_RULES, retired: Retired = RETIRED) -> None:
@@ -144,31 +166,37 @@ def check(contract: TaskContract, *, rules: RulesVersion = FIRST_RULES, retired:
     names = [node.node_id for node in contract.nodes]
     for name in names:
         if names.count(name) > 1:
-            raise ContractInvalid(f"Two nodes are called {name}", where="nodes", do="give each node its own node_id")
+            raise ContractInvalid(because("node_twice", name=name), where="nodes")
     for node in contract.nodes:
         for dependency in node.depends_on:
             if dependency not in names:
                 raise ContractInvalid(
-                    f"Node {node.node_id} depends on {dependency}, which the graph does not have",
+                    because("dependency_unknown", node_id=node.node_id, dependency=dependency, names=tuple(names)),
                     where=f"nodes.{node.node_id}.depends_on",
-                    do=f"name one of {', '.join(names)}",
                 )
     order(contract)
     if not any(node.required for node in contract.nodes):
-        raise ContractInvalid("No node is required", where="nodes", do="mark what the goal needs as required")
+        raise ContractInvalid(because("no_required_node"), where="nodes")
     _check_required(contract)
     declared = frozenset(name for node in contract.nodes for name in node.declared)
     for where, condition in _conditions(contract):
         effect = condition.effect
         if isinstance(effect, Metric) and (effect.frame, effect.map_version) != (contract.frame, contract.map_version):
             raise ContractInvalid(
-                f"Condition {condition.condition_id} is stated in {effect.frame} of map {effect.map_version}, "
-                f"the contract in {contract.frame} of map {contract.map_version}",
+                because(
+                    "condition_frame_differs",
+                    condition_id=condition.condition_id,
+                    frame=effect.frame,
+                    map_version=effect.map_version,
+                    contract_frame=contract.frame,
+                    contract_map=contract.map_version,
+                ),
                 where=where,
-                do="state every target in the contract's frame and map version",
             )
         if isinstance(effect, Temporal) and not set(effect.nodes) <= set(names):
-            raise ContractInvalid(f"Condition {condition.condition_id} names unknown nodes", where=where)
+            raise ContractInvalid(
+                because("condition_of_unknown_nodes", condition_id=condition.condition_id), where=where
+            )
         since = retired.get((str(effect.__struct_config__.tag), effect.predicate), rules + 1)
         if since <= rules and condition.condition_id not in declared:
             raise ContractInvalid(
@@ -177,6 +205,7 @@ def check(contract: TaskContract, *, rules: RulesVersion = FIRST_RULES, retired:
                 do="name the predicate that replaces it, or declare the condition in the node's evidence policy",
             )
     _check_declared(contract)
+    _check_covered(contract)
 
 
 def _check_declared(contract: TaskContract) -> None:
@@ -223,10 +252,41 @@ def _check_required(contract: TaskContract) -> None:
         waits_for = sorted(optional & set(node.depends_on)) if node.required else []
         if waits_for:
             raise ContractInvalid(
-                f"Required node {node.node_id} depends on the optional {', '.join(waits_for)}",
+                because("required_on_optional", node_id=node.node_id, waits_for=tuple(waits_for)),
                 where=f"nodes.{node.node_id}.depends_on",
-                do="mark what it depends on as required, or drop the dependency",
             )
+
+
+def _check_covered(contract: TaskContract) -> None:
+    """Every clause that is to be done has a completion condition, and every condition its clause (D42)."""
+    reading = contract.reading
+    if isinstance(reading, msgspec.UnsetType):
+        return
+    if (reading.unread or not reading.clauses) and contract.confirmed != reading.digest:
+        raise ContractInvalid(
+            "The goal has words that were not read", where="reading", do="confirm the reading, or say it otherwise"
+        )
+    numbers = {clause_id(number) for number, _ in enumerate(reading.clauses, start=1)}
+    defaults = {f"{PROFILE}.{name}" for name in reading.defaults}
+    cited = {condition.clause for condition in contract.completion_conditions}
+    if strange := sorted(str(one) for one in cited - numbers - defaults):
+        raise ContractInvalid(
+            f"A completion condition cites {strange[0]}, which is no clause of the reading",
+            where="completion_conditions",
+            do="cite a clause by its number, or a default of the mission profile",
+        )
+    for number, clause in enumerate(reading.clauses, start=1):
+        if clause_id(number) not in cited and not declines_default(clause):
+            raise ContractInvalid(
+                f"Clause {number} of the goal ({clause.act}) has no completion condition",
+                where="completion_conditions",
+                do="test every clause, or refuse the goal",
+            )
+
+
+def declines_default(clause: Clause) -> bool:
+    """Whether a clause only leaves out a default of the mission profile: nothing is left to test then."""
+    return clause.negated and clause.act in ("return", "report")
 
 
 def order(contract: TaskContract) -> tuple[NodeId, ...]:
@@ -236,11 +296,7 @@ def order(contract: TaskContract) -> tuple[NodeId, ...]:
     while left:
         ready = next((node for node in left if set(node.depends_on) <= set(done)), None)
         if ready is None:
-            raise ContractInvalid(
-                f"The graph has a cycle through {', '.join(node.node_id for node in left)}",
-                where="nodes",
-                do="remove one of these dependencies",
-            )
+            raise ContractInvalid(because("graph_cycle", nodes=tuple(node.node_id for node in left)), where="nodes")
         done.append(ready.node_id)
         left.remove(ready)
     return tuple(done)

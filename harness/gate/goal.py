@@ -12,6 +12,7 @@ from harness.contracts.tasks import TaskContract, order
 from harness.contracts.verdicts import GoalVerdict, Verdict, strictest
 from harness.planning.revision import reopened_with
 from harness.projections.mission import Mission, all_required_settled, declared_goals, required_contract
+from harness.projections.readings import cited_in_words, goal_in_words
 from harness.recovery.state import left_now, over_budget
 
 
@@ -28,7 +29,7 @@ def judge(mission: Mission, command: JudgeGoal) -> Decision[events.MissionEvent]
     if worst == "satisfied" and mission.declared and not mission.vetoes and not mission.disputed:
         return _partly(mission, verdict)
     if worst == "satisfied" and not mission.vetoes and not mission.disputed:
-        text = because("goal_met", goal=contract.goal.text, reason=verdict.reason)
+        text = because("goal_met", goal=goal_in_words(contract), reason=verdict.reason)
         done = events.MissionEnded(status="succeeded", reason=because("goal_verdict_satisfied"))
         return Accepted((events.GoalVerified(verdict=verdict), events.CompletionReported(text=text), done))
     if worst == "ambiguous" and not mission.relooks and contract.recovery_total > mission.spent_total:
@@ -39,7 +40,10 @@ def judge(mission: Mission, command: JudgeGoal) -> Decision[events.MissionEvent]
         if isinstance(again, GraphRevised):
             return Accepted((events.GoalVerified(verdict=verdict), again))
         why = because("not_reopened", why=why, again=again)
+    failed = failed_clauses(contract, verdict)
     said = because("goal_not_met", verdict=worst, why=why)
+    if failed:
+        said = because("clauses_not_met", verdict=worst, clauses=failed, why=why)
     return Accepted(
         (
             events.GoalVerified(verdict=verdict),
@@ -64,7 +68,7 @@ def _worst(mission: Mission, verdict: GoalVerdict) -> Verdict:
 def _partly(mission: Mission, verdict: GoalVerdict) -> Accepted[events.MissionEvent]:
     """Never a completion: what rests on a provider's word alone is named."""
     parts = tuple(dict.fromkeys(effect.text for effect in mission.declared))
-    goal = required_contract(mission).goal.text
+    goal = goal_in_words(required_contract(mission))
     ended = events.MissionEnded(status="partly_verified", reason=because("rests_on_word_alone", parts=parts))
     text = because("goal_partly_verified", goal=goal, parts=parts)
     return Accepted((events.GoalVerified(verdict=verdict), events.PartialCompletionReported(text=text), ended))
@@ -133,6 +137,14 @@ def _same(effect: effects.AnyEffect, own: effects.AnyEffect) -> bool:
 
 def _done(mission: Mission, node_id: NodeId) -> bool:
     return mission.of(node_id).status == "committed"
+
+
+def failed_clauses(contract: TaskContract, verdict: GoalVerdict) -> tuple[Reason, ...]:
+    """The clauses of the reading that have a condition which does not hold, in their order (D44)."""
+    cited = {one.condition_id: one.clause for one in contract.completion_conditions}
+    failing = [cited.get(one.condition_id) for one in verdict.results if one.verdict != "satisfied"]
+    told = (cited_in_words(contract, one) for one in dict.fromkeys(failing))
+    return tuple(one for one in told if one is not None)
 
 
 def _shortfall(mission: Mission, verdict: GoalVerdict) -> Explanation:

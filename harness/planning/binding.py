@@ -8,12 +8,13 @@ from typing import Any, Literal
 
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.places import Passage, Place, Route, Site
+from harness.verification.geometry import contains
 
 Sigil = Literal["$", "@"]
 """`${name.field}` is bound when a contract is compiled, `@{node.argument}` from committed facts at dispatch."""
 
 _SPOT: dict[str, re.Pattern[str]] = {
-    sigil: re.compile(rf"\{sigil}\{{([a-z][a-z0-9_-]*)(?:\.([a-z][a-z0-9_]*))?\}}") for sigil in ("$", "@")
+    sigil: re.compile(rf"\{sigil}\{{((?:[0-9]+\.)?[a-z][a-z0-9_-]*)(?:\.([a-z][a-z0-9_]*))?\}}") for sigil in ("$", "@")
 }
 
 
@@ -54,15 +55,39 @@ def bind_route(start: Place, end: Place, *, site: Site) -> Route:
     )
 
 
+def bind_way(place: Place, *, site: Site) -> Route:
+    """The first reference route that leads to a place from another one; raises UnknownName if the site has none."""
+    for route in site.routes:
+        if route.end == place.place_id != route.start:
+            return route
+    raise UnknownName(f"No route leads to {place.place_id}", where=f"site {site.name}", do="survey one that ends there")
+
+
 def bind_passage(place: Place, *, site: Site) -> Passage:
-    """The passage whose middle lies nearest to the place's approach; raises UnknownName if the site has none."""
-    if not site.passages:
+    """The passage that belongs to a place: it lies within the place's region (D43); of several, the nearest.
+
+    Raises UnknownName for a place without one: what is seen there says nothing about a passage elsewhere.
+    """
+    own = [passage for passage in site.passages if place_of(passage, site=site) == place]
+    if not own:
         raise UnknownName(
-            f"No passage is known near {place.place_id}",
+            f"No passage lies within {place.place_id}",
             where=f"site {site.name}",
-            do="add the floor polygon that an inspection of this place looks at",
+            do="choose a place whose region holds a passage, or add the floor polygon that an inspection looks at",
         )
-    return min(site.passages, key=lambda passage: (math.dist(_middle(passage), place.approach_m), passage.passage_id))
+    return min(own, key=lambda passage: (math.dist(_middle(passage), place.approach_m), passage.passage_id))
+
+
+def place_of(passage: Passage, *, site: Site) -> Place | None:
+    """The place whose region holds the whole passage; None if no place does."""
+    return next(
+        (
+            place
+            for place in site.places
+            if len(place.region_m) > 2 and all(contains(place.region_m, point) for point in passage.floor_m)
+        ),
+        None,
+    )
 
 
 def substitute(value: Any, *, bindings: Mapping[str, Any], sigil: Sigil = "$", path: str = "$") -> Any:

@@ -10,14 +10,18 @@ import msgspec
 from harness.contracts import tasks
 from harness.contracts.effects import Condition, Relational, Temporal
 from harness.contracts.errors import ContractInvalid
-from harness.contracts.places import Place, Site
+from harness.contracts.places import Place, Route, Site
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
-from harness.contracts.values import encode
+from harness.contracts.values import Point, encode
 from harness.planning import binding
 from harness.planning.templates import goal_of
 
 Argument = str | float
 _LONGEST_TEXT = 200
+UNSTORED = ("goal", "site", "ending", "ground")
+"""What a template may refer to that is no choice, place or route of the contract."""
+AROUND_M = 0.8
+"""Half the width of the floor that counts as a place whose region nobody surveyed."""
 
 
 def compile_contract(
@@ -26,6 +30,8 @@ def compile_contract(
     template: tasks.TaskTemplate,
     arguments: Mapping[str, Argument],
     site: Site,
+    origin: Place | None = None,
+    stays: bool = False,
     rules: RulesVersion = CURRENT_RULES,
 ) -> tasks.TaskContract:
     """The contract of one request. `arguments` fill the template's parameters; its defaults fill the rest.
@@ -33,16 +39,17 @@ def compile_contract(
     `rules`: the version that the mission will be pinned to.
 
     Besides its parameters a template may refer to `goal`, `site`, and, where it has the places for them, `outbound`
-    (home to destination), `inbound` (back), `circuit` (home to home) and `passage` (nearest to the destination).
+    (from `origin`, or home, to the destination), `inbound` (from there home), `circuit` (home to home), `passage` (of
+    the destination) and `ending` (where the robot is at the end: at home, or at the destination if it `stays`).
     Raises ContractInvalid with the path of what is wrong, UnknownName for a place, route or argument.
     """
     said = goal_of(goal)
     chosen = _arguments(template, arguments)
-    bindings = _bindings(said, chosen, template, site)
+    bindings = _bindings(said, chosen, template, site, origin=origin, stays=stays)
     draft = binding.substitute(
         {
             "nodes": template.nodes,
-            "completion_conditions": template.completion_conditions,
+            "completion_conditions": [_uncited(one) for one in template.completion_conditions],
             "constraints": template.constraints,
         },
         bindings=bindings,
@@ -55,7 +62,7 @@ def compile_contract(
             "template": template.name,
             "frame": chosen.get("frame", site.frame),
             "map_version": chosen.get("map_version", site.map_version),
-            "bindings": {name: value for name, value in bindings.items() if name not in ("goal", "site")},
+            "bindings": {name: value for name, value in bindings.items() if name not in UNSTORED},
         },
         template,
     )
@@ -115,8 +122,19 @@ def _argument(parameter: tasks.TemplateParameter, value: Argument) -> Argument:
     return value
 
 
+def _uncited(condition: Mapping[str, Any]) -> dict[str, Any]:
+    """The condition without the act that its template tests it for: only a reading says which clause that is."""
+    return {name: value for name, value in condition.items() if name != "clause"}
+
+
 def _bindings(
-    goal: tasks.Goal, chosen: Mapping[str, Argument], template: tasks.TaskTemplate, site: Site
+    goal: tasks.Goal,
+    chosen: Mapping[str, Argument],
+    template: tasks.TaskTemplate,
+    site: Site,
+    *,
+    origin: Place | None,
+    stays: bool,
 ) -> dict[str, Any]:
     places = {
         parameter.name: binding.bind_place(str(chosen[parameter.name]), site=site)
@@ -129,24 +147,53 @@ def _bindings(
         "site": {"name": site.name, "frame": site.frame, "map_version": site.map_version},
         **{name: value for name, value in chosen.items() if name not in places},
         **places,
-        **_journeys(places, used, site),
+        **_journeys(places, used, site, origin=origin),
+        **_ending(places, stays=stays),
+        **_ground(places),
     }
     builtins: dict[str, Any] = msgspec.json.decode(encode(bound))
     return builtins
 
 
-def _journeys(places: Mapping[str, Place], used: frozenset[str], site: Site) -> dict[str, Any]:
+def _ending(places: Mapping[str, Place], *, stays: bool) -> dict[str, str]:
+    home, destination = places.get("home"), places.get("destination")
+    if stays and destination:
+        return {"ending": f"I am still at {destination.name}."}
+    return {"ending": f"I am back at {home.name}."} if home else {}
+
+
+def _ground(places: Mapping[str, Place]) -> dict[str, Any]:
+    """The floor that counts as being at the destination: its region, else a square around where it is approached."""
+    place = places.get("destination")
+    return {"ground": {"region_m": ground_m(place)}} if place else {}
+
+
+def ground_m(place: Place) -> tuple[Point, ...]:
+    """The floor of a place, metres in its frame."""
+    if len(place.region_m) > 2:
+        return place.region_m
+    x, y = place.approach_m
+    corners = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    return tuple((x + right * AROUND_M, y + up * AROUND_M) for right, up in corners)
+
+
+def _journeys(places: Mapping[str, Place], used: frozenset[str], site: Site, *, origin: Place | None) -> dict[str, Any]:
     home, destination = places.get("home"), places.get("destination")
     found: dict[str, Any] = {}
     if home and "circuit" in used:
         found["circuit"] = binding.bind_route(home, home, site=site)
     if home and destination and "outbound" in used:
-        found["outbound"] = binding.bind_route(home, destination, site=site)
+        found["outbound"] = _way(origin or home, destination, site)
     if home and destination and "inbound" in used:
-        found["inbound"] = binding.bind_route(destination, home, site=site)
+        found["inbound"] = _way(destination, home, site)
     if destination and "passage" in used:
         found["passage"] = binding.bind_passage(destination, site=site)
     return found
+
+
+def _way(start: Place, end: Place, site: Site) -> Route:
+    """The route between two places. Where a leg would begin where it ends, any route that leads there will do."""
+    return binding.bind_route(start, end, site=site) if start != end else binding.bind_way(end, site=site)
 
 
 def _typed(draft: Mapping[str, Any], template: tasks.TaskTemplate) -> tasks.TaskContract:

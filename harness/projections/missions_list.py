@@ -1,12 +1,15 @@
 """Builds the list rows of missions and handoffs from events alone, without a clock. Pure."""
 
+from msgspec.structs import replace
+
 from harness.contracts.ids import NodeId
 from harness.contracts.read_models import HandoffItem, ListRow, MissionItem
-from harness.contracts.reasons import Explanation, because, plain
+from harness.contracts.reasons import Explanation, Reason, because, plain
 from harness.contracts.tasks import order
 from harness.contracts.values import encode
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import SETTLED, TERMINAL_MISSION, Mission
+from harness.projections.readings import goal_in_words
 
 WAITING = frozenset({"awaiting_human", "awaiting_approval", "paused"})
 
@@ -33,6 +36,9 @@ def mission_row(mission: Mission, *, seq: int, began_s: float, ended_s: float | 
         handoff_id=mission.handoff_id or "",
         k=mission.k,
     )
+    told = goal_in_words(contract) if contract else ""
+    if isinstance(told, Reason):
+        item = replace(item, reading=told)
     facets = {
         "status": item.status,
         "open": "no" if mission.ended else "yes",

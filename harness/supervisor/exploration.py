@@ -6,6 +6,7 @@ like any other stage. When nothing is left to choose, the stage that waited for 
 
 from msgspec import convert
 
+from harness.contexts.view import forbidden_m
 from harness.contracts import exploration
 from harness.contracts.commands import RecordObservation
 from harness.contracts.decisions import Accepted
@@ -113,7 +114,7 @@ class Explorer:
     ) -> exploration.TargetQuestion:
         contract, site = required_contract(mission), self._runtime.site_of(mission)
         state = mission.of(closing.node_id)
-        keep_out = tuple(one.region_m for one in site.places if one.place_id in contract.constraints.keep_out)
+        keep_out = tuple(forbidden_m(site, contract.constraints.keep_out).values())
         left = min(*left_now(mission, closing.node_id), left_of(closing.recovery, state.spends)["local_replan"])
         return exploration.TargetQuestion(
             mission_id=mission.mission_id,

@@ -8,6 +8,7 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ConfigurationMissing, ContractInvalid, UnknownName
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskContract
 from harness.planning.compile import compile_again
 from harness.planning.templates import by_name
@@ -29,7 +30,7 @@ def begin(runtime: Runtime, mission: Mission) -> Accepted[AnyEvent] | Refused:
     try:
         return _again(runtime, mission, current)
     except (ContractInvalid, UnknownName) as error:
-        why = f"It cannot be compiled under the configuration {current[:12]}, which is current now: {error}"
+        why = because("not_compiled_under_current", configuration=current[:12], error=error.reason)
         return runtime.submit(mission.mission_id, EndMission(status="failed", reason=why))
 
 
@@ -47,7 +48,13 @@ def _again(runtime: Runtime, mission: Mission, current: Digest) -> Accepted[AnyE
 
 
 def _recompiled(runtime: Runtime, mission: Mission, configuration: Configuration) -> TaskContract:
-    """The goal compiled with the version's own template; a template outside the versions is the same in all."""
+    """The goal compiled with the version's own template; a template outside the versions is the same in all.
+
+    A mission with a reading is compiled from it; one of an earlier release as it was begun (D62).
+    """
+    again = runtime.compiled_under(mission, configuration)
+    if again is not None:
+        return again
     contract = required_contract(mission)
     if mission.template not in {template.name for template in runtime.configuration_of(mission).templates}:
         return contract

@@ -15,7 +15,7 @@ from harness.contracts.evidence import CommittedFact, DeclaredEffect, EvidenceRe
 from harness.contracts.ids import Digest, NodeId, sha256
 from harness.contracts.observations import Odometry, Pose, Trajectory
 from harness.contracts.protocol import Receipt
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Reason, because
 from harness.contracts.verifier_inputs import CommittedNode, Execution, RecentSamples, VerificationPolicy
 from harness.verification.finding import Undecidable
 from harness.verification.independence import Lineage
@@ -59,6 +59,7 @@ class Evidence:
     context: Context
     blobs: Blobs
     until_s: float | None = None
+    scope: str = ""
     lineage: Lineage = field(default_factory=Lineage, compare=False, repr=False)
     """Which accepted facts were read since it was last cleared."""
     found: dict[Hashable, Any] = field(default_factory=dict, compare=False, repr=False)
@@ -73,7 +74,14 @@ class Evidence:
 
     def at(self, instant_s: float) -> "Evidence":
         """The same evidence as it stood at an earlier instant: nothing younger is seen (R14)."""
-        return Evidence(self.context, self.blobs, until_s=instant_s, lineage=self.lineage)
+        return Evidence(self.context, self.blobs, until_s=instant_s, scope=self.scope, lineage=self.lineage)
+
+    def within(self, name: str) -> "Evidence":
+        """The same evidence without facts of other clauses, for a condition of that name: `2.goal.linked` is of 2."""
+        scope = scope_of(name)
+        if scope == self.scope:
+            return self
+        return Evidence(self.context, self.blobs, until_s=self.until_s, scope=scope, lineage=self.lineage)
 
     @cached_property
     def conditions(self) -> tuple[Condition, ...]:
@@ -110,7 +118,8 @@ class Evidence:
     @cached_property
     def _facts(self) -> tuple[CommittedFact, ...]:
         record = self.context.one("facts")
-        return read(record, tuple[CommittedFact, ...]) if record else ()
+        every = read(record, tuple[CommittedFact, ...]) if record else ()
+        return tuple(one for one in every if not self.scope or scope_of(one.node_id) in ("", self.scope))
 
     def build_on(self, nodes: Iterable[NodeId]) -> None:
         """Note that an answer rests on these stages: on their accepted facts, or on effects that are only declared."""
@@ -151,7 +160,9 @@ class Evidence:
     @cached_property
     def ended(self) -> tuple[CommittedNode, ...]:
         """The accepted stages, and those that are only declared."""
-        return tuple(read(record, CommittedNode) for record in self.context.all("node"))
+        single = (read(record, CommittedNode) for record in self.context.all("node"))
+        listed = (read(record, tuple[CommittedNode, ...]) for record in self.context.all("nodes"))
+        return (*single, *(node for nodes in listed for node in nodes))
 
     @cached_property
     def declared_effects(self) -> tuple[DeclaredEffect, ...]:
@@ -167,6 +178,8 @@ class Evidence:
         for record in self.context.all("trajectory"):
             reference = read(record, EvidenceReference)
             (current if reference.values.get("role") == "current" else cited).append(reference)
+        for record in self.context.all("tracks"):
+            cited.extend(read(record, tuple[EvidenceReference, ...]))
         found = [self._track([one], current=False) for one in cited]
         return (*sorted(found, key=lambda track: track.dispatched_s), *self._now(current))
 
@@ -189,7 +202,7 @@ class Evidence:
         try:
             body = self.blobs(digest)
         except (HarnessError, KeyError) as error:
-            raise Undecidable(because("blob_unreadable", blob=digest[:12], error=str(error))) from error
+            raise Undecidable(because("blob_unreadable", blob=digest[:12], error=_why(error))) from error
         if sha256(body) != digest:
             raise Undecidable(because("blob_checksum_wrong", blob=digest[:12]))
         return body
@@ -225,6 +238,13 @@ class Evidence:
         newest = max(found, key=lambda one: one.k)
         self.lineage.note(newest.condition_id, newest.independence)
         return newest
+
+    def facts_of(self, *, node_id: str = "", names: Sequence[str] = ()) -> tuple[CommittedFact, ...]:
+        """The accepted facts of a node, or of these names, or both: an answer that reads them rests on them."""
+        found = [one for one in self._facts if node_id in ("", one.node_id) and (not names or one.name in names)]
+        for fact in found:
+            self.lineage.note(fact.condition_id, fact.independence)
+        return tuple(found)
 
     def _now(self, references: Sequence[EvidenceReference]) -> list[AdmittedTrack]:
         record = self.context.one("observations")
@@ -267,10 +287,20 @@ class Evidence:
         return read(record, of)
 
 
+def scope_of(name: str) -> str:
+    """The part of a composite mission that a stage or condition belongs to: `2` of `2.go`; empty for all others."""
+    head, dot, _ = name.partition(".")
+    return head if dot and head.isdecimal() else ""
+
+
 @lru_cache(maxsize=4)
 def _decoded(body: bytes, kind: Hashable) -> Any:
     """Decodes and caches by bytes: a node's track is read again for the goal, and by each of its conditions."""
     return msgspec.json.decode(body, type=kind)
+
+
+def _why(error: HarnessError | KeyError) -> Reason | str:
+    return error.reason if isinstance(error, HarnessError) else str(error)
 
 
 def read(record: ContextRecord, kind: type[T]) -> T:

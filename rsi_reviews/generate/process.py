@@ -15,6 +15,7 @@ import msgspec
 import rsi_reviews.generate
 from harness.contracts.configuration import Configuration
 from harness.contracts.errors import ContractInvalid, HarnessError, StoreUnavailable
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Value, decode, encode
 from rsi_reviews.contracts import Candidate
 from rsi_reviews.errors import CandidateInvalid
@@ -42,9 +43,9 @@ class GenerationProblem(Value):
     """A typed error of the generator, as it comes back."""
 
     code: str
-    what: str
+    what: Explanation
     where: str = ""
-    do: str = ""
+    do: Explanation = ""
     rule: str = ""
 
 

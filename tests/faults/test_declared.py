@@ -27,6 +27,7 @@ from simulator.in_process import SIMULATOR
 from tests.builders.connections import Stage
 from tests.builders.declared import DESCRIBE, DESCRIBED, FIRST, ORDER, SECOND, strict, two_pictures
 from tests.builders.missions_run import OPERATOR, ROBOT, Ran
+from tests.saying import raises_saying
 
 
 def run(stage: Stage, **changes: object) -> Ran:
@@ -84,7 +85,7 @@ def test_an_order_that_holds_only_by_the_provider_s_word_is_named_too() -> None:
 
 
 def test_a_goal_of_which_nothing_would_be_verified_is_refused_before_anything_moves() -> None:
-    with strict() as stage, pytest.raises(ContractInvalid, match="nothing of the goal would be verified"):
+    with strict() as stage, raises_saying(ContractInvalid, match="nothing of the goal would be verified"):
         stage.begin(two_pictures(goals=(DESCRIBED,)))
 
 

@@ -13,42 +13,63 @@ from msgspec import Struct, structs, to_builtins
 
 from app.i18n.catalogues import ENGLISH, N_, translated
 from app.i18n.reasons import (
+    access,
     alerts,
+    candidates,
     console,
     contexts,
+    contracts,
     execution,
     gate,
+    goals,
     outcomes,
     planning,
     proposals,
     recovery,
+    requests,
     restrictions,
     reviews,
     routing,
+    stores,
     supervision,
     verification,
 )
+from harness.contracts.errors import HarnessError
 from harness.contracts.reasons import RECORDED, SEVERAL, Explanation, Reason, plain
 
 SENTENCES: Mapping[str, str] = {
     RECORDED: "{text}",
     SEVERAL: "{reasons}",
+    **access.SENTENCES,
     **alerts.SENTENCES,
+    **candidates.SENTENCES,
     **console.SENTENCES,
     **contexts.SENTENCES,
+    **contracts.SENTENCES,
     **execution.SENTENCES,
     **gate.SENTENCES,
+    **goals.SENTENCES,
     **outcomes.SENTENCES,
     **planning.SENTENCES,
     **proposals.SENTENCES,
     **recovery.SENTENCES,
     **restrictions.SENTENCES,
     **reviews.SENTENCES,
+    **requests.SENTENCES,
     **routing.SENTENCES,
+    **stores.SENTENCES,
     **supervision.SENTENCES,
     **verification.SENTENCES,
 }
 """Every code of the project and its message."""
+REMEDIES: Mapping[str, str] = {
+    **access.REMEDIES,
+    **candidates.REMEDIES,
+    **contracts.REMEDIES,
+    **requests.REMEDIES,
+    **stores.REMEDIES,
+}
+"""What to do about an error, by the code of what happened."""
 VARIANTS: Mapping[str, tuple[str, Any, str]] = {
     "all_conditions_hold": ("count", 1, N_("the condition holds")),
     "handoff_was_answered": ("decision", "expired", N_("The handoff expired unanswered")),
@@ -58,6 +79,9 @@ VARIANTS: Mapping[str, tuple[str, Any, str]] = {
 """Codes with a second message, for one value of one fact: the fact, the value, the message."""
 BETWEEN: Mapping[str, tuple[str, str, str]] = {"en": (", ", "; ", " or "), "zh-Hans": ("、", "；", "或")}
 """What stands between names, between sentences, and before the last of several that are offered."""
+ENDS: Mapping[str, str] = {"en": ". ", "zh-Hans": "。"}
+"""What ends a sentence before the next."""
+WHERE = N_("Where: {where}")
 WORDS = frozenset({"word", "words", "or", "capital"})
 """Format specifications that are ours."""
 
@@ -80,6 +104,22 @@ def sentence(reason: Explanation, language: str = ENGLISH) -> str:
 def _message(reason: Reason) -> str | None:
     fact, value, variant = VARIANTS.get(reason.code, ("", None, ""))
     return variant if fact and reason.facts.get(fact) == value else SENTENCES.get(reason.code)
+
+
+def remedy(error: HarnessError, language: str = ENGLISH) -> str:
+    """What to do about an error: what it says itself, else what follows from its code; empty where nothing does."""
+    if error.do or isinstance(error.what, str):
+        return sentence(error.do, language)
+    message = translated(REMEDIES.get(error.what.code, ""), language)
+    return _Formatter(language).vformat(message, (), error.what.facts)
+
+
+def explained(error: HarnessError, language: str = ENGLISH) -> str:
+    """An error in one line: what happened, where, and what to do."""
+    where = translated(WHERE, language).format(where=error.where) if error.where else ""
+    said = (sentence(error.what, language), where, remedy(error, language))
+    end = ENDS[language]
+    return end.join(part.rstrip(".。") for part in said if part) + end.rstrip()
 
 
 def sentences(reasons: tuple[Explanation, ...], language: str = ENGLISH) -> str:

@@ -14,7 +14,7 @@ from harness.verification.body import LIMIT_M
 from harness.verification.finding import FACTS, RECEIPTS, Finding, Undecidable, ambiguous
 from harness.verification.media import image_size
 from harness.verification.predicates.panorama import TURN_LIMIT_RAD
-from harness.verification.reading import AdmittedTrack, Evidence
+from harness.verification.reading import AdmittedTrack, Evidence, scope_of
 
 KINDS = ("keeping", "analysis")
 """Receipts that may name a report about one picture."""
@@ -97,7 +97,7 @@ def one_image(effect: AnyEffect, evidence: Evidence) -> Finding:
     if not isinstance(effect, Relational):
         raise Undecidable(because("effect_not_testable", predicate="one_image"))
     named = {fact.node_id: tuple(fact.arguments["images"]) for fact in evidence.facts if "images" in fact.arguments}
-    accepted = [node.node_id for node in evidence.nodes]
+    accepted = [node.node_id for node in evidence.nodes if scope_of(node.node_id) == evidence.scope]
     absent = [name for name in (effect.subject, effect.object) if name not in accepted]
     if absent:
         return ambiguous(because("not_accepted_yet", stages=tuple(absent)))

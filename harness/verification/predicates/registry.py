@@ -16,6 +16,7 @@ from harness.verification.predicates.inside import inside
 from harness.verification.predicates.kept_picture import kept_picture
 from harness.verification.predicates.message_stored import message_stored
 from harness.verification.predicates.no_target import arrival_without_target
+from harness.verification.predicates.one_subject import one_subject
 from harness.verification.predicates.panorama import panorama
 from harness.verification.predicates.passage_checked import passage_checked
 from harness.verification.predicates.pictures import one_image, pictured, same_image
@@ -25,6 +26,7 @@ from harness.verification.predicates.relations import in_order, linked, reported
 from harness.verification.predicates.sighted import sighted
 from harness.verification.predicates.stable import stable
 from harness.verification.predicates.static_body import static_body
+from harness.verification.predicates.stayed_out import stayed_out
 from harness.verification.predicates.transcript import transcript
 from harness.verification.reading import Evidence
 
@@ -45,8 +47,10 @@ PREDICATES: dict[tuple[str, str], Predicate] = {
     ("relational", "linked"): linked,
     ("relational", "one_chain"): one_chain,
     ("relational", "one_image"): one_image,
+    ("relational", "one_subject"): one_subject,
     ("relational", "passage_checked"): passage_checked,
     ("relational", "same_image"): same_image,
+    ("relational", "stayed_out"): stayed_out,
     ("symbolic", "arrival_without_target"): arrival_without_target,
     ("symbolic", "covered"): covered,
     ("symbolic", "delivered"): delivered,

@@ -20,6 +20,7 @@ from harness.planning.planner import plan
 from harness.planning.skill import propose_skill
 from harness.projections.mission import Failure, Mission, NodeState, Spend
 from harness.recovery.ladder import recover
+from tests.saying import raises_saying
 from tests.unit.verification.building import Bench, card, contract, fact, mission, node, retained, view
 from tests.unit.verification.drives import BEGAN_S, Drive
 
@@ -243,7 +244,7 @@ def test_another_state_makes_another_recovery() -> None:
 
 
 def test_a_node_without_an_open_failure_has_nothing_to_recover_from() -> None:
-    with pytest.raises(ContractInvalid, match="no failure to recover from"):
+    with raises_saying(ContractInvalid, match="no failure to recover from"):
         recovery_context(recovering(three()), NodeId("go"), ())
 
 

@@ -14,6 +14,7 @@ from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import NodeId
 from harness.planning.skill import propose_skill, requested
 from harness.projections.mission import NodeState
+from tests.saying import raises_saying
 from tests.unit.planning.building import card, contract, fact, mission, service, spend, view
 
 FRAMES = tuple(f"{number:064x}" for number in range(8))
@@ -100,7 +101,7 @@ def test_a_newer_fact_of_the_same_node_wins() -> None:
 
 
 def test_a_fact_that_was_never_committed_grounds_nothing() -> None:
-    with pytest.raises(ContractInvalid, match=r"@\{panorama.frames\} is bound to nothing") as error:
+    with raises_saying(ContractInvalid, match=r"@\{panorama.frames\} is bound to nothing") as error:
         propose_skill(c2("analysis", ANALYSIS))
     assert "nodes.analysis.parameters.images" in error.value.where
 
@@ -130,6 +131,6 @@ def test_an_observing_provider_gets_a_look_and_not_the_nodes_motion() -> None:
     ],
 )
 def test_a_parameter_outside_the_card_is_refused_and_named(parameter: Parameter, says: str) -> None:
-    with pytest.raises(ContractInvalid, match=says) as error:
+    with raises_saying(ContractInvalid, match=says) as error:
         propose_skill(c2("go", card(parameters=(parameter,))))
     assert f"parameter {parameter.name}" in error.value.where

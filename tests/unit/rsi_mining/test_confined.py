@@ -18,6 +18,7 @@ from harness.contracts.errors import StoreUnavailable
 from rsi_reviews.generate.process import environment
 from rsi_reviews.held_out import SECRET, secret_in
 from tests.integration.runs import ROOT
+from tests.saying import raises_saying
 
 PROBE = """
 import os, socket, sys
@@ -81,7 +82,7 @@ def test_the_generators_process_reads_no_data_folder_no_evaluator_and_no_environ
 
 @pytest.mark.ledger("R168", entry="command line", symbol="rsi_reviews.generate.__main__:_refuse_readable")
 def test_a_held_out_set_that_lies_where_the_program_may_read_stops_the_generator(data: Path) -> None:
-    with pytest.raises(StoreUnavailable, match="can read what judges it"):
+    with raises_saying(StoreUnavailable, match="can read what judges it"):
         regen("--data", str(data), "--evaluator", str(ROOT / "rsi_reviews" / "suites"))
 
 

@@ -1,0 +1,452 @@
+"""Parses a goal text into clauses with the parts of the text they account for. Deterministic, pure; guesses nothing.
+
+A sentence is cut at its connectors; each part is a verb with its object, or names another object for the verb before.
+Whatever no rule takes stays unread, with the reason.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from harness.contracts.readings import Act, Clause, ClauseObject, Span, Unread, UnreadWhy
+from harness.goals.tokens import QUOTES, Token
+from harness.goals.words import Item, Phrases, Word
+
+CONNECTORS = frozenset({"and", "then", "but", "first", "last", "before", "after", "before_post", "or", "sep"})
+ACCEPTED: dict[Act, tuple[str, ...]] = {
+    "go": ("place", "region", "passage"),
+    "return": ("place",),
+    "inspect": ("place", "passage"),
+    "photograph": ("place", "passage", "here"),
+    "describe": ("place", "passage", "here"),
+    "walk_route": ("route",),
+    "explore": ("site", "place", "region"),
+    "report": ("finding",),
+    "deliver": ("finding",),
+    "wait": ("place", "region", "here"),
+}
+"""What kinds of object a verb takes. A prohibition may also name a zone."""
+NEEDS_OBJECT = frozenset({"go", "inspect", "walk_route"})
+SWALLOWED: dict[str, UnreadWhy] = {"condition": "condition", "time": "time", "or": "alternative"}
+MOST_TIMES = 99
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A clause as it grows. `asking`: a tail still has to name the state that is asked for."""
+
+    act: Act
+    spans: tuple[Span, ...]
+    object: ClauseObject | None = None
+    negated: bool = False
+    count: int = 1
+    counted: bool = False
+    asking: bool = False
+    passing: bool = False
+    beside: ClauseObject | None = None
+    """A second name that says where the first one is: "the passage *in the storage area*"."""
+
+
+@dataclass
+class Parse:
+    """What has been parsed so far: clauses in order, and what became of the rest of the text."""
+
+    clauses: list[Draft] = field(default_factory=list)
+    fillers: list[Span] = field(default_factory=list)
+    unread: list[Unread] = field(default_factory=list)
+    place: ClauseObject | None = None
+    """The place or passage named last: what "it" and "there" stand for."""
+
+
+def items(found: Sequence[Token], phrases: Phrases) -> list[Item]:
+    """The text as phrases with meanings, the longest first; quotations and what is no word are marked unread."""
+    made: list[Item] = []
+    index = 0
+    while index < len(found):
+        token = found[index]
+        if token.kind == "quote":
+            index = _quotation(found, index, phrases, made)
+            continue
+        phrase = phrases.at(found, index) if token.kind == "word" else None
+        length, word = phrase if phrase else (1, _unknown(token))
+        last = found[index + length - 1]
+        made.append(Item(word, token.start, last.end, token.text))
+        index += length
+    return _numbered(made)
+
+
+def parse(found: Sequence[Item]) -> Parse:
+    """All sentences of the text, one after the other."""
+    state = Parse()
+    for sentence in _sentences(found):
+        _sentence(sentence, state)
+    return state
+
+
+def clause_of(draft: Draft) -> Clause:
+    """The clause that a draft has become."""
+    return Clause(act=draft.act, object=draft.object, negated=draft.negated, count=draft.count, spans=draft.spans)
+
+
+def _unknown(token: Token) -> Word:
+    match token.kind:
+        case "separator":
+            return Word("sep" if token.text == "," else "stop")
+        case "control":
+            return Word("control")
+        case _ if token.text.isdecimal() and len(token.text) < 4:
+            return Word("number", number=int(token.text))
+        case _:
+            return Word("unknown")
+
+
+def _quotation(found: Sequence[Token], index: int, phrases: Phrases, made: list[Item]) -> int:
+    """A quoted name is that name; anything else that is quoted is somebody's words and not a request."""
+    closing = QUOTES.get(found[index].text, found[index].text)
+    end = next((at for at in range(index + 1, len(found)) if found[at].text in (closing, '"')), len(found) - 1)
+    inner = found[index + 1 : end]
+    phrase = phrases.at(inner, 0) if inner else None
+    if phrase and phrase[0] == len(inner) and phrase[1].kind == "name":
+        made.append(Item(phrase[1], found[index].start, found[end].end, "name"))
+    else:
+        made.append(Item(Word("quoted"), found[index].start, found[end].end, "quoted"))
+    return end + 1
+
+
+def _numbered(made: Sequence[Item]) -> list[Item]:
+    """Numbers with their unit become counts or laps: "3 times", "two laps of"."""
+    joined: list[Item] = []
+    for item in made:
+        before = joined[-1] if joined else None
+        if item.kind in ("times", "laps") and before is not None and before.kind == "number":
+            kind = "count" if item.kind == "times" else "laps"
+            joined[-1] = Item(Word(kind, number=before.word.number), before.start, item.end, kind)
+        else:
+            joined.append(item)
+    return joined
+
+
+def _sentences(found: Sequence[Item]) -> list[list[Item]]:
+    sentences: list[list[Item]] = [[]]
+    for item in found:
+        sentences[-1].append(item)
+        if item.kind == "stop":
+            sentences.append([])
+    return [sentence for sentence in sentences if sentence]
+
+
+def _sentence(sentence: Sequence[Item], state: Parse) -> None:
+    """Cut at the connectors and parse part by part; then put the clauses into the order that the words say."""
+    links: list[Item] = []
+    part: list[Item] = []
+    began = len(state.clauses)
+    ordering = _Ordering(state, began)
+    for item in _swallowed(sentence, state):
+        if item.kind in CONNECTORS and not (item.kind == "and" and _joins_nothing(part)):
+            if part:
+                ordering.part(links, part)
+                links, part = [], []
+            links.append(item)
+        elif item.kind in CONNECTORS:
+            state.fillers.append(_span(item))
+        else:
+            part.append(item)
+    ordering.part(links, part)
+
+
+def _joins_nothing(part: Sequence[Item]) -> bool:
+    """Whether an "and" stands before any verb or name of its part: "please and ..." """
+    return bool(part) and all(item.kind in ("filler", "lead") for item in part)
+
+
+def _swallowed(sentence: Sequence[Item], state: Parse) -> list[Item]:
+    """Without conditions and alternatives, up to the next comma or "then": what depends on them is not done."""
+    kept: list[Item] = []
+    why: UnreadWhy | None = None
+    for item in sentence:
+        if item.kind in SWALLOWED:
+            why = SWALLOWED[item.kind]
+            state.unread.append(Unread(span=_span(item), why=why))
+            if why == "time":
+                why = None
+        elif why is not None and item.kind not in ("sep", "then", "stop", "but"):
+            state.unread.append(Unread(span=_span(item), why=why))
+        else:
+            why = None
+            kept.append(item)
+    return kept
+
+
+class _Ordering:
+    """Parses the parts of one sentence and places each part's clauses among the earlier ones."""
+
+    def __init__(self, state: Parse, began: int) -> None:
+        self._state, self._began = state, began
+        self._held: int | None = None
+        """Where what comes next belongs: before the clauses of a leading "before ..."."""
+        self._parts = 0
+
+    def part(self, links: Sequence[Item], part: Sequence[Item]) -> None:
+        """One part with the connectors before it."""
+        kinds = [link.kind for link in links]
+        self._state.fillers.extend(_span(link) for link in links)
+        if not part:
+            self._complain(links)
+            return
+        draft = parse_part(part, self._state, links=kinds)
+        if not draft:
+            self._complain(links)
+            return
+        self._place(draft, kinds, links)
+        self._parts += 1
+
+    def _place(self, drafts: list[Draft], kinds: Sequence[str], links: Sequence[Item]) -> None:
+        clauses, began = self._state.clauses, self._began
+        if self._unclear(drafts, kinds):
+            self._unordered(links)
+        if "before" in kinds and self._parts == 0:
+            self._held = len(clauses)
+            clauses.extend(drafts)
+        elif "before_post" in kinds:
+            clauses[began:began] = drafts
+        elif self._held is not None and not {"and"} >= set(kinds):
+            clauses[self._held : self._held] = drafts
+            self._held = None
+        elif "after" in kinds and self._parts > 0:
+            clauses[max(began, len(clauses) - 1) : max(began, len(clauses) - 1)] = drafts
+        elif "first" in kinds and self._parts > 0:
+            clauses[began:began] = drafts
+        else:
+            clauses.extend(drafts)
+
+    def _unclear(self, drafts: Sequence[Draft], kinds: Sequence[str]) -> bool:
+        """Whether the words leave open what comes first, or how far a "do not" reaches."""
+        earlier = self._state.clauses[self._began :]
+        if "before" in kinds and len(drafts) > 1:
+            return True
+        if "after" in kinds and self._parts > 0 and (len(drafts) > 1 or len(earlier) > 1):
+            return True
+        reaches = set(kinds) <= {"and"} and not drafts[0].negated
+        return bool(earlier) and earlier[-1].negated and reaches
+
+    def _unordered(self, links: Sequence[Item]) -> None:
+        """The connectors do not say which of two readings is meant."""
+        self._state.unread.extend(Unread(span=_span(link), why="ambiguous") for link in links)
+
+    def _complain(self, links: Sequence[Item]) -> None:
+        """An order or an alternative that nothing follows was said about something that was not read."""
+        said = [link for link in links if link.kind in ("before", "after", "before_post")]
+        self._state.unread.extend(Unread(span=_span(link), why="order") for link in said)
+
+
+def parse_part(part: Sequence[Item], state: Parse, *, links: Sequence[str]) -> list[Draft]:
+    """The clauses of one part. A part without a verb names another object for the verb before it."""
+    builder = _Builder(state, links)
+    for index, item in enumerate(part):
+        builder.take(item, after=part[index + 1] if index + 1 < len(part) else None)
+    return builder.done()
+
+
+class _Builder:
+    """Takes the items of one part in turn; what no rule takes is unread."""
+
+    def __init__(self, state: Parse, links: Sequence[str]) -> None:
+        self._state, self._links = state, links
+        self._made: list[Draft] = []
+        self._named: list[Item] = []
+        self._glue: list[Span] = []
+        self._negation: Item | None = None
+        self._count: Item | None = None
+
+    def take(self, item: Item, *, after: Item | None) -> None:
+        """One item; `after` is the next one of the part."""
+        match item.kind:
+            case "verb" | "asks" | "passes":
+                self._verb(item, after)
+            case "lead":
+                self._lead(item, after)
+            case "name" | "site" | "here" | "pronoun":
+                self._name(item)
+            case "neg" | "avoid":
+                self._negate(item)
+            case "count" | "laps":
+                self._counted(item)
+            case "tail" | "attached":
+                self._tail(item)
+            case "preposition":
+                self._glue.append(_span(item))
+            case "filler" | "stop" | "sep" | "and" | "then" | "first":
+                self._state.fillers.append(_span(item))
+            case _:
+                self._leave(item)
+
+    def done(self) -> list[Draft]:
+        """The finished clauses; complains about what never found its place."""
+        if self._named and not self._made:
+            self._coordinate()
+        if self._count and self._made:
+            self._repeat(self._count)
+        elif self._count:
+            self._leave(self._count, "count")
+        for item in self._named:
+            self._leave(item, "ambiguous")
+        if self._negation is not None:
+            self._leave(self._negation, "negation")
+        if self._made and self._glue:
+            self._made[-1] = _grown(self._made[-1], *self._glue)
+        elif self._glue:
+            self._state.unread.extend(Unread(span=span, why="unknown_words") for span in self._glue)
+        return [whole for draft in self._made if (whole := self._whole(draft)) is not None]
+
+    def _verb(self, item: Item, after: Item | None) -> None:
+        act = item.word.act or "inspect"
+        draft = Draft(
+            act=act,
+            spans=(*self._glue, _span(item)),
+            negated=self._negation is not None,
+            asking=item.kind == "asks",
+            passing=item.kind == "passes",
+        )
+        self._glue = []
+        if self._negation is not None:
+            draft = _grown(draft, _span(self._negation))
+            self._negation = None
+        if draft.passing and not draft.negated:
+            self._leave(item)
+            return
+        self._made.append(draft)
+        if self._named:
+            waiting, self._named = self._named, []
+            for one in waiting:
+                self._name(one)
+
+    def _lead(self, item: Item, after: Item | None) -> None:
+        """ "go and" before another verb adds nothing; "go" that nothing follows asks for no place."""
+        if after is not None and after.kind in ("verb", "asks", "name", "and", "filler", "lead", "site", "neg", "then"):
+            self._glue.append(_span(item))
+        else:
+            self._leave(item, "no_object")
+
+    def _name(self, item: Item) -> None:
+        meant = self._meant(item)
+        if meant is None:
+            self._leave(item, "no_object")
+            return
+        if not self._made:
+            self._named.append(item)
+            return
+        draft = self._made[-1]
+        if draft.act == "inspect" and meant.kind == "route" and draft.object is None:
+            draft = replace(draft, act="walk_route")
+        if draft.act == "photograph" and meant.kind == "site":
+            meant = ClauseObject(kind="here")
+        accepted = (*ACCEPTED[draft.act], *(("region",) if draft.negated else ()))
+        open_route = draft.object == ClauseObject(kind="route") and meant.kind == "route"
+        if (draft.object is None or open_route) and meant.kind in accepted:
+            self._made[-1] = replace(_grown(draft, *self._glue, _span(item)), object=meant)
+            self._glue = []
+        elif draft.object is not None and _same_subject(draft.object, meant):
+            first, second = (meant, draft.object) if meant.kind == "passage" else (draft.object, meant)
+            beside = draft.beside if second == first else second
+            self._made[-1] = replace(_grown(draft, *self._glue, _span(item)), object=first, beside=beside)
+            self._glue = []
+        else:
+            self._leave(item, "ambiguous")
+        if meant.kind in ("place", "passage"):
+            self._state.place = meant
+
+    def _meant(self, item: Item) -> ClauseObject | None:
+        match item.kind:
+            case "site":
+                return ClauseObject(kind="site")
+            case "here":
+                return ClauseObject(kind="here")
+            case "pronoun":
+                looking = bool(self._made) and self._made[-1].act in ("photograph", "describe")
+                return self._state.place or (ClauseObject(kind="here") if looking else None)
+            case _:
+                return item.word.object
+
+    def _negate(self, item: Item) -> None:
+        if item.kind == "avoid":
+            self._made.append(Draft(act="go", spans=(*self._glue, _span(item)), negated=True))
+            self._glue = []
+        elif self._negation is not None:
+            self._leave(item, "negation")
+        else:
+            self._negation = item
+
+    def _counted(self, item: Item) -> None:
+        if self._made:
+            self._repeat(item)
+        elif self._count is None:
+            self._count = item
+        else:
+            self._leave(item, "count")
+
+    def _repeat(self, item: Item) -> None:
+        draft = self._made[-1]
+        number = item.word.number
+        if draft.counted or draft.negated or not 1 <= number <= MOST_TIMES:
+            self._leave(item, "count")
+            return
+        if item.kind == "laps" and draft.act in ("walk_route", "inspect") and draft.object is None:
+            draft = replace(draft, act="walk_route", object=ClauseObject(kind="route"))
+        elif item.kind == "laps" and draft.act != "walk_route":
+            self._leave(item, "count")
+            return
+        self._made[-1] = replace(_grown(draft, _span(item)), count=number, counted=True)
+        self._count = None
+
+    def _tail(self, item: Item) -> None:
+        draft = self._made[-1] if self._made else None
+        if item.kind == "tail" and draft is not None and draft.act == "inspect" and draft.object is not None:
+            self._made[-1] = replace(_grown(draft, _span(item)), asking=False)
+        elif item.kind == "tail" and draft is None and self._named:
+            self._verb(Item(Word("verb", act="inspect"), item.start, item.end, item.text), None)
+        elif item.kind == "attached" and draft is not None and draft.act == item.word.act and not draft.negated:
+            self._made[-1] = _grown(draft, _span(item))
+        elif item.kind == "attached" and draft is None and self._before(item.word.act):
+            self._state.clauses[-1] = _grown(self._state.clauses[-1], _span(item))
+        else:
+            self._leave(item)
+
+    def _before(self, act: Act | None) -> bool:
+        return bool(self._state.clauses) and self._state.clauses[-1].act == act
+
+    def _coordinate(self) -> None:
+        """ "check the dock and the storage area": the second name takes the verb of the first."""
+        before = self._state.clauses[-1] if self._state.clauses else None
+        if before is None or before.object is None or before.negated or not {"and", "sep"} >= set(self._links):
+            return
+        waiting, self._named = self._named, []
+        self._made.append(Draft(act=before.act, spans=tuple(self._glue)))
+        self._glue = []
+        for one in waiting:
+            self._name(one)
+
+    def _whole(self, draft: Draft) -> Draft | None:
+        """The clause with all that it must name; None where that is missing, and its words are then unread."""
+        lacking = draft.object is None and draft.act in NEEDS_OBJECT
+        if lacking and draft.act == "inspect" and not draft.asking and self._state.place is not None:
+            return replace(draft, object=self._state.place)
+        if lacking or draft.asking:
+            self._state.unread.extend(Unread(span=span, why="no_object") for span in draft.spans)
+            return None
+        return draft
+
+    def _leave(self, item: Item, why: UnreadWhy | None = None) -> None:
+        reasons: dict[str, UnreadWhy] = {"quoted": "quoted", "control": "control_character", "neg": "negation"}
+        self._state.unread.append(Unread(span=_span(item), why=why or reasons.get(item.kind, "unknown_words")))
+
+
+def _same_subject(one: ClauseObject, other: ClauseObject) -> bool:
+    """Whether a second name may only tell more about the first: the passage *in the storage area*. The site decides."""
+    return one == other or {one.kind, other.kind} == {"place", "passage"}
+
+
+def _grown(draft: Draft, *spans: Span) -> Draft:
+    return replace(draft, spans=(*draft.spans, *spans))
+
+
+def _span(item: Item) -> Span:
+    return Span(start=item.start, end=item.end)

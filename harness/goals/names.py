@@ -1,0 +1,88 @@
+"""The site's own names in a goal: places, routes, passages and zones, each with its aliases. Pure."""
+
+from collections.abc import Iterator
+
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.places import Place, Route, Site
+from harness.contracts.readings import ClauseObject, ObjectKind
+from harness.goals.tokens import folded
+from harness.goals.words import Word
+
+
+def check_names(site: Site) -> None:
+    """Raise ContractInvalid where one name stands for two places, routes or passages: no goal could say which."""
+    known: dict[tuple[str, ...], ClauseObject] = {}
+    for text, meant in _named(site):
+        key = _key(text)
+        other = known.setdefault(key, meant)
+        if key and other != meant:
+            raise ContractInvalid(
+                f"{text[:80]!r} names two things: {other.kind} {other.id} and {meant.kind} {meant.id}",
+                where=f"site {site.name}, aliases of {other.id} and {meant.id}",
+                do="take the name from one of them",
+            )
+
+
+def site_names(site: Site) -> Iterator[tuple[str, Word]]:
+    """Every name as a phrase of the grammar; a zone gives way to a place, route or passage of the same name.
+
+    Raises as `check_names` does.
+    """
+    check_names(site)
+    for text, meant in _named(site):
+        yield from _forms(text, meant)
+    for zone in site.zones:
+        for text in (zone.name, f"{zone.name} zone"):
+            yield from _forms(text, ClauseObject(kind="region", id=zone.name, name=zone.name))
+
+
+def object_of_place(place: Place) -> ClauseObject:
+    """A place as a clause names it."""
+    return ClauseObject(kind="place", id=place.place_id, name=place.name)
+
+
+def object_of_route(route: Route) -> ClauseObject:
+    """A route as a clause names it."""
+    return ClauseObject(kind="route", id=route.name, name=route.name)
+
+
+def known_object(meant: ClauseObject, site: Site) -> bool:
+    """Whether the site has what a clause is about."""
+    ids: dict[ObjectKind, set[str]] = {
+        "place": {place.place_id for place in site.places},
+        "route": {route.name for route in site.routes},
+        "passage": {passage.passage_id for passage in site.passages},
+        "region": {zone.name for zone in site.zones},
+    }
+    return meant.id in ids[meant.kind] if meant.kind in ids else not meant.id
+
+
+def _forms(text: str, meant: ClauseObject) -> Iterator[tuple[str, Word]]:
+    word = Word("name", object=meant)
+    bare = " ".join(_key(text))
+    if not bare:
+        return
+    yield bare, word
+    if bare.isascii():
+        yield f"the {bare}", word
+
+
+def _named(site: Site) -> Iterator[tuple[str, ClauseObject]]:
+    for place in site.places:
+        meant = object_of_place(place)
+        yield from ((text, meant) for text in (place.place_id, place.name, *place.aliases))
+    for passage in site.passages:
+        meant = ClauseObject(kind="passage", id=passage.passage_id, name=_spoken(passage.passage_id))
+        yield from ((text, meant) for text in (passage.passage_id, *(passage.aliases or ())))
+    for route in site.routes:
+        meant = object_of_route(route)
+        yield from ((text, meant) for text in (route.name, *(route.aliases or ())))
+
+
+def _spoken(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _key(text: str) -> tuple[str, ...]:
+    key = folded(text)
+    return key[1:] if key[:1] == ("the",) and len(key) > 1 else key

@@ -1,0 +1,95 @@
+"""Finds conditions that could never be shown to hold, before anything moves (D42). Pure."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+from harness.contracts.capabilities import Capability
+from harness.contracts.effects import Condition
+from harness.contracts.errors import Unsatisfiable
+from harness.contracts.places import Site
+from harness.contracts.readings import ClauseObject
+from harness.contracts.tasks import Node, TaskContract
+from harness.contracts.values import Point
+from harness.planning.clauses import region_of
+from harness.verification.geometry import contains
+from harness.verification.predicates.registry import predicate_of
+
+PRODUCED_BY: dict[str, tuple[Capability, ...]] = {
+    "transcript": ("take_request",),
+    "arrival": ("navigate",),
+    "circuit": ("navigate",),
+    "panorama": ("capture_panorama",),
+    "pictured": ("observe",),
+    "sighted": ("analyse_passage",),
+    "analysis_of": ("analyse_passage",),
+    "delivered": ("deliver_message",),
+    "played": ("speak",),
+    "linked": ("capture_panorama", "analyse_passage", "deliver_message", "take_request"),
+    "reported": ("analyse_passage", "deliver_message", "speak"),
+    "explored": ("observe",),
+    "same_image": ("observe",),
+    "one_image": ("observe",),
+}
+"""The capabilities whose stages leave the evidence that a predicate reads; one that is missing here needs none."""
+
+
+def check_satisfiable(contract: TaskContract, *, site: Site) -> None:
+    """Raise Unsatisfiable for the first condition without a verifier or without a stage that could make its evidence.
+
+    So is a goal whose routes lead through a region that it forbids.
+    """
+    for where, condition in _conditions(contract):
+        if predicate_of(condition.effect) is None:
+            raise Unsatisfiable(
+                f"No verifier is installed for {condition.effect.predicate}, which {condition.condition_id} needs",
+                where=where,
+                do="install one, or test the condition by a predicate that is",
+            )
+        offered = {capability for node in contract.nodes for capability in node.capabilities}
+        missing = [name for name in PRODUCED_BY.get(condition.effect.predicate, ()) if name not in offered]
+        if missing:
+            raise Unsatisfiable(
+                f"No stage can make the evidence that {condition.condition_id} needs: {', '.join(missing)}",
+                where=where,
+                do="add such a stage, or drop the condition",
+            )
+    _check_ways(contract, site)
+
+
+def _conditions(contract: TaskContract) -> Iterator[tuple[str, Condition]]:
+    for node in contract.nodes:
+        yield from ((f"nodes.{node.node_id}", one) for one in node.success_conditions)
+    yield from (("completion_conditions", one) for one in contract.completion_conditions)
+
+
+def _check_ways(contract: TaskContract, site: Site) -> None:
+    """A leg whose route crosses a forbidden region would end unsafe: it is refused now."""
+    for name in contract.constraints.keep_out:
+        region = _region(name, site)
+        for node in contract.nodes:
+            if len(region) > 2 and _crosses(node, region):
+                raise Unsatisfiable(
+                    f"The way of {node.node_id} leads through {name}, which the goal forbids",
+                    where=f"nodes.{node.node_id}",
+                    do="allow the region, or ask for a place that can be reached without it",
+                )
+
+
+def _region(name: str, site: Site) -> tuple[Point, ...]:
+    kinds = ("place", "passage", "region")
+    found = (region_of(ClauseObject(kind=kind, id=name), site) for kind in kinds)  # type: ignore[arg-type]
+    return next((region for region in found if region), ())
+
+
+def _crosses(node: Node, region: tuple[Point, ...]) -> bool:
+    """Whether the stage's route, looked at every 0.1 m, has a point in the region."""
+    route = node.parameters.get("route", ())
+    points = [point for point in route if isinstance(point, tuple)] if isinstance(route, tuple) else []
+    return any(contains(region, point) for point in _along(points))
+
+
+def _along(points: list[Point]) -> Iterator[Point]:
+    for (ax, ay), (bx, by) in pairwise(points):
+        steps = max(1, round(10 * max(abs(bx - ax), abs(by - ay))))
+        for step in range(steps + 1):
+            yield ax + (bx - ax) * step / steps, ay + (by - ay) * step / steps

@@ -1,0 +1,223 @@
+"""Decides whether a goal is understood well enough to start, and as what (D41). Pure: writes nothing."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from msgspec.structs import replace
+
+from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, ReadingStale
+from harness.contracts.ids import Digest, sha256
+from harness.contracts.places import Site
+from harness.contracts.readings import Clause, ClauseObject, Reading, ReadingQuestion, Span, Unread
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
+from harness.contracts.tasks import TaskContract, TaskTemplate
+from harness.goals.names import object_of_place, object_of_route
+from harness.goals.reader import GRAMMAR, GoalReader, admitted, site_version
+from harness.goals.satisfiable import check_satisfiable
+from harness.goals.tokens import folded
+from harness.planning.binding import bind_place
+from harness.planning.clauses import Plan, plan_reading
+from harness.planning.compile import Argument, compile_contract
+from harness.planning.composition import compile_plan
+from harness.planning.templates import LONGEST_GOAL, by_name, goal_of
+
+ASK = "reword the goal, or confirm the reading by its digest"
+
+
+@dataclass(frozen=True)
+class GoalRequest:
+    """What a person asked for: a template by name, a goal in words, or both; what they chose beside it.
+
+    `confirm` is the digest of the reading that they confirmed.
+    """
+
+    template: str = ""
+    text: str = ""
+    arguments: Mapping[str, Argument] | None = None
+    confirm: str = ""
+
+
+@dataclass(frozen=True)
+class Understood:
+    """What will run: the plan of a reading, or a template that takes no goal in words; `text` is the goal's source."""
+
+    text: str
+    plan: Plan | None
+    template: TaskTemplate | None
+    confirmed: Digest | None = None
+
+
+def understand(
+    request: GoalRequest, *, templates: Sequence[TaskTemplate], site: Site, reader: GoalReader = GRAMMAR
+) -> Understood:
+    """What the request means under these templates and at this site.
+
+    Raises GoalNotUnderstood with the nearest reading, ReadingStale for another reading than the one confirmed,
+    UnknownName for a template or place, ContractInvalid for a text that is empty, too long or no text.
+    """
+    named = by_name(request.template, templates) if request.template else _by_phrase(request.text, templates)
+    if named is not None and not request.template:
+        return _by_name(named, request, templates, site)
+    if named is not None and (not request.text or not named.serves):
+        return _by_name(named, request, templates, site)
+    text = goal_of(request.text).text
+    plan = plan_reading(admitted(reader, text, site=site), templates=_preferred(named, templates), site=site)
+    asked = named is not None and all(part.template.name != named.name for part in plan.parts)
+    if named is not None and not plan.parts:
+        plan = _instead(named, plan, request, templates, site)
+    reading = plan.reading
+    whole = bool(plan.parts) and not reading.unread and not asked
+    if not plan.parts and not reading.unread:
+        raise _nothing_to_do(text, plan)
+    if request.confirm and (not plan.parts or request.confirm != reading.digest):
+        raise ReadingStale(
+            f"The goal is not read as {request.confirm[:12]} now",
+            where="confirm_reading",
+            do="read the goal again and confirm what it says now",
+        )
+    if not whole and not request.confirm:
+        raise _not_understood(text, plan, named if asked else None)
+    return Understood(text=text, plan=plan, template=None, confirmed=None if whole else reading.digest)
+
+
+def compiled(
+    found: Understood,
+    *,
+    templates: Sequence[TaskTemplate],
+    site: Site,
+    arguments: Mapping[str, Argument],
+    rules: RulesVersion = CURRENT_RULES,
+) -> TaskContract:
+    """The contract of what was understood, under these rules. Raises as `compile_plan`, and Unsatisfiable."""
+    if found.plan is not None:
+        contract = compile_plan(
+            found.plan,
+            text=found.text,
+            arguments=arguments,
+            templates=templates,
+            site=site,
+            confirmed=found.confirmed,
+            rules=rules,
+        )
+    elif found.template is not None:
+        contract = compile_contract(
+            goal=found.text, template=found.template, arguments=arguments, site=site, rules=rules
+        )
+    else:
+        raise ContractInvalid("Nothing was understood", where="goal", do="say what the robot shall do")
+    check_satisfiable(contract, site=site)
+    return contract
+
+
+def read_again(
+    contract: TaskContract, *, templates: Sequence[TaskTemplate], site: Site, rules: RulesVersion = CURRENT_RULES
+) -> TaskContract | None:
+    """The same reading compiled under other versions of its templates (D35); None for a contract without a reading."""
+    reading = contract.reading
+    if not isinstance(reading, Reading):
+        return None
+    plan = plan_reading(replace(reading, defaults=()), templates=templates, site=site)
+    if plan.reading.digest != reading.digest:
+        raise ReadingStale(
+            "The goal cannot be done as it was read", where="reading", do="start a new mission with the same goal"
+        )
+    confirmed = contract.confirmed if isinstance(contract.confirmed, str) else None
+    found = Understood(text=contract.goal.text, plan=plan, template=None, confirmed=confirmed)
+    return compiled(found, templates=templates, site=site, arguments=_chosen(contract, plan), rules=rules)
+
+
+def _chosen(contract: TaskContract, plan: Plan) -> dict[str, Argument]:
+    """What a person had chosen beside the text, as the bindings of a goal of one part hold it."""
+    names = {parameter.name for part in plan.parts for parameter in part.template.parameters}
+    found = {name: value for name, value in contract.bindings.items() if name in names}
+    return {name: value["place_id"] if isinstance(value, Mapping) else value for name, value in found.items()}
+
+
+def _preferred(named: TaskTemplate | None, templates: Sequence[TaskTemplate]) -> list[TaskTemplate]:
+    """The chosen template first: where two serve a clause, the person's choice does."""
+    return [*([named] if named else []), *(one for one in templates if one is not named)]
+
+
+def _by_phrase(text: str, templates: Sequence[TaskTemplate]) -> TaskTemplate | None:
+    """The template that has the whole text among its phrases, word by word: "warehouse inspection" is its name too."""
+    said = folded(text[:LONGEST_GOAL])
+    return next((one for one in templates for phrase in one.phrases if folded(phrase) == said), None)
+
+
+def _by_name(named: TaskTemplate, request: GoalRequest, templates: Sequence[TaskTemplate], site: Site) -> Understood:
+    """A template by its name alone means its own goal; one that serves no clause takes no other goal."""
+    if not named.serves:
+        if request.template and request.text not in ("", named.goal):
+            raise ContractInvalid(
+                f"{named.title} takes no goal in words", where="goal", do="start it by its name, or leave the name out"
+            )
+        return Understood(text=request.text or named.goal, plan=None, template=named)
+    text = request.text or _own_text(named, request.arguments or {})
+    plan = plan_reading(_own_reading(named, request, text, site), templates=_preferred(named, templates), site=site)
+    if request.confirm and request.confirm != plan.reading.digest:
+        raise ReadingStale("The template is read otherwise now", where="confirm_reading", do="start it by name alone")
+    if plan.reading.unread:
+        raise _not_understood(text, plan, None)
+    return Understood(text=text, plan=plan, template=None)
+
+
+def _own_text(named: TaskTemplate, arguments: Mapping[str, Argument]) -> str:
+    """The template's goal where nothing else was chosen; else what was: the goal's own words would not be true then."""
+    default = {parameter.name: parameter.default for parameter in named.parameters}
+    other = {name: value for name, value in arguments.items() if value != default.get(name)}
+    said = ", ".join(f"{name}={value}" for name, value in sorted(other.items()))
+    return f"{named.name} {said}" if said else named.goal
+
+
+def _own_reading(named: TaskTemplate, request: GoalRequest, text: str, site: Site) -> Reading:
+    """What a template declares that it does, with what the person chose."""
+    serves = (named.serves or ())[0]
+    default = {parameter.name: parameter.default for parameter in named.parameters}
+    chosen = (
+        (request.arguments or {}).get(serves.parameter, default.get(serves.parameter)) if serves.parameter else None
+    )
+    meant = ClauseObject(kind=serves.object)
+    if chosen is not None:
+        meant = object_of_place(bind_place(str(chosen), site=site))
+    elif serves.object == "route":
+        loops = [route for route in site.routes if route.start == route.end]
+        meant = object_of_route(loops[0]) if loops else meant
+    whole = Span(start=0, end=len(text))
+    return Reading(
+        text=sha256(text.encode()),
+        site=site_version(site),
+        reader="template",
+        version=named.version,
+        clauses=(Clause(act=serves.act, object=meant, spans=(whole,)),),
+    )
+
+
+def _instead(
+    named: TaskTemplate, plan: Plan, request: GoalRequest, templates: Sequence[TaskTemplate], site: Site
+) -> Plan:
+    """Nothing of the text can be done: the nearest reading is what the chosen template declares, all words unread."""
+    declared = _own_reading(named, request, request.text, site)
+    whole = Span(start=0, end=len(request.text))
+    unread = plan.reading.unread or (Unread(span=whole, why="unknown_words"),)
+    reading = replace(declared, unread=unread, fillers=plan.reading.fillers)
+    return plan_reading(reading, templates=_preferred(named, templates), site=site)
+
+
+def _nothing_to_do(text: str, plan: Plan) -> GoalNotUnderstood:
+    """A goal that only says what not to do is refused: it would be met by standing still."""
+    question = ReadingQuestion(text=text, nearest=None, unread=plan.reading.unread)
+    return GoalNotUnderstood(
+        "The goal only says what not to do", question=question, where="goal", do="say what the robot shall do"
+    )
+
+
+def _not_understood(text: str, plan: Plan, chosen: TaskTemplate | None) -> GoalNotUnderstood:
+    reading = plan.reading
+    question = ReadingQuestion(
+        text=text,
+        nearest=reading if plan.parts else None,
+        unread=reading.unread,
+        template=chosen.name if chosen else "",
+    )
+    what = "The goal was not understood as a whole" if plan.parts else "The goal was not understood"
+    return GoalNotUnderstood(what, question=question, where="goal", do=ASK if plan.parts else "reword the goal")
