@@ -29,11 +29,11 @@ test: install-test ## all tests (WORKERS=2 processes)
 
 check: lint types architecture test ## what CI runs
 
-lint: install-test ## ruff: rules and format
-	@$(BIN)/ruff check . && $(BIN)/ruff format --check .
+lint: install-test ## ruff: rules and format; djangofmt: format of the templates
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/djangofmt --check templates
 
-format: install-test ## let ruff fix what it can
-	@$(BIN)/ruff check --fix . ; $(BIN)/ruff format .
+format: install-test ## let ruff fix what it can, and format the templates
+	@$(BIN)/ruff check --fix . ; $(BIN)/ruff format . ; $(BIN)/djangofmt templates
 
 types: install-test ## mypy --strict
 	@$(BIN)/mypy

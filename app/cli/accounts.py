@@ -1,4 +1,4 @@
-"""regen account and regen token: who may use the console, from the machine that it runs on."""
+"""regen account and regen token: manage accounts and tokens, from the machine that the console runs on."""
 
 import sys
 from typing import Annotated, Any

@@ -1,4 +1,4 @@
-"""regen handoff: everything a person can say to a question. `list` observes again, so that its digest is of now."""
+"""regen handoff: everything a person can do with a question; `list` observes again, so its digest is current."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path

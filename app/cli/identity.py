@@ -1,4 +1,4 @@
-"""regen account identity, for who signs in at the identity provider; and what regen doctor sees of it."""
+"""regen account identity: links people of the identity provider to accounts; and the check of it in regen doctor."""
 
 import stat
 import time

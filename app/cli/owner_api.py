@@ -1,4 +1,4 @@
-"""The owner's API, for every call while another process owns the data folder (D11)."""
+"""The owner's API, which commands call while another process owns the data folder (D11)."""
 
 import time
 from pathlib import Path

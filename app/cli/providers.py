@@ -1,4 +1,4 @@
-"""regen provider: who is installed, whether a provider keeps the lifecycle contract, and the protocol's description."""
+"""regen provider: list providers, check their conformance, and print the description of the protocol."""
 
 import sys
 import tempfile

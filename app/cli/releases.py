@@ -1,4 +1,4 @@
-"""regen rsi, what people decide: submit, approve, reject, authorise, release, adjudicate, roll back."""
+"""regen rsi, for people: submit, approve, reject, authorise, release, adjudicate and roll back candidates."""
 
 import hashlib
 from collections.abc import Callable

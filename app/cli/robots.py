@@ -1,4 +1,4 @@
-"""regen robot: what the robots of a running console say, autonomy, stops, lying down. All of it through its owner."""
+"""regen robot: reports, autonomy, stops and postures of the robots of a running console."""
 
 from pathlib import Path
 from typing import Annotated, Any, NoReturn

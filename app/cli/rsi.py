@@ -1,4 +1,4 @@
-"""regen rsi: propose a change to the harness itself, and look. Persons decide in `releases`."""
+"""regen rsi: propose a change to the harness itself, and inspect candidates; `releases` has the decisions."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

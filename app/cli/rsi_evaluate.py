@@ -1,4 +1,4 @@
-"""regen rsi evaluate: run a candidate and its baseline on the suites, judge it, and record what came of it.
+"""regen rsi evaluate: run a candidate and its baseline on the suites, judge it, and record the result.
 
 Ctrl-C keeps every finished case; the same command goes on from there. Exit 0 passed, 1 not, 130 broken off.
 """

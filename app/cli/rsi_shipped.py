@@ -1,4 +1,4 @@
-"""What `regen up --start` puts before people in a new data folder: a really evaluated candidate, in review."""
+"""Puts an evaluated candidate in review into a new data folder, for `regen up --start`."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""regen up: the console with the runtime and the simulated robot. regen doctor: what is wrong with a data folder."""
+"""regen up: the console with the runtime and simulated robots; regen doctor: checks a data folder."""
 
 import sys
 import time

@@ -1,4 +1,4 @@
-"""/account: one's own password and sessions; /account/people: everybody's, for an admin."""
+"""/account: one's own password and sessions; /account/people: all accounts, for an admin."""
 
 from collections.abc import Sequence
 

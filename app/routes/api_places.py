@@ -1,4 +1,4 @@
-"""/api/v1/places: add, change and remove places. Missions under way keep those they were compiled with."""
+"""/api/v1/places: add, change and remove places; missions under way keep those they were compiled with."""
 
 from typing import Annotated, Any
 

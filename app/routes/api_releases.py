@@ -1,4 +1,4 @@
-"""/api/v1/candidates and /releases: all that the pages can do. Decisions are for people, bound to what they saw."""
+"""/api/v1/candidates and /releases: everything the pages can do; decisions are made by people, on what they saw."""
 
 from typing import Annotated, Any, Literal
 

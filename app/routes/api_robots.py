@@ -1,4 +1,4 @@
-"""/api/v1/robots: what robots say and show, autonomy, stops, posture, and driving by hand. JSON in and out."""
+"""/api/v1/robots: reports, cameras, autonomy, stops, postures and teleoperation."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""/places: what words for places mean here; add, change, remove one. Every version is kept."""
+"""/places: the places of the site; add, change and remove them. Every version is kept."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""What people do to robots outside any mission, for pages and for the API alike: checked, signed, told to the trail."""
+"""Acts on robots outside any mission, for pages and API: checked, signed, and written to the audit log."""
 
 from collections.abc import Callable
 

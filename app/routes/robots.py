@@ -1,4 +1,4 @@
-"""/robots: what every robot says and shows, its mission, its stop; the house's autonomy; a stop of everything."""
+"""/robots: every robot's report, camera and mission, its stop, the fleet's autonomy limit, and a stop of all robots."""
 
 from typing import Annotated
 

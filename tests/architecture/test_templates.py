@@ -46,9 +46,17 @@ def included_prefixes(text: str) -> dict[str, str]:
     return found
 
 
+def paths(app: FastAPI) -> list[str]:
+    """The paths of all routes, those of included routers too."""
+    known = [
+        inner for route in app.routes for inner in getattr(getattr(route, "original_router", None), "routes", [route])
+    ]
+    return [getattr(route, "path", "") for route in known]
+
+
 def resolves(address: Address, app: FastAPI) -> bool:
     """Whether a route answers this method at this path; a hole may stand for a number or for a word of a route."""
-    words = {segment for route in app.routes for segment in getattr(route, "path", "").split("/") if "{" not in segment}
+    words = {segment for path in paths(app) for segment in path.split("/") if "{" not in segment}
     scopes = [
         {
             "type": "http",
