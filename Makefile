@@ -29,11 +29,11 @@ test: install-test ## all tests (WORKERS=2 processes)
 
 check: lint types architecture test ## what CI runs
 
-lint: install-test ## ruff: rules and format
-	@$(BIN)/ruff check . && $(BIN)/ruff format --check .
+lint: install-test ## ruff: rules and format; djangofmt: format of the templates
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/djangofmt --check templates
 
-format: install-test ## let ruff fix what it can
-	@$(BIN)/ruff check --fix . ; $(BIN)/ruff format .
+format: install-test ## let ruff fix what it can, and format the templates
+	@$(BIN)/ruff check --fix . ; $(BIN)/ruff format . ; $(BIN)/djangofmt templates
 
 types: install-test ## mypy --strict
 	@$(BIN)/mypy
@@ -58,6 +58,7 @@ goals: install-test ## read the published goal set and print what starts (docs/g
 
 campaign: install-test ## every fault campaign: CAMPAIGN_MISSIONS=100000 CAMPAIGN_SEED=1; a smaller one leaves docs/ alone
 	@$(BIN)/python -m experiments.campaigns run
+	@$(BIN)/python -m experiments.campaigns recovery --missions 400 --publish
 
 lock: ## resolve both locks again: universal, with hashes, without any index address
 	@tools/lock.sh

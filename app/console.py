@@ -22,6 +22,7 @@ from app.background.presence import Presence
 from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
 from app.background.trajectories import Measurements
+from app.i18n.messages import reasoned
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.views.shell import Shell, Surroundings, shell
@@ -36,11 +37,12 @@ from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
 from harness.contracts.ids import Digest, MissionId, RequestId, RobotId
 from harness.contracts.ports import LogHead
-from harness.contracts.proposals import CandidateSet
+from harness.contracts.proposals import CandidateSet, RoutingExplanation
 from harness.contracts.protocol import DriveReport, PhysicalStart
 from harness.projections.control import SiteControl
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
+from harness.routing.explanation import explained
 from harness.routing.question import RoutingQuestion
 
 Cards = Callable[[], Iterable[CapabilityCard]]
@@ -160,7 +162,7 @@ class Console:
         try:
             self.runtime.blob(digest)
         except BlobDamaged as error:
-            return error.what
+            return reasoned(error.what)
         return ""
 
     def context(self, digest: Digest) -> Context | None:
@@ -169,8 +171,10 @@ class Console:
     def candidates(self, digest: Digest) -> CandidateSet | None:
         return self._record(digest, CandidateSet)
 
-    def routing_question(self, digest: Digest) -> RoutingQuestion | None:
-        return self._record(digest, RoutingQuestion)
+    def explained(self, question: Digest, found: CandidateSet) -> RoutingExplanation | None:
+        """Why routing chose as it did; None where the log does not hold what it was asked."""
+        asked = self._record(question, RoutingQuestion)
+        return explained(asked, found) if asked else None
 
     def target_question(self, digest: Digest) -> TargetQuestion | None:
         return self._record(digest, TargetQuestion)

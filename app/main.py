@@ -82,6 +82,7 @@ from harness.adapters.notify.services import AppriseNotifier
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId
+from harness.contracts.reasons import because
 from harness.dossiers import export_dossier
 from harness.runtime import AnswerHandoff, FreeResource, Runtime, unobserved, unsupervised
 
@@ -270,9 +271,7 @@ def bind(port: int, host: str = "127.0.0.1") -> socket.socket:
     except OSError as error:
         listener.close()
         raise PortBusy(
-            f"The console cannot listen on port {port}: {error.strerror}",
-            where=f"{host}:{port}",
-            do="stop what listens there, or choose another port with REGEN_PORT",
+            because("port_busy", port=port, error=error.strerror or str(error)), where=f"{host}:{port}"
         ) from error
     return listener
 

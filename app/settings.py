@@ -8,6 +8,7 @@ from pydantic import Field, SecretStr, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict, SettingsError
 
 from harness.contracts.errors import ContractInvalid
+from harness.contracts.reasons import because
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -47,16 +48,12 @@ def oidc_settings() -> OidcSettings:
         named = "_".join(str(part) for part in error.errors()[0]["loc"][:1])
     except SettingsError as error:
         named = next((one for one in OidcSettings.model_fields if f'"{one}"' in str(error)), "")
-    raise ContractInvalid(
-        "A setting of the identity provider cannot be read",
-        where=f"REGEN_OIDC_{named.upper()}",
-        do='lists are JSON, as in ["openid", "profile"], and roles too: {"robot-operators": ["operator"]}',
-    )
+    raise ContractInvalid(because("identity_setting_unreadable"), where=f"REGEN_OIDC_{named.upper()}")
 
 
 class ConsoleSettings(BaseSettings):
     """Settings of one console, from REGEN_* or from the caller. `owner_token` opens the API to the command line,
-    which acts under the name `owner`.
+    which acts under the name `owner`; `regen up` takes the name of whoever starts it.
 
     `names` are the host names (with a port unless it is the usual one) that people use beside loopback's; `proxies`
     the addresses of TLS proxies in front, whose word on where a request comes from is taken.

@@ -162,6 +162,22 @@ class Member:
 
 
 @dataclass(frozen=True)
+class MessageChannel:
+    """A channel's two ends: the one that sends, and the harness's own that reads back."""
+
+    outbox: ports.MessageOutbox
+    reader: ports.MessageReadPath
+
+
+def message_channel(parts: Parts, folder: Path | None) -> MessageChannel:
+    """Messages as files in the data folder; in memory where there is none."""
+    if folder:
+        return MessageChannel(FolderOutbox(folder / "outbox", blobs=parts.blobs), FolderReader(folder / "outbox"))
+    held = MemoryOutbox()
+    return MessageChannel(held, MemoryReader(held))
+
+
+@dataclass(frozen=True)
 class LocalServices:
     """What runs beside the harness for one robot: providers, and the sources that measure without them."""
 
@@ -280,34 +296,35 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, ports.Clock] = MappingProx
 
 
 def local_services(
-    parts: Parts, *, camera: Camera, folder: Path | None, robot_id: str = "", room: ports.Room | None = None
+    parts: Parts,
+    *,
+    camera: Camera,
+    folder: Path | None,
+    robot_id: str = "",
+    room: ports.Room | None = None,
+    channel: MessageChannel | None = None,
 ) -> LocalServices:
     """What runs beside the harness for one robot: intake, analysis, delivery, voice, archive and description, and the
     sources that measure what they did: the channel's read path, the robot's lidar and the microphone of its `room`.
+    `channel` is the data folder's own where none is given.
     """
 
     def journal(name: str) -> Path | None:
         return folder / "providers" / robot_id / f"{name}.jsonl" if folder else None
 
     clock, blobs = parts.clock, parts.blobs
-    outbox: ports.MessageOutbox
-    reader: ports.MessageReadPath
-    if folder:
-        outbox, reader = FolderOutbox(folder / "outbox", blobs=blobs), FolderReader(folder / "outbox")
-    else:
-        outbox = memory = MemoryOutbox()
-        reader = MemoryReader(memory)
+    messages = channel or message_channel(parts, folder)
     speaker = RoomSpeaker(room) if room else PacedSpeaker()
     providers = (
         TextIntake(clock=clock, blobs=blobs, journal=journal("text-intake")),
         OpenCvAnalysis(camera, clock=clock, blobs=blobs, journal=journal("opencv-analysis")),
-        OutboxDelivery(outbox, clock=clock, blobs=blobs, journal=journal("message-outbox")),
+        OutboxDelivery(messages.outbox, clock=clock, blobs=blobs, journal=journal("message-outbox")),
         EspeakVoice(speaker, clock=clock, blobs=blobs, journal=journal("espeak-voice")),
         EvidenceArchiver(clock=clock, blobs=blobs, journal=journal("evidence-keeper")),
         OpenCvDescription(clock=clock, blobs=blobs, journal=journal("opencv-description")),
     )
     sources = (
-        MessageReadBack(reader, keep=blobs.put),
+        MessageReadBack(messages.reader, keep=blobs.put),
         PassageSweep(keep=blobs.put),
         RoomMicrophone(room, keep=blobs.put, read=blobs.get),
     )

@@ -49,6 +49,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import RobotId
 from harness.contracts.observations import Camera
 from harness.contracts.places import Site
+from harness.contracts.reasons import because
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.simulation import InProcessRobot, Simulator
@@ -278,9 +279,7 @@ def camera_of(robot: ports.Robot) -> Camera:
     """The camera that the robot declares. Raises ContractInvalid for a robot without one."""
     camera = robot.status().camera
     if camera is None:
-        raise ContractInvalid(
-            "The robot names no camera", where=robot.status().robot_id, do="have its status describe the camera"
-        )
+        raise ContractInvalid(because("no_camera"), where=robot.status().robot_id)
     return camera
 
 

@@ -12,6 +12,7 @@ from harness.bootstrap import NullSignals, Parts, runtime_on
 from harness.contracts.dossier import DossierContents
 from harness.contracts.errors import DossierInvalid
 from harness.contracts.ids import MissionId
+from harness.contracts.reasons import because
 from harness.runtime import Runtime
 
 
@@ -36,17 +37,11 @@ def verify_dossier(file: Path, *, key: str = "") -> DossierVerdict:
     try:
         archive = zipfile.ZipFile(file)
     except (OSError, zipfile.BadZipFile) as error:
-        raise DossierInvalid(
-            f"The file is no dossier: {error}", where=str(file), do="name a file made by `regen mission dossier`"
-        ) from error
+        raise DossierInvalid(because("dossier_unreadable", error=str(error)), where=str(file)) from error
     with archive:
         dossier = open_dossier(archive, where=str(file))
         if key and key != dossier.public_key:
-            raise DossierInvalid(
-                f"It is signed by {dossier.public_key}, not by the key you named",
-                where=str(file),
-                do="ask whose key that is; anybody can sign a file",
-            )
+            raise DossierInvalid(because("dossier_other_key", public_key=dossier.public_key), where=str(file))
         parts = Parts(
             store=dossier.log,
             blobs=dossier.blobs,

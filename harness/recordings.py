@@ -33,7 +33,7 @@ from harness.contracts.observations import AnySample, Image, Trajectory
 from harness.contracts.place_events import place_stream
 from harness.contracts.places import Site
 from harness.contracts.ports import EventStore
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import because
 from harness.contracts.tasks import Node, TaskTemplate
 from harness.contracts.values import Point, decode
 from harness.gate.places import DECIDER as PLACE
@@ -78,7 +78,7 @@ class Replayer:
         )
         decision = self.harness.runtime.start(start, template=template)
         if isinstance(decision, Refused):
-            raise ContractInvalid(plain(decision.reason))
+            raise ContractInvalid(decision.reason)
         mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
         mission = self.harness.supervisor.run(mission_id, watch=watch)
         return mission, self.facts(mission)
@@ -311,7 +311,11 @@ def _topics(given: Sequence[str]) -> TopicSettings:
     except ValidationError as error:
         first = error.errors()[0]
         raise ContractInvalid(
-            f"{'.'.join(str(part) for part in first['loc'])}: {first['msg']}",
+            because(
+                "topic_setting_invalid",
+                name=".".join(str(part) for part in first["loc"]),
+                error=first["msg"],
+                known=tuple(TopicSettings.model_fields),
+            ),
             where="--topic",
-            do=f"name one of {', '.join(TopicSettings.model_fields)}",
         ) from error

@@ -36,7 +36,7 @@ from harness.contracts.person_commands import PersonCommand
 from harness.contracts.place_events import place_stream
 from harness.contracts.places import Place, Site
 from harness.contracts.protocol import InvocationReport, RobotStatus
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Value, encode
@@ -96,7 +96,7 @@ class Unreadable(Value):
     mission_id: MissionId
     robot_id: RobotId
     configuration: Digest
-    reason: str
+    reason: Explanation
 
 
 @dataclass(frozen=True)
@@ -325,7 +325,7 @@ class Runtime:
                         mission_id=mission.mission_id,
                         robot_id=mission.robot_id,
                         configuration=mission.configuration,
-                        reason=str(error),
+                        reason=error.reason,
                     )
                 )
         return tuple(found)
@@ -334,7 +334,7 @@ class Runtime:
         """D_j, newest first: every mission under this version with its packets, failures and spends (R155)."""
         return (mission for mission in self.newest_missions() if mission.configuration == configuration_id)
 
-    def pause_pinned(self, configuration_id: Digest, *, actor: Actor, reason: str) -> tuple[MissionId, ...]:
+    def pause_pinned(self, configuration_id: Digest, *, actor: Actor, reason: Reason) -> tuple[MissionId, ...]:
         """Pause what runs under a version that was revoked for safety; a person decides on each mission.
 
         A mission that has not begun is not paused: it is compiled again under the current version when it begins (D35).
@@ -354,7 +354,7 @@ class Runtime:
     def mission(self, mission_id: MissionId) -> Mission:
         mission: Mission = self._gate.state(mission_stream(mission_id))
         if not mission.version:
-            raise UnknownName(f"There is no mission {mission_id}", do="list them with `regen mission list`")
+            raise UnknownName(because("unknown_mission", mission_id=mission_id))
         return mission
 
     def missions(self) -> list[Mission]:
@@ -377,7 +377,7 @@ class Runtime:
     def handoff(self, handoff_id: HandoffId) -> Handoff:
         handoff: Handoff = self._gate.state(handoff_stream(handoff_id))
         if not handoff.version:
-            raise UnknownName(f"There is no handoff {handoff_id}", do="list them with `regen handoff list`")
+            raise UnknownName(because("unknown_handoff", handoff_id=handoff_id))
         return handoff
 
     def handoffs(self) -> list[Handoff]:

@@ -3,7 +3,6 @@ returns the same receipt; the same key with another body is refused.
 """
 
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from typing import Any
 
 import msgspec
@@ -50,7 +49,7 @@ def repeated(command: ReviewCommand, receipts: Mapping[str, Signed]) -> Accepted
         return None
     if first.body == body_of(command):
         return Accepted(())
-    return refused("key_reused", actor=first.actor.name, at=instant(first.at_s), reason=first.reason)
+    return refused("key_reused", actor=first.actor.name, at_s=first.at_s, reason=first.reason)
 
 
 def not_a_person(actor: Actor, roles: tuple[str, ...]) -> Refused | None:
@@ -60,8 +59,3 @@ def not_a_person(actor: Actor, roles: tuple[str, ...]) -> Refused | None:
     if not set(actor.role.split("+")) & set(roles):
         return refused("wrong_role", actor=actor.name, role=actor.role, roles=tuple(roles))
     return None
-
-
-def instant(at_s: float) -> str:
-    """Wall time as text: UTC, to the second."""
-    return datetime.fromtimestamp(at_s, tz=UTC).strftime("%Y-%m-%d %H:%M:%S UTC")

@@ -9,6 +9,7 @@ from typing import Any
 
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.ids import MissionId, StreamId
+from harness.contracts.reasons import Reason, because
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from rsi_reviews import commands
@@ -66,17 +67,17 @@ def settle(runtime: Runtime) -> Answered:
         case "go_on":
             return Accepted(())
         case "passed":
-            return _act(
-                runtime, review, commands.PromoteCandidate(), "released", "its canary missions were found sound"
-            )
+            return _act(runtime, review, commands.PromoteCandidate(), "released", because("canary_sound"))
         case "not_exercised":
-            reason = f"not exercised enough in {len(review.canary)} missions"
+            reason = because("canary_not_exercised", missions=len(review.canary))
             withdrawn = commands.WithdrawCandidate(actor=DESK, reason=reason, key="canary:not_exercised")
             return _act(runtime, review, withdrawn, "withdrawn", reason)
         case "hard_fault" as found:
             rolled_back = _act(runtime, review, _back(review, found), "rolled_back", why(review))
             if isinstance(rolled_back, Accepted):
-                runtime.pause_pinned(review.configuration, actor=DESK, reason=f"rolled back: {why(review)}")
+                runtime.pause_pinned(
+                    review.configuration, actor=DESK, reason=because("pinned_rolled_back", why=why(review))
+                )
             return rolled_back
         case "metric_worse" as found:
             return _act(runtime, review, _back(review, found), "rolled_back", why(review))
@@ -86,7 +87,7 @@ def _back(review: Review, found: str) -> commands.RollBack:
     return commands.RollBack(actor=DESK, reason=why(review), key=f"canary:{found}")
 
 
-def _act(runtime: Runtime, review: Review, command: Any, cause: Any, reason: str) -> Answered:
+def _act(runtime: Runtime, review: Review, command: Any, cause: Any, reason: Reason) -> Answered:
     move = commands.MovePointer(
         cause=cause,
         candidate=review.candidate,

@@ -8,6 +8,7 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.ports import StoredEvent
+from harness.contracts.reasons import because
 from harness.contracts.values import digest
 from harness.runtime import Runtime
 from rsi_reviews import contracts, pointers
@@ -43,8 +44,9 @@ class CandidateQueries:
             stream for stream in self._runtime.streams("candidate/") if stream.startswith(f"candidate/{candidate}")
         ]
         if not candidate or len(found) != 1:
-            what = f"{len(found)} candidates begin with" if candidate and found else "There is no candidate"
-            raise UnknownName(f"{what} {candidate or '(nothing)'}", do="list them with `regen rsi list`")
+            if candidate and found:
+                raise UnknownName(because("candidate_prefix_ambiguous", prefix=candidate, count=len(found)))
+            raise UnknownName(because("unknown_candidate", candidate=candidate))
         review: Review = self._runtime.fold(found[0])
         return review
 
@@ -52,7 +54,7 @@ class CandidateQueries:
         """The candidate itself, its configuration read from the log."""
         review = self.review(candidate)
         if review.manifest is None:
-            raise UnknownName(f"There is no candidate {candidate}", do="list them with `regen rsi list`")
+            raise UnknownName(because("unknown_candidate", candidate=candidate))
         configuration = self._runtime.stored_configuration(review.configuration)
         return contracts.Candidate(configuration=configuration, manifest=review.manifest, baseline=review.baseline)
 

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from harness.contracts.configuration import Configuration
+from harness.contracts.reasons import because
 from harness.contracts.values import decode
 from rsi_reviews.contracts import SECTIONS, Candidate, Manifest
 from rsi_reviews.errors import CandidateInvalid
@@ -39,10 +40,7 @@ def read_configuration(body: bytes) -> Configuration:
     for path, name in _keys(tree):
         if name in OUTSIDE:
             raise CandidateInvalid(
-                f"A candidate cannot name {name!r}: it lies outside every configuration",
-                rule=OUTSIDE[name],
-                where=path,
-                do=f"state {', '.join(SECTIONS)} and nothing else",
+                because("candidate_outside", name=name, sections=tuple(SECTIONS)), rule=OUTSIDE[name], where=path
             )
     return _typed(body, Configuration, "candidate")
 
@@ -67,19 +65,16 @@ def _keys(tree: Any) -> list[tuple[str, str]]:
 def _tree(body: bytes, where: str) -> Any:
     if len(body) > LARGEST_BYTES:
         raise CandidateInvalid(
-            f"The text has {len(body)} bytes, at most {LARGEST_BYTES} are read",
+            because("candidate_too_large", size_bytes=len(body), limit_bytes=LARGEST_BYTES),
             rule="too_large",
             where=where,
-            do="state the four sections and nothing else",
         )
     if _depth(body) > DEEPEST:
-        raise CandidateInvalid(f"It is nested over {DEEPEST} deep", rule="too_deep", where=where, do="write it flatter")
+        raise CandidateInvalid(because("candidate_too_deep", limit=DEEPEST), rule="too_deep", where=where)
     try:
         return msgspec.json.decode(body)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise CandidateInvalid(
-            f"It is not JSON: {error}", rule="not_json", where=where, do="send one JSON object"
-        ) from error
+        raise CandidateInvalid(because("candidate_not_json", error=str(error)), rule="not_json", where=where) from error
 
 
 def _depth(body: bytes) -> int:
@@ -101,5 +96,5 @@ def _typed(body: bytes, kind: type[T], where: str) -> T:
         what, _, path = str(error).partition(" - at `")
         rule = "unknown_key" if "unknown field" in what else "wrong_type"
         raise CandidateInvalid(
-            what, rule=rule, where=f"{where}, {path.rstrip('`') or '$'}", do="correct this field"
+            because("field_invalid", error=what), rule=rule, where=f"{where}, {path.rstrip('`') or '$'}"
         ) from error

@@ -13,7 +13,7 @@ class ReviewCommand(Command):
     """A command with its author, its reason, and the key under which repeating it changes nothing."""
 
     actor: Actor
-    reason: contracts.Sentence
+    reason: contracts.Why
     key: Name
 
 
@@ -173,7 +173,7 @@ class MovePointer(Command, tag=True):
     configuration: Digest
     rollback: Digest
     actor: Actor
-    reason: contracts.Sentence
+    reason: contracts.Why
     robot_id: RobotId | None = None
 
 

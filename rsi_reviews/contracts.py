@@ -33,6 +33,8 @@ FAMILIES: tuple[Family, ...] = (
 )  # fmt: skip
 
 Sentence = Annotated[str, msgspec.Meta(min_length=1, max_length=2000)]
+Why = Sentence | Reason
+"""Why something was decided: in a person's own words, or by a rule of the canary. Older releases kept sentences."""
 
 
 class Author(values.Value):
@@ -139,6 +141,7 @@ class CaseResult(values.Value, omit_defaults=True):
     configuration: Digest
     outcome: Literal["finished", "crashed", "timed_out", "truncated"]
     verified_completion: float = 0.0
+    partly_verified: float = 0.0
     contract_false_completion: float = 0.0
     epistemic_false_completion: float = 0.0
     duplicate_starts: float = 0.0

@@ -30,6 +30,7 @@ from harness.contracts.events import (
 from harness.contracts.ids import Digest, MissionId, NodeId, StreamId
 from harness.contracts.ports import Record, StoredEvent
 from harness.contracts.proposals import RecoveryProposal
+from harness.contracts.reasons import because
 from harness.contracts.values import Count, Value, decode
 from harness.planning.planner import plan
 from harness.projections.mission import Mission
@@ -102,7 +103,7 @@ def counterfactual(
 def _mission(runtime: MissionRecords, configuration: Configuration, mission_id: MissionId) -> MissionCounterfactual:
     stored = runtime.events(mission_id)
     if not stored:
-        raise UnknownName(f"There is no mission {mission_id}", do="list them with `regen mission list`")
+        raise UnknownName(because("unknown_mission", mission_id=mission_id))
     again = _Again(runtime, configuration)
     differences: list[DecisionDifference] = []
     unreadable: list[str] = []

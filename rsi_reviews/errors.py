@@ -7,6 +7,7 @@ A candidate that can be read and may not be released is refused, which is a valu
 """
 
 from harness.contracts.errors import ContractInvalid
+from harness.contracts.reasons import Explanation
 
 
 class CandidateInvalid(ContractInvalid):
@@ -14,6 +15,6 @@ class CandidateInvalid(ContractInvalid):
 
     code = "candidate_invalid"
 
-    def __init__(self, what: str, *, rule: str, where: str = "", do: str = "") -> None:
+    def __init__(self, what: Explanation, *, rule: str, where: str = "", do: Explanation = "") -> None:
         super().__init__(what, where=where, do=do)
         self.rule = rule

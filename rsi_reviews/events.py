@@ -4,6 +4,7 @@ from typing import Literal
 
 from harness.contracts.actors import Actor, Event
 from harness.contracts.ids import Digest, MissionId, RobotId
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Name, Share, Value
 from rsi_reviews import contracts
 
@@ -15,7 +16,7 @@ class Signed(Value):
     """
 
     actor: Actor
-    reason: contracts.Sentence
+    reason: contracts.Why
     key: Name
     body: Digest
     at_s: float
@@ -143,21 +144,21 @@ class CanaryMissionAdjudicated(Event, tag=True):
 class CandidateReleased(Event, tag=True):
     """The canary passed: the candidate is current for every robot."""
 
-    reason: contracts.Sentence
+    reason: contracts.Why
     at_s: float
 
 
 class CandidateRolledBack(Event, tag=True):
     """Quarantined: nothing selects this configuration again."""
 
-    reason: contracts.Sentence
+    reason: contracts.Why
     by: Signed
 
 
 class CandidateWithdrawn(Event, tag=True):
     """Withdrawn without a fault: not quarantined."""
 
-    reason: contracts.Sentence
+    reason: contracts.Why
     by: Signed
 
 
@@ -203,14 +204,14 @@ class PointerMoved(Event, tag=True):
     trial: Digest | None
     robot_id: RobotId | None
     actor: Actor
-    reason: str
+    reason: Explanation
     at_s: float
 
 
 class ConfigurationQuarantined(Event, tag=True):
     configuration: Digest
     candidate: Digest
-    reason: str
+    reason: Explanation
     at_s: float
 
 

@@ -10,7 +10,7 @@ from harness.contracts.ids import Digest
 from harness.contracts.reasons import because
 from harness.contracts.values import Moment
 from rsi_reviews import commands, events
-from rsi_reviews.approval_policy import instant, repeated, signed
+from rsi_reviews.approval_policy import repeated, signed
 from rsi_reviews.pointers import Pointer, apply
 from rsi_reviews.release import PEOPLE
 
@@ -75,9 +75,7 @@ def _unusable(pointer: Pointer, configuration: Digest) -> Refused | None:
     if bad := pointer.quarantined.get(configuration):
         return refused(
             "quarantined",
-            because(
-                "configuration_rolled_back", configuration=configuration[:12], at=instant(bad.at_s), reason=bad.reason
-            ),
+            because("configuration_rolled_back", configuration=configuration[:12], at_s=bad.at_s, reason=bad.reason),
         )
     if configuration in pointer.retired:
         return refused("retired", because("configuration_retired", configuration=configuration[:12]))
@@ -173,7 +171,7 @@ def _look(pointer: Pointer, command: commands.CountLook, now: Moment) -> Decisio
     if (taken := pointer.look_of(command.candidate)) is not None:
         if (taken.terms, taken.look) == (command.terms, answer.look):
             return Accepted(())
-        return refused("look_taken", candidate=command.candidate[:12], at=instant(taken.at_s))
+        return refused("look_taken", candidate=command.candidate[:12], at_s=taken.at_s)
     if any(look.look == answer.look for look in pointer.looks):
         return refused("look_counted_twice", look=answer.look)
     if answer.alpha > ALPHA / (answer.look * (answer.look + 1)) + 1e-12:

@@ -6,6 +6,7 @@ import msgspec
 from msgspec.structs import replace
 
 from harness.contracts.ids import Digest, MissionId, RobotId
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Name, Value
 from rsi_reviews import contracts, events
 
@@ -68,7 +69,7 @@ class Review(Value):
     canary: tuple[CanaryEntry, ...] = ()
     said: tuple[ReviewEntry, ...] = ()
     receipts: dict[str, events.Signed] = msgspec.field(default_factory=dict)
-    ended_reason: str = ""
+    ended_reason: Explanation = ""
 
     @property
     def authors(self) -> frozenset[str]:

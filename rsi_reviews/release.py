@@ -6,7 +6,7 @@ from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.reasons import because
 from harness.contracts.values import Moment
 from rsi_reviews import events
-from rsi_reviews.approval_policy import RELEASERS, instant, not_a_person, signed
+from rsi_reviews.approval_policy import RELEASERS, not_a_person, signed
 from rsi_reviews.canary import bound_of, outcome
 from rsi_reviews.commands import AuthoriseRelease, BeginCanary, ExpireAuthorisation, PromoteCandidate
 from rsi_reviews.contracts import BETTER, ClauseAnswer, ReleasePolicy
@@ -79,7 +79,7 @@ def begin_canary(review: Review, command: BeginCanary, now: Moment) -> Decision[
     if manifest is None or evaluation is None or authorised is None:
         return answered(review)
     if now.wall_s >= authorised.expires_at_s:
-        return refused("authorisation_expired", at=instant(authorised.expires_at_s))
+        return refused("authorisation_expired", at_s=authorised.expires_at_s)
     own = command.actor.name in review.authors
     if own and (refusal := own_word(review, command, command.policy, now)):
         return refusal
@@ -99,7 +99,7 @@ def promote(review: Review, command: PromoteCandidate, now: Moment) -> Decision[
         return refused("not_in_canary", because("candidate_is", status=review.status))
     if (stands := outcome(review)) != "passed":
         return refused("canary_not_passed", outcome=stands)
-    reason = f"{len(review.exercised)} canary missions exercised the change and each was found sound"
+    reason = because("canary_passed", exercised=len(review.exercised))
     return Accepted((events.CandidateReleased(reason=reason, at_s=now.wall_s),))
 
 
@@ -110,13 +110,13 @@ def release_clause(review: Review) -> ClauseAnswer:
         return ClauseAnswer(
             clause="release_authorised",
             answer="pass",
-            sentence=f"{by.actor.name} authorised it at {instant(by.at_s)}; approvals: {len(review.approvals)}.",
+            sentence=f"authorised by {by.actor.name}",
             numbers={"approvals": float(len(review.approvals)), "expires_at_s": review.authorised.expires_at_s},
         )
     over = review.status in ("rejected", "rolled_back", "withdrawn")
     return ClauseAnswer(
         clause="release_authorised",
         answer="fail" if over else "inconclusive",
-        sentence=f"No authorisation holds; the candidate is {review.status}.",
+        sentence=f"not authorised, {review.status}",
         numbers={"approvals": float(len(review.approvals))},
     )

@@ -8,6 +8,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.ids import Digest, MissionId, RobotId, StreamId
 from harness.contracts.ports import Record
+from harness.contracts.reasons import because
 from harness.contracts.values import Value, digest, encode
 from harness.contracts.versions import configuration_record
 from harness.runtime import Runtime
@@ -189,12 +190,13 @@ class ReleaseService(CandidateQueries):
             (POINTER, self._move(review, "rolled_back", say.actor, say.reason)),
         ]
         if trial is not None and trial != candidate:
-            why = f"its baseline was rolled back: {say.reason}"
+            why = because("baseline_rolled_back", why=say.reason)
             withdrawn = commands.WithdrawCandidate(actor=DESK, reason=why, key=f"baseline:{candidate}")
             requests.append((candidate_stream(trial), withdrawn))
         decision = self._decided(candidate, commands.RollBack(**say.fields), requests)
         if isinstance(decision, Accepted) and decision.events:
-            self._runtime.pause_pinned(review.configuration, actor=say.actor, reason=f"rolled back: {say.reason}")
+            revoked = because("pinned_rolled_back", why=say.reason)
+            self._runtime.pause_pinned(review.configuration, actor=say.actor, reason=revoked)
         return decision
 
     def withdraw(self, candidate: Digest, say: SignedBy) -> Answered:

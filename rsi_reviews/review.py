@@ -95,7 +95,7 @@ def own_word(review: Review, command: commands.ReviewCommand, policy: ReleasePol
         return refused("own_candidate", actor=who, parts=parts)
     if review.evaluation is None or now.wall_s < review.evaluation.by.at_s + policy.cooling_off_s:
         since = review.evaluation.by.at_s + policy.cooling_off_s if review.evaluation else now.wall_s
-        return refused("cooling_off", because("cooling_off_until", until=approval_policy.instant(since)))
+        return refused("cooling_off", because("cooling_off_until", until_s=since))
     return None
 
 
@@ -123,7 +123,7 @@ def answered(review: Review) -> Refused:
         "candidate_decided",
         actor=last.by.actor.name,
         decision=last.what,
-        at=approval_policy.instant(last.by.at_s),
+        at_s=last.by.at_s,
         reason=last.by.reason,
         status=review.status,
     )

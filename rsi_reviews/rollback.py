@@ -4,6 +4,7 @@ fault. Pure.
 
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Decision
+from harness.contracts.reasons import Reason, because
 from harness.contracts.values import Moment
 from rsi_reviews.approval_policy import RELEASERS, not_a_person, repeated, signed
 from rsi_reviews.canary import fault_in, outcome
@@ -39,10 +40,10 @@ def withdraw(review: Review, command: WithdrawCandidate, now: Moment) -> Decisio
     return refusal or Accepted((CandidateWithdrawn(reason=command.reason, by=signed(command, now)),))
 
 
-def why(review: Review) -> str:
-    """The sentence of the canary's own rule."""
+def why(review: Review) -> Reason:
+    """The reason by the canary's own rule."""
     if fault := fault_in(review.canary):
-        return f"hard fault: {fault}"
+        return because("canary_hard_fault", fault=fault)
     worse = sum(entry.measured.worse for entry in review.exercised)
     metric = review.manifest.metric if review.manifest else "metric"
-    return f"{metric} was worse than the baseline's bound in {worse} of {len(review.exercised)} missions"
+    return because("canary_metric_worse", metric=metric, worse=worse, exercised=len(review.exercised))

@@ -7,6 +7,7 @@ import msgspec
 
 from harness.contracts.configuration import Configuration
 from harness.contracts.errors import ContractInvalid
+from harness.contracts.reasons import because
 from harness.contracts.simulation import Simulator
 from harness.contracts.values import digest
 from rsi_reviews import contracts
@@ -78,9 +79,10 @@ def prepared(
     """
     if baseline.configuration_id != candidate.baseline:
         raise ContractInvalid(
-            f"The candidate was made against {candidate.baseline[:12]}, not {baseline.configuration_id[:12]}",
+            because(
+                "candidate_of_other_baseline", baseline=candidate.baseline[:12], current=baseline.configuration_id[:12]
+            ),
             where="baseline",
-            do="propose it again on the current baseline",
         )
     regression, safety = (cases_of(suite) for suite in suites)
     if most is not None:

@@ -2,6 +2,8 @@
 
 A transient fault affects the mission's first navigation only, and its effect on the sensors ends when another
 invocation starts or CLEARED_AFTER_S after that one ended. A persistent one affects every navigation and stays.
+`hidden-passage` puts a trolley before the passage from the start on; a transient one is rolled away after the first
+panorama.
 """
 
 from collections.abc import Sequence
@@ -15,6 +17,7 @@ from simulator.sensors import LocaliserMode
 FaultName = Literal[
     "stale-pose", "missing-pose", "frozen-localiser", "early-success", "duplicate-request", "interrupted",
     "blocked-passage", "lost-localisation", "biased-localiser", "follower-gives-up",
+    "hidden-passage",
 ]  # fmt: skip
 FAULT_NAMES: tuple[FaultName, ...] = get_args(FaultName)
 IN_MOTION: frozenset[FaultName] = frozenset(
@@ -69,8 +72,9 @@ class FaultPlan:
         self._mode_fault: Fault | None = None
         self._terminal_s: float | None = None
         self._once: set[FaultName] = set()
-        if "lost-localisation" in self._faults:
-            self._count("lost-localisation")
+        for name in ("lost-localisation", "hidden-passage"):
+            if name in self._faults:
+                self._count(name)
 
     def mode(self, at_s: float) -> LocaliserMode:
         """The localiser's mode now."""
@@ -127,6 +131,11 @@ class FaultPlan:
         self._once.add(name)
         self._count(name)
         return True
+
+    @property
+    def hides_passage(self) -> bool:
+        """Whether something stands between the approach and the passage when the mission begins."""
+        return "hidden-passage" in self._faults
 
     def persistent(self, name: FaultName) -> bool:
         return self._faults[name].persistent

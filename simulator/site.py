@@ -67,6 +67,9 @@ DECOR: tuple[solids.Solid, ...] = (
     solids.Solid(name="mark-corridor", kind="mark", centre_m=(6.0, 4.1, 0.001), half_m=(0.5, 0.05, 0.001), rgb=BLUE),
 )
 
+TROLLEY: solids.Solid = solids.standing("trolley", "box", (11.0, 9.05), (0.4, 0.25, 1.3), STEEL)
+"""Stands between the approach of the storage area and its passage: from there the passage cannot be seen."""
+
 
 def storage_site() -> solids.SiteModel:
     """The site of `harness/baseline/site.yaml`, as solids."""

@@ -25,11 +25,11 @@ Cell = tuple[int, int]
 Mask = NDArray[np.bool_]
 
 
-class Ways:
+class Approaches:
     """The cheapest ways from one position to everywhere on a map."""
 
     def __init__(
-        self, site_map: "SiteMap", start: Point, costs: NDArray[np.float64], before: NDArray[np.int32]
+        self, site_map: "NavigationMap", start: Point, costs: NDArray[np.float64], before: NDArray[np.int32]
     ) -> None:
         self._map, self._start, self._costs, self._before = site_map, start, costs, before
 
@@ -57,7 +57,7 @@ class Ways:
         return tuple(kept)
 
 
-class SiteMap:
+class NavigationMap:
     """Where the body's disc fits between the solids of a site, in cells of CELL_M."""
 
     def __init__(self, site: SiteModel) -> None:
@@ -74,15 +74,15 @@ class SiteMap:
         self._open: Mask = np.asarray(away_m, dtype=np.float64) >= ROBOT_RADIUS_M + MARGIN_M
         self._roomy: Mask = np.asarray(away_m, dtype=np.float64) >= ROOMY_M
 
-    def ways(self, start: Point) -> Ways:
+    def ways(self, start: Point) -> Approaches:
         """The ways from where the body stands; around it the floor is taken as free, since it stands there."""
         passable = self._open | self._near(start)
         first = self.cell(start)
         if not self.inside(first):
             unreached = np.full(passable.size, np.inf)
-            return Ways(self, start, unreached, np.full(passable.size, -1, dtype=np.int32))
+            return Approaches(self, start, unreached, np.full(passable.size, -1, dtype=np.int32))
         costs, before = dijkstra(self._graph(passable), indices=self.index(first), return_predecessors=True)
-        return Ways(self, start, costs, before)
+        return Approaches(self, start, costs, before)
 
     def clear(self, start: Point, end: Point) -> bool:
         """Whether the body fits all along the straight line, with room to its sides."""
@@ -143,12 +143,12 @@ class SiteMap:
 
 
 @lru_cache(maxsize=4)
-def map_of(site: SiteModel) -> SiteMap:
+def map_of(site: SiteModel) -> NavigationMap:
     """The map of a site as it was surveyed, drawn once."""
-    return SiteMap(site)
+    return NavigationMap(site)
 
 
-def joining(ways: Ways, route: RouteLine, *, low_m: float = 0.0) -> float | None:
+def joining(ways: Approaches, route: RouteLine, *, low_m: float = 0.0) -> float | None:
     """Arc length at or after `low_m` at which the cheapest way meets the route; None where no way reaches it."""
     count = max(1, math.ceil((route.length_m - low_m) / SAMPLE_M))
     places = [low_m + (route.length_m - low_m) * step / count for step in range(count + 1)]

@@ -11,7 +11,7 @@ from simulator.cards import CAREFUL_PLANNER, OBSERVER, PANORAMA_CAMERA
 from simulator.navigation import CarefulPlanner, Leg, RouteFollower
 from simulator.photographing import Observer, Panorama
 from simulator.routes import RouteLine
-from simulator.site_map import SiteMap, joining
+from simulator.site_map import NavigationMap, joining
 from simulator.skill_interface import Skill
 
 CAREFUL_SPEED_MPS = 0.3
@@ -26,7 +26,7 @@ def skill_for(
     *,
     frame: str,
     here: Point,
-    site_map: SiteMap,
+    site_map: NavigationMap,
     reached_m: float | None,
 ) -> Skill:
     """The skill, ready for its first tick. `reached_m` is how far an earlier attempt of the same node came.
@@ -67,7 +67,7 @@ def skill_for(
 
 
 def _approach(
-    route: RouteLine, here: Point, site_map: SiteMap, reached_m: float | None
+    route: RouteLine, here: Point, site_map: NavigationMap, reached_m: float | None
 ) -> tuple[float | None, tuple[Point, ...]]:
     """Where on the route to begin, and the way there; nothing of either where the map has no way.
 
@@ -89,7 +89,7 @@ def _approach(
     return (begin_m, path) if path else (None, ())
 
 
-def _stands_at(place: Point, here: Point, site_map: SiteMap) -> bool:
+def _stands_at(place: Point, here: Point, site_map: NavigationMap) -> bool:
     """Whether the body is so near to a place, with nothing of the map between, that it may go there straight."""
     return math.dist(here, place) < AT_START_M and site_map.fits(here, place)
 

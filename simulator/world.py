@@ -24,7 +24,7 @@ from simulator.pose_estimate import Estimate
 from simulator.routes import RouteLine
 from simulator.samples import SampleRing, SensorBlobs
 from simulator.sensors import Sensors
-from simulator.site import START, storage_site
+from simulator.site import START, TROLLEY, storage_site
 from simulator.skill_interface import Outcome, Perception, Shot, Step
 from simulator.solids import SiteModel
 from simulator.truth import Truth, TruthLog
@@ -102,7 +102,7 @@ class World:
             return
         self.faults = FaultPlan(mission_id, faults, began_s=self.at_s)
         self.sensors.reseed(Streams(seed))
-        self._furnish(self._home)
+        self._furnish(self._home.with_solids(TROLLEY) if self.faults.hides_passage else self._home)
         if self._settings.hidden is not None:
             self._disturbances = Disturbances(self._settings.hidden.regularities, seed=seed, began_s=self.at_s)
             self._carry_back()
@@ -135,6 +135,9 @@ class World:
             struck = "blocked-passage" in self.faults.struck and not self.faults.persistent("blocked-passage")
             if struck and report.status == "succeeded":
                 self._furnish(self._home)
+        hidden = self.faults.hides_passage and not self.faults.persistent("hidden-passage")
+        if hidden and invocation.card.capability == "capture_panorama":
+            self._furnish(self._home)
         self.save(durable=True)
 
     def tick(self, invocations: Sequence[RunningSkill]) -> None:

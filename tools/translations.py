@@ -1,17 +1,15 @@
 """Updates the message catalogues of the console in every language: `python -m tools.translations`.
 
 `pybabel extract` reads the messages from the sources as pyproject.toml maps them: templates, scripts, and what Python
-passes to `lazy_gettext` and `N_`. The terms of the contracts are added here; the messages of the runtime are in a
-catalogue of their own. Updating adds missing messages with an empty translation and drops unused ones; exit 1 while
-something is missing, stale or broken.
+passes to `lazy_gettext` and `N_`. The terms of the contracts, the meanings of a configuration's fields and the texts of
+the task templates that ship are added here. Updating adds missing messages with an empty translation and drops unused
+ones; exit 1 while something is missing, stale or broken.
 """
 
 import re
 import sys
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
-from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import get_args
@@ -21,8 +19,8 @@ from babel.messages.frontend import CommandLineInterface
 from babel.messages.pofile import read_po, write_po
 
 from app.auth import permissions
-from app.i18n.catalogues import CONSOLE, ENGLISH, FOLDER, LOCALES
-from app.i18n.catalogues import MACHINE as MACHINERY
+from app.i18n import task_texts
+from app.i18n.catalogues import CATALOGUE, ENGLISH, FOLDER, LOCALES
 from app.settings import ROOT
 from harness.contracts import (
     alert_events,
@@ -36,6 +34,7 @@ from harness.contracts import (
     protocol,
     verdicts,
 )
+from harness.contracts.fields import fields
 from harness.projections import alerts, handoffs
 from harness.projections import mission as missions
 from rsi_reviews import contracts as reviewing
@@ -44,7 +43,8 @@ from rsi_reviews import projections as reviews
 from rsi_reviews.difference import NAMES
 from rsi_reviews.evaluation.arms import ARMS
 from rsi_reviews.evaluation.missions import CONDITIONS
-from tools import machine_words
+from rsi_reviews.evaluation.suites import CHECKS
+from rsi_reviews.recursion.report import REFUTES
 
 SOURCES = ("app", "static/js", "templates")
 KEYWORDS = ("lazy_gettext", "tr")
@@ -57,10 +57,18 @@ VOCABULARY = (
     handoffs.Decided, missions.MissionStatus, missions.NodeStatus, permissions.Role, pointers.Draining, reviews.Status,
     reviewing.Answer, reviewing.Direction, reviewing.Family, reviewing.Metric,
 )  # fmt: skip
-PUBLISHED = (*NAMES.values(), *(one.text for one in ARMS), *(one.text for one in CONDITIONS))
+PUBLISHED = (
+    *NAMES.values(), *(one.text for one in ARMS), *(one.text for one in CONDITIONS),
+    *(claim for _, _, claim, _ in CHECKS),
+    *REFUTES, "what the program ships", "accepted facts",
+)  # fmt: skip
 """What tables and published documents say in words of their own."""
 MACHINE = ("harness", "simulator", "rsi_reviews")
 """Whose identifiers may be shown as words: names of quantities, of fields, of kinds."""
+WORDS = re.compile(r"[A-Za-z]{2,} [A-Za-z]{2,}")
+"""What is said in a language, not a number, a unit or a name."""
+SLUGS = re.compile(r"\bone of |^matches ")
+"""A bound that lists names, the same in every language."""
 HOLE = re.compile(r"%\(\w+\)s|\{[\w:.+,%-]*\}")
 
 
@@ -82,7 +90,7 @@ def extracted() -> Catalog:
 def said() -> dict[str, tuple[str, ...]]:
     """Every message that must be translated -> the files where it occurs."""
     found: dict[str, tuple[str, ...]] = {}
-    for message, where in (*_marked(), *_vocabulary()):
+    for message, where in (*_marked(), *_vocabulary(), *_fields(), *task_texts.messages()):
         if where not in found.setdefault(message, ()):
             found[message] += (where,)
     return found
@@ -94,18 +102,9 @@ def known() -> set[str]:
     return set(said()) | _identifiers()
 
 
-@dataclass(frozen=True)
-class Domain:
-    """One catalogue of every language. `must`: message -> where it occurs; `may`: what else may be in it."""
-
-    name: str
-    must: Callable[[], Mapping[str, tuple[str, ...]]]
-    may: Callable[[], Collection[str]]
-
-
-def wrong(catalogue: Mapping[str, str], domain: str = CONSOLE) -> list[str]:
+def wrong(catalogue: Mapping[str, str]) -> list[str]:
     """What is missing, stale or broken in a catalogue, a line each."""
-    must, may = DOMAINS[domain].must(), DOMAINS[domain].may()
+    must, may = said(), known()
     found = [f"missing: {one!r} ({', '.join(where)})" for one, where in must.items() if not catalogue.get(one)]
     found += [f"stale: {one!r}" for one in catalogue if one not in may]
     for message, text in catalogue.items():
@@ -116,34 +115,34 @@ def wrong(catalogue: Mapping[str, str], domain: str = CONSOLE) -> list[str]:
     return found
 
 
-def catalogue_path(locale: str, domain: str = CONSOLE) -> Path:
-    return FOLDER / locale / "LC_MESSAGES" / f"{domain}.po"
+def catalogue_path(locale: str) -> Path:
+    return FOLDER / locale / "LC_MESSAGES" / CATALOGUE
 
 
-def read(locale: str, domain: str = CONSOLE) -> dict[str, str]:
+def read(locale: str) -> dict[str, str]:
     """Message -> translation, empty where there is none yet."""
-    path = catalogue_path(locale, domain)
+    path = catalogue_path(locale)
     if not path.is_file():
         return {}
     with path.open("rb") as file:
         return {str(one.id): str(one.string) for one in read_po(file, locale=locale) if one.id}
 
 
-def mended(catalogue: Mapping[str, str], domain: str = CONSOLE) -> dict[str, str]:
+def mended(catalogue: Mapping[str, str]) -> dict[str, str]:
     """The catalogue with missing messages added, empty, and stale ones removed."""
-    must, may = DOMAINS[domain].must(), DOMAINS[domain].may()
+    must, may = said(), known()
     return {one: text for one, text in catalogue.items() if one in may and (text or one in must)} | {
         one: "" for one in must if one not in catalogue
     }
 
 
-def write(locale: str, catalogue: Mapping[str, str], domain: str = CONSOLE) -> None:
+def write(locale: str, catalogue: Mapping[str, str]) -> None:
     """As a gettext file, sorted, without dates: two runs write the same bytes."""
-    where = DOMAINS[domain].must()
+    where = said()
     book = Catalog(locale=locale, project="RegenHarness", fuzzy=False)
     for message in sorted(catalogue):
         book.add(message, catalogue[message], locations=[(path, 0) for path in where.get(message, ())])
-    path = catalogue_path(locale, domain)
+    path = catalogue_path(locale)
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("wb") as file:
         write_po(file, book, width=120, omit_header=True, include_lineno=False)
@@ -152,9 +151,9 @@ def write(locale: str, catalogue: Mapping[str, str], domain: str = CONSOLE) -> N
 def main() -> None:
     """Update every catalogue and report what is left to do."""
     left = []
-    for locale, name in product((one for tag, one in LOCALES.items() if tag != ENGLISH), DOMAINS):
-        write(locale, mended(read(locale, name), name), name)
-        left += [f"{locale}, {name}: {one}" for one in wrong(read(locale, name), name)]
+    for locale in (one for tag, one in LOCALES.items() if tag != ENGLISH):
+        write(locale, mended(read(locale)))
+        left += [f"{locale}: {one}" for one in wrong(read(locale))]
     if left:
         sys.exit("\n".join(left))
     print("Every message is said in every language.")
@@ -173,6 +172,13 @@ def _vocabulary() -> Iterator[tuple[str, str]]:
     yield from ((one, "rsi_reviews") for one in PUBLISHED)
 
 
+def _fields() -> Iterator[tuple[str, str]]:
+    """What the fields of a configuration mean, with their bounds, as far as these are words."""
+    for field in fields():
+        shown = (field.meaning, "" if SLUGS.search(field.bound) else field.bound)
+        yield from ((text, "harness/contracts/fields.py") for text in shown if WORDS.search(text))
+
+
 def _identifiers() -> set[str]:
     """Every identifier of the runtime, and each without its unit, as words."""
     texts = [path.read_text(encoding="utf-8") for part in MACHINE for path in (ROOT / part).rglob("*.py")]
@@ -183,12 +189,6 @@ def _identifiers() -> set[str]:
 
 def _name(path: Path) -> str:
     return path.relative_to(ROOT).as_posix() if path.is_absolute() else path.as_posix()
-
-
-DOMAINS: Mapping[str, Domain] = {
-    one.name: one
-    for one in (Domain(CONSOLE, said, known), Domain(MACHINERY, machine_words.heard, machine_words.sentences))
-}
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from harness.contracts.alert_events import LONGEST_SHELF_S
 
 
 class AcknowledgeAlertAct(Act):
-    """Say that you have seen it. `seen` is the `total` that was shown: what happened since is not acknowledged."""
+    """Acknowledge an alert. `seen` is the `total` that was shown; what happened since is not acknowledged."""
 
     becomes = alert_commands.AcknowledgeAlert
     seen: Count
@@ -22,7 +22,7 @@ class AcknowledgeAlertAct(Act):
 
 
 class ShelveAlertAct(Act):
-    """Put it out of the way for a while; it comes back by itself."""
+    """Shelve an alert for a while; it returns by itself."""
 
     becomes = alert_commands.ShelveAlert
     sentences: ClassVar[Mapping[str, str]] = {"for_s": N_("Choose how long it is shelved for.")}
@@ -37,7 +37,7 @@ class ShelveAlertAct(Act):
 
 
 class SuppressAlertAct(Act):
-    """Put it out of the way until somebody restores it."""
+    """Suppress an alert until somebody restores it."""
 
     becomes = alert_commands.SuppressAlert
     reason: Reason
@@ -51,7 +51,7 @@ class RestoreAlertAct(Act):
 
 
 class AssignAlertAct(Act):
-    """Say who looks after it; empty: nobody."""
+    """Assign an alert to somebody; empty: to nobody."""
 
     becomes = alert_commands.AssignAlert
     assignee: Text = ""

@@ -5,11 +5,11 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
-from app.i18n.catalogues import N_
 from app.views import forms
 from app.views.forms import Wrong
 from harness.contracts.actors import Actor, Command
 from harness.contracts.errors import ContractInvalid
+from harness.contracts.reasons import because
 
 Reason = Annotated[str, StringConstraints(min_length=1, max_length=forms.REASON_SIGNS)]
 Key = Annotated[str, StringConstraints(min_length=1, max_length=200)]
@@ -44,7 +44,7 @@ class ActModel(BaseModel):
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
-            raise ContractInvalid(f"{where}: {first['msg']}", where=where, do=N_("run it with --help")) from error
+            raise ContractInvalid(because("act_invalid", name=where, error=first["msg"]), where=where) from error
 
     @classmethod
     def from_form(cls, typed: Mapping[str, str]) -> Self | tuple[Wrong, ...]:
@@ -64,11 +64,7 @@ class ActModel(BaseModel):
             fields = dict.fromkeys(str(one["loc"][0]) for one in error.errors() if one["loc"])
         strange = next((name for name in fields if name not in (*WHY, *cls.sentences)), None)
         if strange is not None:
-            raise ContractInvalid(
-                N_("The answer is not bound to what was shown"),
-                where=f"form field {strange}",
-                do=N_("open the page again and decide there"),
-            )
+            raise ContractInvalid(because("answer_unbound"), where=f"form field {strange}")
         return tuple(Wrong(name, text) for name in fields for text in cls._told(name, given.get(name, "")))
 
     @classmethod

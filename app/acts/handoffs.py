@@ -20,14 +20,14 @@ class LookAgainAct(base.Act):
 
 
 class ClaimHandoffAct(base.Act):
-    """Take the question: yours to answer for a minute. `claim` is a token of your making, the same again renews it."""
+    """Claim the question for a minute. `claim` is a token of your choice; the same token again extends the claim."""
 
     becomes = handoff_commands.TakeClaim
     claim: base.Slug
 
 
 class ReleaseHandoffAct(base.Act):
-    """Give your claim up: somebody else may answer."""
+    """Release your claim, so that somebody else can answer."""
 
     becomes = handoff_commands.DropClaim
     claim: base.Slug
@@ -38,14 +38,14 @@ class ReleaseHandoffAct(base.Act):
 
 
 class ExtendDeadlineAct(base.Act):
-    """Let it wait longer because you are on your way: once, as long as the zone allows."""
+    """Extend the deadline because you are on your way: once, as far as the zone allows."""
 
     becomes = handoff_commands.ExtendDeadline
     reason: base.Reason = N_("on my way")
 
 
 class ChooseActionAct(base.Act):
-    """Propose another action of the ladder, on the question as it stood in this cycle."""
+    """Propose another action of the recovery ladder instead; it needs an approval of its own digest."""
 
     becomes = handoff_commands.ChooseAction
     action: RecoveryAction
@@ -88,7 +88,7 @@ class RejectHandoffAct(_DecisionAct):
 
 
 class AttestHandoffAct(base.Act):
-    """State what you saw of one condition with your own eyes. It opens one look and satisfies nothing by itself."""
+    """State what you saw of one condition, where the stage's policy allows it. The harness then looks again itself."""
 
     becomes = commands.AttestHandoff
     condition_id: base.Slug
@@ -116,20 +116,20 @@ class _HolderAct(base.Act):
 
 
 class TakeControlAct(_HolderAct):
-    """Drive the robot yourself from `device`: the deadline pauses as long as the claim is renewed."""
+    """Take control of the robot from `device`: the deadline pauses as long as the claim is extended."""
 
     becomes = handoff_commands.TakeControl
     device: base.Slug
 
 
 class HandBackAct(_HolderAct):
-    """Give the robot back: the harness looks afresh, without motion."""
+    """Hand the robot back to the harness, which observes again without motion."""
 
     becomes = handoff_commands.ReturnControl
 
 
 class CloseHandoffAct(_HolderAct):
-    """Keep the robot: the mission ends handed off."""
+    """Keep the robot: the mission ends as handed off."""
 
     becomes = handoff_commands.CloseQuestion
 

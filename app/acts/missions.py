@@ -145,3 +145,12 @@ class LimitAutonomyAct(_ReasonAct):
 
     becomes = control.LimitAutonomy
     autonomy: Autonomy
+
+
+ACTS: Mapping[str, type[base.Act]] = {
+    "stop": StopMissionAct,
+    "withdraw": WithdrawMissionAct,
+    "pause": PauseMissionAct,
+    "resume": ResumeMissionAct,
+}
+"""By the word in the address, where the answer is the mission."""

@@ -60,7 +60,7 @@ class CandidateAct(base.Act):
         return SignedBy(actor=actor, reason=self.reason, key=self.key)
 
 
-class _ReasonAct(CandidateAct):
+class _StatedAct(CandidateAct):
     """An act that says why and no more."""
 
     asks: ClassVar[Callable[[ReleaseService, Digest, SignedBy], Answered]]
@@ -85,19 +85,19 @@ class _SubjectAct(CandidateAct):
         return SeenSubject(cycle=self.cycle, subject=Digest(self.subject))
 
 
-class SubmitCandidateAct(_ReasonAct):
+class SubmitCandidateAct(_StatedAct):
     """Ask people to review an accepted candidate, in a new cycle."""
 
     becomes, verb, asks = commands.OpenReview, "submit", ReleaseService.submit
 
 
-class CommentCandidateAct(_ReasonAct):
+class CommentCandidateAct(_StatedAct):
     """Say something about it; nothing else changes."""
 
     becomes, verb, asks = commands.AddComment, "comment", ReleaseService.comment
 
 
-class RecallReviewAct(_ReasonAct):
+class RecallReviewAct(_StatedAct):
     """End the review: it is accepted and in review no more."""
 
     becomes, verb, asks = commands.RecallReview, "recall", ReleaseService.recall
@@ -150,13 +150,13 @@ class AdjudicateMissionAct(CandidateAct):
         return releases.adjudicate(candidate, MissionId(self.mission_id), self.finding, self._by(actor))
 
 
-class RollBackAct(_ReasonAct):
+class RollBackAct(_StatedAct):
     """Go back to the version before it, at once; its configuration is quarantined."""
 
     becomes, verb, asks = commands.RollBack, "rollback", ReleaseService.rollback
 
 
-class WithdrawCandidateAct(_ReasonAct):
+class WithdrawCandidateAct(_StatedAct):
     """Take it back without a fault."""
 
     becomes, verb, asks = commands.WithdrawCandidate, "withdraw", ReleaseService.withdraw

@@ -16,6 +16,7 @@ from harness.adapters.stores.accounts_rows import Account, AuditEntry, Token
 from harness.contracts.actors import Actor
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import sha256
+from harness.contracts.reasons import Reason, because
 
 SHORTEST, LONGEST = 12, 256
 PASSWORD_RULE = N_("A password has 12 to 256 characters, at least five different ones, and not the name in it.")
@@ -65,11 +66,9 @@ class Accounts:
         """Raises ContractInvalid for a bad name, role or password, ConcurrencyConflict for a taken name."""
         by.acting("people")
         if not NAME.fullmatch(name):
-            raise ContractInvalid("A name is 1 to 40 of a-z, 0-9, dot, dash, underscore", where=f"name {name[:40]!r}")
+            raise ContractInvalid(because("account_name_invalid"), where=f"name {name[:40]!r}")
         if not self.store.any_account() and "admin" not in roles:
-            raise ContractInvalid(
-                "The first account must be an admin", where=f"roles {', '.join(roles)}", do="add the role admin"
-            )
+            raise ContractInvalid(because("first_account_not_admin"), where=f"roles {', '.join(roles)}")
         now_s = self._clock()
         account = Account(
             name=name,
@@ -90,7 +89,7 @@ class Accounts:
         by.acting("people")
         old = self.known(name)
         if roles is not None:
-            self._own(name, "roles", do="change their groups there, or what REGEN_OIDC_ROLES makes of them")
+            self._own(name, because("roles_of_identity_provider", name=name))
         new = replace(
             old,
             roles=old.roles if roles is None else checked_roles(roles),
@@ -99,7 +98,7 @@ class Accounts:
         )
         others = (one for one in self.store.accounts() if one.name != name and not one.disabled)
         if (new.disabled or "admin" not in new.roles) and not any("admin" in one.roles for one in others):
-            raise ContractInvalid(f"{name} is the last admin", do="make somebody else an admin first")
+            raise ContractInvalid(because("last_admin", name=name))
         self.store.change_account(new)
         self.store.close_sessions(name=name)
         state = "disabled" if new.disabled else "enabled"
@@ -109,7 +108,7 @@ class Accounts:
         """Change one's own password, given the old one; ends one's other sessions, except the one with digest `but`."""
         if by.name != name or not self._matches(self.known(name), old):
             self.note(by, "password.refused", subject=name)
-            raise ContractInvalid("That is not your present password", where="the present password")
+            raise ContractInvalid(because("password_wrong"), where="the present password")
         self._store_password(name, new, by=by, but=but)
 
     def reset_password(self, name: str, *, new: str, by: Principal) -> None:
@@ -118,21 +117,21 @@ class Accounts:
         self._store_password(name, new, by=by)
 
     def _store_password(self, name: str, new: str, *, by: Principal, but: str = "") -> None:
-        self._own(name, "password", do="they sign in there")
+        self._own(name, because("password_of_identity_provider", name=name))
         secret = self._hasher.hash(_password(new, name=name))
         self.store.change_account(replace(self.known(name), secret=secret, changed_at_s=self._clock()))
         self.store.close_sessions(name=name, but=but)
         self.note(by, "password.changed", subject=name)
 
-    def _own(self, name: str, what: str, *, do: str) -> None:
-        """Raises ContractInvalid for somebody whose account is the identity provider's word alone."""
+    def _own(self, name: str, matter: Reason) -> None:
+        """Raises ContractInvalid, with `matter`, for somebody who is known by the identity provider's groups alone."""
         if any(one.by_groups for one in self.store.identities(name)):
-            raise ContractInvalid(f"The {what} of {name} is the identity provider's matter", where=name, do=do)
+            raise ContractInvalid(matter, where=name)
 
     def known(self, name: str) -> Account:
         account = self.store.account(name)
         if account is None:
-            raise UnknownName(f"There is no account {name[:40]}", do="list them with `regen account list`")
+            raise UnknownName(because("unknown_account", name=name[:40]))
         return account
 
     def check(self, name: str, password: str, *, source: str) -> Account | Throttled | None:
@@ -185,9 +184,8 @@ class Accounts:
         wrong = sorted(set(scopes) - SCOPES)
         if wrong or not scopes or not NAME.fullmatch(name):
             raise ContractInvalid(
-                "A token needs a name of a-z, 0-9, dot, dash, underscore and scopes that integrations may have",
+                because("token_name_or_scope_invalid", scopes=tuple(sorted(SCOPES))),
                 where=f"name {name[:40]!r}, scopes {', '.join(scopes) or 'none'}",
-                do=f"choose from {', '.join(sorted(SCOPES))}",
             )
         now_s, secret = self._clock(), TOKEN_PREFIX + self._fresh()
         digest = sha256(secret.encode())
@@ -214,7 +212,7 @@ class Accounts:
         by.acting("people")
         token = next((one for one in self.store.tokens() if one.token_id == token_id), None)
         if token is None:
-            raise UnknownName(f"There is no token {token_id[:40]}", do="list them with `regen token list`")
+            raise UnknownName(because("unknown_token", token_id=token_id[:40]))
         if token.revoked_at_s is None:
             token = replace(token, revoked_at_s=self._clock())
             self.store.change_token(token)
@@ -274,20 +272,12 @@ def checked_roles(roles: Collection[str]) -> tuple[str, ...]:
     """In the order of the table of roles. Raises ContractInvalid for none, or one that does not exist."""
     unknown = sorted(set(roles) - set(ROLES))
     if unknown or not roles:
-        raise ContractInvalid(
-            "An account needs at least one role",
-            where=f"roles {', '.join(roles)}",
-            do=f"choose from {', '.join(ROLES)}",
-        )
+        raise ContractInvalid(because("account_without_role", roles=tuple(ROLES)), where=f"roles {', '.join(roles)}")
     return tuple(role for role in ROLES if role in roles)
 
 
 def _password(password: str, *, name: str) -> str:
     named = len(name) > 3 and name in password.lower()
     if not SHORTEST <= len(password) <= LONGEST or named or len(set(password)) < 5:
-        raise ContractInvalid(
-            PASSWORD_RULE,
-            where="the new password",
-            do="a sentence is easy to remember and long enough",
-        )
+        raise ContractInvalid(because("password_weak", shortest=SHORTEST, longest=LONGEST), where="the new password")
     return password

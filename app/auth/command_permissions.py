@@ -15,6 +15,7 @@ from harness.contracts import (
     revision_commands,
 )
 from harness.contracts.actors import Actor, Command
+from harness.contracts.reasons import because
 from rsi_reviews import commands as review_commands
 from rsi_reviews import suite_growth
 
@@ -118,6 +119,7 @@ HARNESS_COMMANDS: frozenset[type[Command]] = frozenset(
         commands.SupersedeHandoff,
         commands.RecordEffect,
         revision_commands.ReviseContract,
+        revision_commands.ReviseToRecover,
         handoff_commands.Escalate,
         handoff_commands.VoidApproval,
         handoff_commands.RecordNoAnswer,
@@ -153,12 +155,10 @@ def required_permission(kind: type[Command]) -> Permission:
     Raises NotPermitted for one that only the harness gives, NoPermissionDeclared for one that nobody listed.
     """
     if kind in HARNESS_COMMANDS:
-        raise NotPermitted(f"{kind.__name__} is the harness's own", do="ask for what you want done, not for its steps")
+        raise NotPermitted(because("command_is_internal", command=kind.__name__))
     if kind not in PERMISSIONS:
         raise NoPermissionDeclared(
-            f"Nobody has declared who may give {kind.__name__}",
-            where="app/auth/command_permissions.py",
-            do="list the command there, as a person's or as the harness's own",
+            because("no_permission_declared_for", command=kind.__name__), where="app/auth/command_permissions.py"
         )
     return PERMISSIONS[kind]
 
@@ -166,9 +166,7 @@ def required_permission(kind: type[Command]) -> Permission:
 def asked_permission(kind: type[Command]) -> Permission:
     """The same for a command from outside; raises NotPermitted also for one that the harness builds from an answer."""
     if kind in CARRIED:
-        raise NotPermitted(
-            f"{kind.__name__} is built by the harness from what a person asked", do="ask for what you want done"
-        )
+        raise NotPermitted(because("command_is_built", command=kind.__name__))
     return required_permission(kind)
 
 

@@ -4,6 +4,7 @@ from ipaddress import ip_address
 
 from app.settings import ConsoleSettings
 from harness.contracts.errors import HarnessError
+from harness.contracts.reasons import because
 
 
 class ExposureRefused(HarnessError):
@@ -24,25 +25,12 @@ def check_exposure(settings: ConsoleSettings, *, has_accounts: bool) -> None:
     """Raises ExposureRefused unless the address is loopback, or there are accounts and TLS or a declared proxy."""
     half_tls = bool(settings.tls_certificate) != bool(settings.tls_key)
     if half_tls:
-        raise ExposureRefused(
-            "TLS needs a certificate and its key", do="set both REGEN_TLS_CERTIFICATE and REGEN_TLS_KEY, or neither"
-        )
+        raise ExposureRefused(because("tls_incomplete"))
     if settings.proxies and not settings.names:
-        raise ExposureRefused(
-            "A proxy is declared, and no name under which people reach it",
-            do="set REGEN_NAMES to the names that stand in people's address bars",
-        )
+        raise ExposureRefused(because("proxy_without_names"))
     if is_loopback(settings.host):
         return
     if not has_accounts:
-        raise ExposureRefused(
-            f"Others would reach {settings.host}, and nobody has an account",
-            where=settings.host,
-            do="add an admin with `regen account add NAME --role admin`, or listen on 127.0.0.1",
-        )
+        raise ExposureRefused(because("exposed_without_account", host=settings.host), where=settings.host)
     if not (settings.tls_certificate or settings.proxies):
-        raise ExposureRefused(
-            f"Others would reach {settings.host} without encryption: passwords would be readable on the way",
-            where=settings.host,
-            do="set REGEN_TLS_CERTIFICATE and REGEN_TLS_KEY, or REGEN_PROXIES to the addresses of a TLS proxy in front",
-        )
+        raise ExposureRefused(because("exposed_without_encryption", host=settings.host), where=settings.host)

@@ -19,6 +19,7 @@ from harness.contracts.events import MissionCreated
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Place, Site
 from harness.contracts.ports import LogHead, Record, StoredEvent
+from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.goals.understanding import Understood
 from harness.memory.fabric import MemoryFabric
@@ -214,7 +215,7 @@ def principal() -> Principal:
     try:
         return PRINCIPAL.get()
     except LookupError:
-        raise NotPermitted("Nobody is known to ask for this", do="sign in, or use a token") from None
+        raise NotPermitted(because("nobody_signed_in")) from None
 
 
 def _acting(kind: type[Command]) -> Actor:
@@ -229,6 +230,4 @@ def _signed(command: Any, actor: Actor) -> Any:
 def _same_robot(robot_id: str) -> None:
     found = principal()
     if found.robot_id not in ("", robot_id):
-        raise NotPermitted(
-            f"This token is for {found.robot_id}", where=f"token {found.name}", do=f"use one for {robot_id}"
-        )
+        raise NotPermitted(because("token_of_other_robot", robot_id=found.robot_id), where=f"token {found.name}")

@@ -11,6 +11,7 @@ from harness.adapters.stores.accounts_rows import Account, ExternalIdentity
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.identity import AccountDisabled, Claims, RoleMissing
 from harness.contracts.ids import sha256
+from harness.contracts.reasons import because
 
 NAMED, UNNAMED = 33, re.compile(r"[^a-z0-9._-]+")
 
@@ -23,9 +24,7 @@ class Identities:
         for group, named in roles.items():
             if not named or set(named) - set(ROLES):
                 raise ContractInvalid(
-                    f"The group {group[:60]!r} is given no role that exists",
-                    where="REGEN_OIDC_ROLES",
-                    do=f"choose from {', '.join(ROLES)}",
+                    because("group_role_invalid", group=group[:60], roles=tuple(ROLES)), where="REGEN_OIDC_ROLES"
                 )
         self._accounts, self._mapping, self._clock = accounts, roles, clock
 
@@ -41,9 +40,7 @@ class Identities:
             return self._made(claims, source=source)
         account = self._accounts.known(known.name)
         if account.disabled:
-            raise AccountDisabled(
-                "Your account here is disabled", where=account.name, do="ask an admin of this console to enable it"
-            )
+            raise AccountDisabled(because("account_disabled"), where=account.name)
         return self._kept(account, claims, source=source) if known.by_groups else account
 
     def link(self, name: str, *, issuer: str, subject: str, by: Principal) -> ExternalIdentity:
@@ -52,9 +49,7 @@ class Identities:
         account = self._accounts.known(name)
         if not issuer or not 0 < len(subject) <= 255:
             raise ContractInvalid(
-                "An identity is an issuer and a subject",
-                where=f"issuer {issuer[:60]!r}, subject {subject[:60]!r}",
-                do="give the subject (sub) that the identity provider shows for this person",
+                because("identity_incomplete"), where=f"issuer {issuer[:60]!r}, subject {subject[:60]!r}"
             )
         made = ExternalIdentity(
             issuer=issuer, subject=subject, name=account.name, by_groups=False, linked_at_s=self._clock()
@@ -68,11 +63,9 @@ class Identities:
         by.acting("people")
         linked = self._accounts.store.identities(self._accounts.known(name).name)
         if not linked:
-            raise UnknownName(f"Nobody signs in as {name} at an identity provider", do="see `regen account list`")
+            raise UnknownName(because("no_identity_linked", name=name))
         if any(one.by_groups for one in linked):
-            raise ContractInvalid(
-                f"{name} has no other way in than the identity provider", do="disable the account instead"
-            )
+            raise ContractInvalid(because("only_identity", name=name))
         for one in linked:
             self._accounts.store.unlink(one.issuer, one.subject)
         self._accounts.store.close_sessions(name=name)
@@ -84,20 +77,14 @@ class Identities:
         found = {role for group in claims.groups for role in self._mapping.get(group, ())}
         if not found:
             raise RoleMissing(
-                "You are known to the identity provider, and have no role here",
-                where=f"{claims.name or claims.subject}, {len(claims.groups)} groups"[:200],
-                do="ask an admin of this console to give one of your groups a role, or to link your account",
+                because("role_missing"), where=f"{claims.name or claims.subject}, {len(claims.groups)} groups"[:200]
             )
         return checked_roles(found)
 
     def _made(self, claims: Claims, *, source: str) -> Account:
         roles, now_s = self._mapped(claims), self._clock()
         if "admin" not in roles and not self._accounts.store.any_account():
-            raise RoleMissing(
-                "The first account here must be an admin's",
-                where=claims.name[:200],
-                do="let an admin sign in first, or add one with `regen account add NAME --role admin`",
-            )
+            raise RoleMissing(because("first_person_not_admin"), where=claims.name[:200])
         account = Account(
             name=self._free_name(claims), roles=roles, secret="", disabled=False, created_at_s=now_s, changed_at_s=now_s
         )

@@ -17,10 +17,10 @@ from app.auth.rate_limits import Buckets
 from app.auth.sessions import Origin, SessionService
 from harness.contracts import identity
 from harness.contracts.ids import sha256
+from harness.contracts.reasons import because
 
 MOST_UNDER_WAY = 1000
 STARTS_PER_S, STARTS_AT_ONCE = 0.5, 20.0
-AGAIN = "begin again from the sign-in page of this console, in the same browser, and within ten minutes"
 
 UNDER_WAY_S = 600
 """How long a sign-in at the identity provider may take, in seconds."""
@@ -88,7 +88,7 @@ class OidcLogin:
         with self._lock:
             begun = self._under_way.pop(sha256(cookie.encode()), None)
         if begun is None:
-            raise identity.StateMismatch("This browser began no such sign-in, or it was used already", do=AGAIN)
+            raise identity.StateMismatch(because("sign_in_not_begun"))
         try:
             name = self._recognised(begun, answer, origin)
         except identity.SignInRefused as error:
@@ -104,14 +104,10 @@ class OidcLogin:
         if self._clock() >= begun.until_s or not compare_digest(
             answer.get("state", "").encode(), begun.attempt.state.encode()
         ):
-            raise identity.StateMismatch("The answer does not belong to the sign-in that this browser began", do=AGAIN)
+            raise identity.StateMismatch(because("sign_in_answer_foreign"))
         code = answer.get("code", "")
         if "error" in answer or not code:
-            raise identity.IssuerDeclined(
-                "The identity provider did not let you in",
-                where=answer.get("error", "")[:60],
-                do="sign in there with an account that may use this console, or sign in here with a password",
-            )
+            raise identity.IssuerDeclined(because("issuer_declined"), where=answer.get("error", "")[:60])
         claims = self.provider.finish(begun.attempt, code=code, issuer=answer.get("iss", ""), by_groups=self._by_groups)
         return self.identities.account_of(claims, source=origin.source).name
 

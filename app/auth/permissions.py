@@ -7,6 +7,7 @@ from typing import Literal, get_args
 from app.i18n.catalogues import N_
 from harness.contracts.actors import Actor
 from harness.contracts.errors import HarnessError
+from harness.contracts.reasons import because
 
 Role = Literal["viewer", "operator", "reviewer", "releaser", "admin"]
 Permission = Literal[
@@ -82,17 +83,15 @@ class Principal:
         if not self.roles:
             if permission not in self.scopes:
                 raise NotPermitted(
-                    f"This token may not {MEANING[permission]}",
+                    because("token_not_permitted", meaning=MEANING[permission], scope=permission),
                     where=f"token {self.name}, scopes {', '.join(self.scopes) or 'none'}",
-                    do=f"use a token with the scope {permission}",
                 )
             return Actor(name=self.name, role="integration", channel=self._channel)
         role = next((one for one in GRANTS[permission] if one in self.roles), None)
         if role is None:
             raise NotPermitted(
-                f"Your role does not let you {MEANING[permission]}",
+                because("role_not_permitted", meaning=MEANING[permission], roles=tuple(GRANTS[permission])),
                 where=f"{self.name}, {', '.join(self.roles)}",
-                do=f"ask somebody who is {' or '.join(GRANTS[permission])}, or an admin to change your role",
             )
         return Actor(name=self.name, role=role, channel=self._channel)
 

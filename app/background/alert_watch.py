@@ -22,6 +22,7 @@ from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
 from harness.contracts.memory import FollowPosition
 from harness.contracts.ports import StoredEvent
 from harness.contracts.protocol import PhysicalStart
+from harness.contracts.reasons import Explanation, because
 from harness.followers import Follower, beginning
 from harness.projections import alert_causes as causes
 from harness.projections.alerts import Alert
@@ -152,7 +153,7 @@ class AlertWatch:
             event = POINTER.decode(stored)
             self._raise(
                 causes.of_site(
-                    "canary_fault", "critical", f"configuration {event.configuration[:12]} was quarantined",
+                    "canary_fault", "critical", because("alert_quarantined", configuration=event.configuration[:12]),
                     cause=f"canary/{event.candidate}", text=event.reason, link="/audit",
                 ),
                 source=stored.position,
@@ -224,15 +225,15 @@ class AlertWatch:
             if kind in wrong:
                 self._keep(wrong[kind])
             elif not silent and (word.status is not None or kind == "robot_lost"):
-                self._end(cause, kind, "the robot says so itself")
+                self._end(cause, kind, because("robot_reports_it"))
 
     def _house(self) -> None:
         free = self.watched.free_bytes()
         if free is not None and free < LOW_DISK_BYTES:
-            text = f"{free // 2**20} MiB are free where the data folder lies"
-            self._keep(causes.of_site("disk_low", "high", "the disk is nearly full", cause="house/disk", text=text))
+            text = because("free_on_data_disk", free_mib=free // 2**20)
+            self._keep(causes.of_site("disk_low", "high", because("alert_disk_low"), cause="house/disk", text=text))
         elif free is not None:
-            self._end("house/disk", "disk_low", f"{free // 2**20} MiB are free")
+            self._end("house/disk", "disk_low", because("free_again", free_mib=free // 2**20))
         self._log_itself()
         self._some_blobs()
 
@@ -244,10 +245,10 @@ class AlertWatch:
         try:
             self.runtime.verify()
         except LogDamaged as error:
-            text = f"{error.what}. {error.where}"
+            text = because("damage_at", damage=error.reason, where=error.where)
             self._keep(
                 causes.of_site(
-                    "log_damaged", "critical", "the event log does not verify",
+                    "log_damaged", "critical", because("alert_log_damaged"),
                     cause="house/log", text=text, link="/audit",
                 )
             )  # fmt: skip
@@ -264,7 +265,7 @@ class AlertWatch:
             except BlobDamaged as error:
                 self._keep(
                     causes.of_site(
-                        "blob_damaged", "critical", f"evidence {digest[:12]} does not verify",
+                        "blob_damaged", "critical", because("alert_blob_damaged", digest=digest[:12]),
                         cause=cause, text=error.what, link=f"/evidence/{digest}/about",
                     )
                 )  # fmt: skip
@@ -273,7 +274,7 @@ class AlertWatch:
         if occurrence.condition not in self._standing(occurrence.cause):
             self._raise(occurrence)
 
-    def _end(self, cause: str, condition: str, reason: str) -> None:
+    def _end(self, cause: str, condition: str, reason: Explanation) -> None:
         if condition in self._standing(cause):
             self.ask(cause, ClearAlert(condition=condition, reason=reason, at_s=self.watched.clock()))
 

@@ -6,6 +6,7 @@ from threading import Lock
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import StreamId
 from harness.contracts.ports import StoredEvent
+from harness.contracts.reasons import because
 from harness.projections.alerts import Alert, status
 from harness.runtime import Runtime
 
@@ -34,7 +35,7 @@ class Alerts:
         with self._lock:
             self._follow()
             if alert_id not in self._known:
-                raise UnknownName(f"There is no alert {alert_id[:40]}", do="list them with `regen alert list`")
+                raise UnknownName(because("unknown_alert", alert_id=alert_id[:40]))
             return self._known[alert_id]
 
     def waiting(self, now_s: float) -> int:

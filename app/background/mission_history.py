@@ -10,6 +10,7 @@ from harness.contracts.errors import UnknownName
 from harness.contracts.events import MissionEvent
 from harness.contracts.ids import MissionId
 from harness.contracts.ports import StoredEvent
+from harness.contracts.reasons import because
 from harness.contracts.upcasting import name_of
 from harness.runtime import Runtime
 
@@ -32,7 +33,7 @@ class Histories:
             tail = self._runtime.events(mission_id, known[-1].version if known else 0)
             entries = known + tuple(self._entry(stored) for stored in tail)
             if not entries:
-                raise UnknownName(f"There is no mission {mission_id}", do="choose one from the list of missions")
+                raise UnknownName(because("mission_not_in_list", mission_id=mission_id))
             self._entries[mission_id] = entries
             return entries
 

@@ -11,6 +11,7 @@ from queue import Empty, Full, Queue
 from harness.contracts.alert_commands import ClearAlert, NoteNotification, RaiseAlert
 from harness.contracts.alert_events import PRIORITIES, Priority, alert_id, alert_stream
 from harness.contracts.notification import Notification, Notifier
+from harness.contracts.reasons import Reason, because
 from harness.projections.alert_causes import of_site
 from harness.projections.alerts import Alert, status
 from harness.runtime import Runtime
@@ -58,7 +59,7 @@ class Notices:
         try:
             self._line.put_nowait((name, alert))
         except Full:
-            self._failed("the line", f"{MOST_QUEUED} messages wait already; this one was not sent")
+            self._failed("the line", because("notification_line_full", limit=MOST_QUEUED))
 
     def deliver(self) -> int:
         """Send everything in the queue; returns how many messages a service accepted."""
@@ -83,15 +84,17 @@ class Notices:
         noted = NoteNotification(service=service, outcome="failed" if reason else "sent", tries=tries, reason=reason)
         self.runtime.decide([(alert_stream(name), noted)])
         if reason:
-            self._failed(service, f"{reason}; tried {tries} times")
+            self._failed(service, because("notification_tried", reason=reason, tries=tries))
             return False
-        cleared = ClearAlert(condition="notification_failed", reason="it takes messages again", at_s=self.clock())
+        cleared = ClearAlert(
+            condition="notification_failed", reason=because("notifications_taken_again"), at_s=self.clock()
+        )
         self.runtime.decide([(alert_stream(alert_id(_cause(service))), cleared)])
         return True
 
-    def _failed(self, service: str, why: str) -> None:
+    def _failed(self, service: str, why: Reason) -> None:
         occurrence = of_site(
-            "notification_failed", "high", f"people outside were not told through {service}",
+            "notification_failed", "high", because("alert_notification_failed", service=service),
             cause=_cause(service), text=why, link="/alerts",
         )  # fmt: skip
         stream = alert_stream(alert_id(occurrence.cause))

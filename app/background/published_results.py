@@ -9,7 +9,9 @@ from typing import Any
 
 import msgspec
 
+from app.i18n.languages import explained
 from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.reasons import because
 from rsi_reviews.evaluation.report import load
 
 Document = Mapping[str, Any]
@@ -34,7 +36,7 @@ def published(folder: Path) -> Published:
             found[name] = read(path, path.stat().st_mtime_ns) if path.is_file() else None
         except (ContractInvalid, UnknownName) as error:
             found[name] = None
-            wrong.append(str(error))
+            wrong.append(explained(error))
     return Published(evaluation=found["evaluation"], recursion=found["recursion"], wrong=tuple(wrong))
 
 
@@ -49,9 +51,7 @@ def _recursion(path: Path, changed: int) -> Document:
     try:
         found = json.loads(path.read_bytes())
     except ValueError as error:
-        raise ContractInvalid(
-            f"It cannot be read: {error}", where=str(path), do="run `regen rsi recursion --publish` again"
-        ) from error
+        raise ContractInvalid(because("results_unreadable", error=str(error)), where=str(path)) from error
     if not isinstance(found, dict) or not isinstance(found.get("rows"), list):
-        raise ContractInvalid("It holds no rows", where=str(path), do="run `regen rsi recursion --publish` again")
+        raise ContractInvalid(because("results_empty"), where=str(path))
     return found

@@ -9,10 +9,13 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from threading import Lock
 
+from app.i18n.catalogues import N_
+from app.i18n.messages import reasoned
 from app.views.robots import LiveFrame, RobotReportSeen, Shots
 from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.ids import RobotId
 from harness.contracts.ports import LiveCamera, Robot
+from harness.contracts.reasons import because
 from harness.workers import Worker
 
 KEPT_S = 20.0
@@ -103,14 +106,14 @@ class Fleet:
             found = next((one for one in post.ring if one.number == number), None)
         if found is not None:
             return found
-        raise UnknownName(f"Picture {number} of {robot_id} is not kept any more", do="look at the newest one")
+        raise UnknownName(because("picture_not_kept", number=number, robot_id=robot_id))
 
     def _post(self, robot_id: str) -> _Post:
         try:
             return self._posts[RobotId(robot_id)]
         except KeyError:
             known = ", ".join(self._posts) or "none is connected"
-            raise UnknownName(f"There is no robot {robot_id[:40]} here", do=f"choose from: {known}") from None
+            raise UnknownName(because("unknown_robot", robot_id=robot_id[:40], known=known)) from None
 
     def _watch(self, post: _Post) -> None:
         self._ask(post)
@@ -126,7 +129,7 @@ class Fleet:
             status = self._robots[post.robot_id].status()
         except HarnessError as error:
             with post.lock:
-                post.word = replace(post.word, trouble=error.what)
+                post.word = replace(post.word, trouble=reasoned(error.what))
             return
         now_s = self._clock()
         with post.lock:
@@ -135,13 +138,13 @@ class Fleet:
     def _look(self, post: _Post) -> None:
         camera = self._cameras.get(post.robot_id)
         if camera is None:
-            post.trouble = "this robot has no camera that people can look through"
+            post.trouble = N_("this robot has no camera that people can look through")
             return
         with post.looking:
             try:
                 picture = camera.picture()
             except HarnessError as error:
-                post.trouble = error.what
+                post.trouble = reasoned(error.what)
                 return
             with post.lock:
                 post.trouble = ""

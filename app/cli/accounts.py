@@ -1,4 +1,4 @@
-"""regen account and regen token: who may use the console, from the machine that it runs on."""
+"""regen account and regen token: manage accounts and tokens, from the machine that the console runs on."""
 
 import sys
 from typing import Annotated, Any
@@ -13,6 +13,7 @@ from app.cli.local_api import api_without_robots
 from app.cli.owner_api import owner_api
 from harness.adapters.stores.accounts_rows import Account, Token
 from harness.contracts.errors import ContractInvalid, StoreUnavailable
+from harness.contracts.reasons import because
 
 account = typer.Typer(no_args_is_help=True, help="People who may use the console.")
 token = typer.Typer(no_args_is_help=True, help="Tokens for robots and integrations on the API.")
@@ -42,11 +43,7 @@ def link(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) 
     """
     owner = owner_api(data)
     if owner is None:
-        raise StoreUnavailable(
-            "No console runs on this data folder",
-            where=str(data),
-            do="start one with `regen up`: it prints a link; or name its folder with --data",
-        )
+        raise StoreUnavailable(because("no_console_to_link"), where=str(data))
     made = owner.post("/sign-in-links", {})
     output.show(made, as_json=as_json, lines=[f"Sign in once: {made['url']}"])
 
@@ -126,7 +123,7 @@ def _password(*, from_stdin: bool) -> str:
     if from_stdin:
         return sys.stdin.readline().rstrip("\r\n")
     if not sys.stdin.isatty():
-        raise ContractInvalid("There is no terminal to type a password at", do="pipe it in with --password-stdin")
+        raise ContractInvalid(because("no_terminal"))
     return str(typer.prompt("Password", hide_input=True, confirmation_prompt=True))
 
 

@@ -1,4 +1,4 @@
-"""regen alert: what a person should know, and acknowledge, shelve, suppress, restore, assign."""
+"""regen alert: list, acknowledge, shelve, suppress, restore and assign alerts."""
 
 from typing import Annotated, Any
 

@@ -6,6 +6,7 @@ from typing import Any
 import httpx
 import msgspec
 
+from app.cli.output import ActRefused
 from harness.contracts.errors import GoalNotUnderstood, HarnessError, UnknownName
 from harness.contracts.readings import ReadingQuestion
 from harness.projections.handoffs import Handoff
@@ -55,7 +56,8 @@ class Api(ABC):
         if problem.get("code") == GoalNotUnderstood.code:
             question = msgspec.convert(problem["question"], ReadingQuestion)
             raise GoalNotUnderstood(problem["title"], question=question, where="goal", do=problem.get("do", ""))
+        if response.status_code == 409:
+            raise ActRefused(problem)
         kind = UnknownName if response.status_code in (404, 422) else HarnessError
         told = problem.get("detail") or problem.get("title") or f"The owner answered {response.status_code}"
-        rule = f" ({problem['code']})" if response.status_code == 409 and "code" in problem else ""
-        raise kind(f"{told}{rule}", do=problem.get("do", ""))
+        raise kind(told, do=problem.get("do", ""))

@@ -1,4 +1,4 @@
-"""regen audit: verify the log's hash chain, replay a mission from its events, export the head."""
+"""regen audit: verify the log's hash chain, replay a mission from its events, and export the head of the log."""
 
 from typing import Annotated, Any
 

@@ -1,4 +1,4 @@
-"""Opens a data folder with its release service, so that ended missions feed the canary; and its accounts alone."""
+"""Opens a data folder with its release service: new missions follow the pointer, ended ones feed its canary."""
 
 import secrets
 import time

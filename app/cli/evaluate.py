@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from app.cli.output import Json, show, table
 from harness.contracts.errors import UnknownName
+from harness.contracts.reasons import because
 from rsi_reviews.evaluation import report
 from rsi_reviews.evaluation.arms import ARMS, arm
 from rsi_reviews.evaluation.measures import Cell
@@ -103,7 +104,7 @@ def _roles(progress: Progress, *, model: str, url: str) -> RoleReport:
 def endpoint(client: httpx.Client, model: str, url: str) -> Model:
     """Asks one question of an OpenAI-compatible endpoint, at temperature 0. Raises httpx.HTTPError, KeyError."""
     if not url.startswith(("http://", "https://")):
-        raise UnknownName(f"{url!r} is no address", where="--model-url", do="give one that begins with http")
+        raise UnknownName(because("url_invalid", url=url), where="--model-url")
     headers = {"Authorization": f"Bearer {os.environ[KEY]}"} if KEY in os.environ else {}
 
     def answer(prompt: str) -> str:

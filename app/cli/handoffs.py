@@ -1,4 +1,4 @@
-"""regen handoff: everything a person can say to a question. `list` observes again, so that its digest is of now."""
+"""regen handoff: everything a person can do with a question; `list` observes again, so its digest is current."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,6 +15,7 @@ from app.cli.api_client import Api
 from app.cli.local_api import api_with_robots
 from app.i18n.reasons import rendering as reasons
 from harness.contracts.errors import UnknownName
+from harness.contracts.reasons import because
 from harness.contracts.values import encode
 from harness.projections.handoffs import Handoff
 
@@ -55,20 +56,38 @@ def show_one(handoff_id: str, data: output.Data = output.DEFAULT_DATA, as_json: 
     output.show(row | {"proposal": to_builtins(proposal)}, as_json=as_json, lines=lines)
 
 
-@app.command()
-def claim(
-    handoff_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False, token: Claim = "terminal"
-) -> None:
-    """Yours to answer for a minute; the same token again renews it."""
-    _say(data, handoff_id, "claim", lambda _: acts.ClaimHandoffAct.of(claim=token), as_json=as_json)
+def _claimed(verb: str) -> Callable[..., None]:
+    def command(
+        handoff_id: str,
+        data: output.Data = output.DEFAULT_DATA,
+        as_json: output.Json = False,
+        token: Claim = "terminal",
+    ) -> None:
+        _say(data, handoff_id, verb, lambda _: acts.ACTS[verb].of(claim=token), as_json=as_json)
+
+    return command
 
 
-@app.command()
-def release(
-    handoff_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False, token: Claim = "terminal"
-) -> None:
-    """Somebody else may answer it."""
-    _say(data, handoff_id, "release", lambda _: acts.ReleaseHandoffAct.of(claim=token), as_json=as_json)
+def _held(verb: str, wanted: str) -> Callable[..., None]:
+    def command(
+        handoff_id: str,
+        reason: Reason,
+        data: output.Data = output.DEFAULT_DATA,
+        as_json: output.Json = False,
+        token: Claim = "terminal",
+    ) -> None:
+        def said(_: Handoff) -> Act:
+            return acts.ACTS[verb].of(claim=token, key=_key(handoff_id, verb, reason), reason=reason)
+
+        _end(data, handoff_id, verb, said, as_json=as_json, wanted=wanted)
+
+    return command
+
+
+for verb in ("claim", "release"):
+    app.command(verb, help=acts.ACTS[verb].__doc__)(_claimed(verb))
+for verb, end in (("hand-back", "succeeded"), ("close", "handed_off")):
+    app.command(verb, help=acts.ACTS[verb].__doc__)(_held(verb, end))
 
 
 @app.command()
@@ -157,38 +176,6 @@ def take_control(
     _say(data, handoff_id, "take-over", said, as_json=as_json)
 
 
-@app.command("hand-back")
-def hand_back(
-    handoff_id: str,
-    reason: Reason,
-    data: output.Data = output.DEFAULT_DATA,
-    as_json: output.Json = False,
-    token: Claim = "terminal",
-) -> None:
-    """Give the robot back; the harness looks afresh, without motion, and the mission goes on from what it finds."""
-
-    def said(_: Handoff) -> Act:
-        return acts.HandBackAct.of(claim=token, key=_key(handoff_id, "hand-back", reason), reason=reason)
-
-    _end(data, handoff_id, "hand-back", said, as_json=as_json, wanted="succeeded")
-
-
-@app.command()
-def close(
-    handoff_id: str,
-    reason: Reason,
-    data: output.Data = output.DEFAULT_DATA,
-    as_json: output.Json = False,
-    token: Claim = "terminal",
-) -> None:
-    """Keep the robot: the mission ends handed off."""
-
-    def said(_: Handoff) -> Act:
-        return acts.CloseHandoffAct.of(claim=token, key=_key(handoff_id, "close", reason), reason=reason)
-
-    _end(data, handoff_id, "close", said, as_json=as_json, wanted="handed_off")
-
-
 @app.command()
 def attest(
     handoff_id: str,
@@ -250,7 +237,7 @@ def _handoff(api: Api, handoff_id: str) -> Handoff:
 
 def _mission_of(handoff: Handoff) -> str:
     if handoff.opened is None:
-        raise UnknownName(f"There is no handoff {handoff.handoff_id}", do="list them with `regen handoff list`")
+        raise UnknownName(because("unknown_handoff", handoff_id=handoff.handoff_id))
     return handoff.opened.mission_id
 
 

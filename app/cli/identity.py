@@ -1,4 +1,4 @@
-"""regen account identity, for who signs in at the identity provider; and what regen doctor sees of it."""
+"""regen account identity: links people of the identity provider to accounts; and the check of it in regen doctor."""
 
 import stat
 import time
@@ -13,6 +13,7 @@ from app.auth.permissions import ROLES
 from app.cli.data_folder import opened
 from app.cli.output import DEFAULT_DATA, Data, Json, show
 from app.cli.person import here
+from app.i18n.reasons.rendering import explained
 from app.settings import ConsoleSettings
 from harness.contracts.errors import HarnessError
 
@@ -68,7 +69,7 @@ def examine_issuer(settings: ConsoleSettings, *, running: str = "") -> tuple[dic
         provider = identity_provider(settings, clock=time.time)
         found["keys"] = provider.examined() if provider else 0
     except HarnessError as error:
-        problems.append(str(error))
+        problems.append(explained(error))
     if found.get("keys") == 0:
         problems.append(f"{oidc.issuer} publishes no key that it could sign with.")
     return found, problems

@@ -1,4 +1,4 @@
-"""regen lease: who holds what, and freeing what is in quarantine, by a named person on what the robot shows now."""
+"""regen lease: list leases, and release a quarantined one in a person's name on what the robot reports now."""
 
 from typing import Annotated, Any
 from urllib.parse import quote

@@ -25,6 +25,7 @@ from app.settings import ConsoleSettings
 from harness.bootstrap import Harness, edit_harness
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import MissionId
+from harness.contracts.reasons import because
 from harness.runtime import Runtime, unobserved, unsupervised
 from harness.settings import HarnessSettings
 from rsi_reviews.candidate_queries import selected
@@ -89,7 +90,7 @@ class LocalApi(Api):
 
     def _robots(self) -> Harness:
         if self._harness is None:
-            raise HarnessError("No robot is connected for this command", do="start a console with `regen up`")
+            raise HarnessError(because("no_robot_connected"))
         return self._harness
 
     def _sent(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:

@@ -1,4 +1,4 @@
-"""The command line `regen`: the same front door as the console, for a terminal and for scripts.
+"""The command line `regen`: the same acts as the console, for a terminal and for scripts.
 
 Exit: 0 succeeded; 3 waits for a person or is paused; 1 any other end, or a bad file, port, folder or database;
 2 a bad argument, name or contract; 4 the goal was verified in part only: something is declared and not verified.
@@ -94,7 +94,7 @@ def main() -> None:
     try:
         app()
     except HarnessError as error:
-        sys.exit(complain(error))
+        sys.exit(complain(error, as_json="--json" in sys.argv))
 
 
 if __name__ == "__main__":

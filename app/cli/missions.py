@@ -20,12 +20,12 @@ from app.views.mission_json import mission_outcome
 from harness.bootstrap import read_harness
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import Digest, MissionId
-from harness.contracts.proposals import CandidateSet
+from harness.contracts.proposals import CandidateSet, RoutingExplanation
 from harness.contracts.upcasting import name_of
 from harness.contracts.values import decode
 from harness.projections.exploration import ExplorationDecision, decisions
 from harness.recordings import replayed, write_recording
-from harness.routing.explanation import RoutingExplanation
+from harness.routing.explanation import explained
 from harness.routing.question import RoutingQuestion
 from harness.runtime import Runtime
 from simulator.in_process import SIMULATOR
@@ -228,8 +228,9 @@ class RoutingRecords:
     def candidates(self, digest: Digest) -> CandidateSet | None:
         return self._read(digest, CandidateSet)
 
-    def question(self, digest: Digest) -> RoutingQuestion | None:
-        return self._read(digest, RoutingQuestion)
+    def explained(self, question: Digest, found: CandidateSet) -> RoutingExplanation | None:
+        asked = self._read(question, RoutingQuestion)
+        return explained(asked, found) if asked else None
 
     def _read(self, digest: Digest, kind: type[T]) -> T | None:
         try:
@@ -258,7 +259,7 @@ def routing(
             (choice.position, choice.why)
             for node_id in mission.nodes
             if stage in ("", node_id)
-            for choice in ranked(entries, node_id=node_id, candidates=records.candidates, question=records.question)
+            for choice in ranked(entries, node_id=node_id, candidates=records.candidates, explain=records.explained)
             if choice.why is not None
         ]
     rows = [{"position": position, **reasons.stating(why)} for position, why in found]

@@ -11,8 +11,10 @@ from pydantic import ValidationError
 
 from app.i18n.reasons import rendering as reasons
 from app.views.readings import question_view
+from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, HarnessError, UnknownName
 from harness.contracts.readings import ReadingQuestion
+from harness.contracts.reasons import Reason, because
 from harness.projections.mission import Mission
 from harness.projections.readings import reading_in_words, unread_in_words
 from harness.settings import HarnessSettings
@@ -49,11 +51,29 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 
-def complain(error: HarnessError) -> int:
-    """Say what happened, where, and what to do; the exit code that goes with it."""
-    sys.stderr.write(f"regen: {error}\n")
+def refusal(decision: Refused) -> Reason:
+    """Why a command was refused, and by which rule."""
+    return because("refused_by_rule", reason=decision.reason, rule=decision.rule)
+
+
+class ActRefused(HarnessError):
+    """What was asked is refused; `problem` is the API's document, with the rule, and the reason as code and facts."""
+
+    code = "act_refused"
+
+    def __init__(self, problem: Mapping[str, Any]) -> None:
+        told = problem.get("detail") or problem.get("title") or "Refused"
+        super().__init__(f"{told} ({problem.get('code', 'refused')})", do=str(problem.get("do", "")))
+        self.problem = problem
+
+
+def complain(error: HarnessError, *, as_json: bool = False) -> int:
+    """Say what happened, where, and what to do; the exit code that goes with it. A refusal is JSON for a program."""
+    sys.stderr.write(f"regen: {reasons.explained(error)}\n")
     if isinstance(error, GoalNotUnderstood):
         sys.stderr.write("".join(f"{line}\n" for line in _question_lines(error.question)))
+    if as_json and isinstance(error, ActRefused):
+        typer.echo(json.dumps({"refused": error.problem}, ensure_ascii=False))
     return 2 if isinstance(error, WRONG_ASKED) else 1
 
 

@@ -1,4 +1,4 @@
-"""The owner's API, for every call while another process owns the data folder (D11)."""
+"""The owner's API, which commands call while another process owns the data folder (D11)."""
 
 import time
 from pathlib import Path
@@ -9,6 +9,7 @@ import httpx
 from app.cli.api_client import Api
 from harness.bootstrap import owner_of
 from harness.contracts.errors import HarnessError, StoreOwned
+from harness.contracts.reasons import because
 
 POLL_S = 0.5
 LASTING = (
@@ -48,11 +49,7 @@ class OwnerApi(Api):
             with httpx.Client(headers=self._headers, timeout=30.0, trust_env=False) as client:
                 return client.request(method, f"{self._base}{path}", json=body)
         except httpx.HTTPError as error:
-            raise HarnessError(
-                f"The owner of this data folder does not answer ({type(error).__name__})",
-                where=self._base,
-                do="stop that process, or wait until it answers",
-            ) from error
+            raise HarnessError(because("owner_silent", kind=type(error).__name__), where=self._base) from error
 
 
 def owner_api(data: Path) -> OwnerApi | None:
@@ -61,9 +58,5 @@ def owner_api(data: Path) -> OwnerApi | None:
     if owner is None:
         return None
     if not owner.url:
-        raise StoreOwned(
-            f"Process {owner.pid} owns this data folder and has no API",
-            where=str(data),
-            do="wait until it ends, or use another --data folder",
-        )
+        raise StoreOwned(because("owner_without_api", pid=owner.pid), where=str(data))
     return OwnerApi(owner.url, owner.token)

@@ -1,4 +1,4 @@
-"""Who gives the commands of this command line."""
+"""Names the person who gives the commands of this command line."""
 
 import getpass
 

@@ -1,4 +1,4 @@
-"""regen provider: who is installed, whether a provider keeps the lifecycle contract, and the protocol's description."""
+"""regen provider: list providers, check their conformance, and print the description of the protocol."""
 
 import sys
 import tempfile
@@ -20,6 +20,7 @@ from harness.conformance.subject import Stand
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import ProviderId
+from harness.contracts.reasons import because
 from simulator.in_process import SIMULATOR
 
 app = typer.Typer(no_args_is_help=True, help="See and check what can act.")
@@ -117,7 +118,7 @@ def _wanted(
     named = only or ([target] if "://" not in target and target != "all" else list(stands))
     unknown = [name for name in named if ProviderId(name) not in stands]
     if unknown:
-        raise UnknownName(f"No provider {', '.join(unknown)}", do=f"there are {', '.join(stands)}")
+        raise UnknownName(because("unknown_provider", provider_id=tuple(unknown), known=tuple(stands)))
     moving = {card.provider_id for card in cards if card.moves}
     if moving & set(named) and "://" in target and not still:
         sys.stderr.write(f"These move the robot, stand clear: {', '.join(sorted(moving & set(named)))}\n")

@@ -1,6 +1,7 @@
-"""regen rsi, what people decide: submit, approve, reject, authorise, release, adjudicate, roll back."""
+"""regen rsi, for people: submit, approve, reject, authorise, release, adjudicate and roll back candidates."""
 
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,68 +17,34 @@ Reason = Annotated[str, typer.Option(help="Why; it stands in the log.")]
 Shown = Annotated[str, typer.Option("--digest", help="The digest that `regen rsi show` printed.")]
 
 
-@app.command()
-def submit(
-    candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
-) -> None:
-    """Ask persons to review an accepted candidate, in a new cycle."""
-    _say(acts.SubmitCandidateAct, candidate, {"reason": reason}, data=data, as_json=as_json)
+def _stated(kind: type[acts.CandidateAct]) -> Callable[..., None]:
+    def command(
+        candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
+    ) -> None:
+        _say(kind, candidate, {"reason": reason}, data=data, as_json=as_json)
+
+    return command
 
 
-@app.command()
-def comment(
-    candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
-) -> None:
-    """Say something about it; nothing else changes."""
-    _say(acts.CommentCandidateAct, candidate, {"reason": reason}, data=data, as_json=as_json)
+def _bound(kind: type[acts.CandidateAct]) -> Callable[..., None]:
+    def command(
+        candidate: CandidateName,
+        digest: Shown,
+        reason: Reason,
+        data: output.Data = output.DEFAULT_DATA,
+        as_json: output.Json = False,
+    ) -> None:
+        _say(kind, candidate, {"reason": reason, "subject": digest}, data=data, as_json=as_json)
+
+    return command
 
 
-@app.command()
-def recall(
-    candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
-) -> None:
-    """End its review: it is accepted, and in review no more."""
-    _say(acts.RecallReviewAct, candidate, {"reason": reason}, data=data, as_json=as_json)
-
-
-@app.command("request-changes")
-def request_changes(
-    candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
-) -> None:
-    """Send it back to its authors: every approval is void."""
-    _say(acts.RequestChangesAct, candidate, {"reason": reason}, data=data, as_json=as_json)
-
-
-@app.command()
-def approve(
-    candidate: CandidateName,
-    digest: Shown,
-    reason: Reason,
-    data: output.Data = output.DEFAULT_DATA,
-    as_json: output.Json = False,
-) -> None:
-    """Say yes to exactly what `show` printed. An author's own yes is refused."""
-    _say(acts.ApproveCandidateAct, candidate, {"reason": reason, "subject": digest}, data=data, as_json=as_json)
-
-
-@app.command()
-def reject(
-    candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
-) -> None:
-    """Refuse it for good."""
-    _say(acts.RejectCandidateAct, candidate, {"reason": reason}, data=data, as_json=as_json)
-
-
-@app.command()
-def authorise(
-    candidate: CandidateName,
-    digest: Shown,
-    reason: Reason,
-    data: output.Data = output.DEFAULT_DATA,
-    as_json: output.Json = False,
-) -> None:
-    """Authorise the release; the rollback target is loaded first and fixed with it."""
-    _say(acts.AuthoriseReleaseAct, candidate, {"reason": reason, "subject": digest}, data=data, as_json=as_json)
+for make, verbs in (
+    (_stated, ("submit", "comment", "recall", "request-changes", "reject", "rollback", "withdraw")),
+    (_bound, ("approve", "authorise")),
+):
+    for verb in verbs:
+        app.command(verb, help=acts.ACTS[verb].__doc__)(make(acts.ACTS[verb]))
 
 
 @app.command()
@@ -106,22 +73,6 @@ def adjudicate(
     """Say what became of one canary mission. Whoever released it cannot."""
     given = {"reason": reason, "mission_id": mission, "finding": finding}
     _say(acts.AdjudicateMissionAct, candidate, given, data=data, as_json=as_json)
-
-
-@app.command()
-def rollback(
-    candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
-) -> None:
-    """Back to the version before it, at once; its configuration is quarantined."""
-    _say(acts.RollBackAct, candidate, {"reason": reason}, data=data, as_json=as_json)
-
-
-@app.command()
-def withdraw(
-    candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
-) -> None:
-    """Take it back without a fault."""
-    _say(acts.WithdrawCandidateAct, candidate, {"reason": reason}, data=data, as_json=as_json)
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""regen robot: what the robots of a running console say, autonomy, stops, lying down. All of it through its owner."""
+"""regen robot: reports, autonomy, stops and postures of the robots of a running console."""
 
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -11,6 +11,7 @@ from app.cli import output
 from app.cli.owner_api import OwnerApi, owner_api
 from harness.contracts.control import LEVELS
 from harness.contracts.errors import HarnessError
+from harness.contracts.reasons import because
 
 HEAD = ["robot", "posture", "battery", "hardware stop", "localised", "mission", "status", "driver"]
 app = typer.Typer(no_args_is_help=True, help="See and stop the robots of a running console.")
@@ -30,7 +31,7 @@ def stop(robot: str, reason: Reason, data: output.Data = output.DEFAULT_DATA, as
     api = _owner(data)
     found = api.get(f"/robots/{robot}")
     if not found["mission_id"]:
-        raise HarnessError(f"{robot} has no mission", do="see `regen robot list`")
+        raise HarnessError(because("robot_without_mission", robot=robot))
     outcome = api.post(f"/missions/{found['mission_id']}/stop", StopMissionAct.of(reason=reason).body())
     output.show(outcome, as_json=as_json, lines=[f"{robot}: {outcome['mission_id']} is {outcome['status']}"])
 
@@ -118,5 +119,5 @@ def _owner(data: Path) -> OwnerApi:
     """Raises HarnessError where no console runs on this folder: without one no robot is under anybody's control."""
     api = owner_api(data)
     if api is None:
-        raise HarnessError("No console runs on this data folder", where=str(data), do="start one with `regen up`")
+        raise HarnessError(because("no_console"), where=str(data))
     return api

@@ -1,4 +1,4 @@
-"""regen rsi: propose a change to the harness itself, and look. Persons decide in `releases`."""
+"""regen rsi: propose a change to the harness itself, and inspect candidates; `releases` has the decisions."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,10 +12,12 @@ import typer
 from app.acts.releases import ProposeCandidateAct
 from app.cli import output
 from app.cli.local_api import api_without_robots
+from app.i18n.reasons.rendering import stating
 from app.routes.candidate_json import row, sheet
 from harness.bootstrap import read_harness
 from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.ids import RobotId
+from harness.contracts.reasons import because
 from rsi_reviews.candidate_queries import CandidateQueries, selected
 from rsi_reviews.candidates import LARGEST_BYTES
 from rsi_reviews.deciders import DECIDERS
@@ -90,10 +92,10 @@ def history(
             "configuration": queries.current(),
             "canary": pointer.canary,
             "canary_robot": pointer.robot_id,
-            "history": [msgspec.to_builtins(move) for move in pointer.history],
+            "history": [stating(move) for move in pointer.history],
             "versions": queries.versions(),
             "pins": {name: list(missions) for name, missions in queries.pins().items()},
-            "quarantined": [msgspec.to_builtins(one) for one in pointer.quarantined.values()],
+            "quarantined": [stating(one) for one in pointer.quarantined.values()],
             "looks": [msgspec.to_builtins(one) for one in pointer.looks],
             "uptakes": [msgspec.to_builtins(one) for one in pointer.uptakes],
             "policy": msgspec.to_builtins(pointer.policy),
@@ -143,7 +145,7 @@ def _instant(text: str) -> float:
     try:
         found = datetime.fromisoformat(text)
     except ValueError as error:
-        raise UnknownName(f"{text!r} is no instant", where="--at", do="write it as 2026-11-20T09:30:00Z") from error
+        raise UnknownName(because("instant_invalid", text=text), where="--at") from error
     return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 
@@ -153,4 +155,4 @@ def _read(path: Path) -> bytes:
         with path.open("rb") as file:
             return file.read(LARGEST_BYTES + 1)
     except OSError as error:
-        raise HarnessError(f"The file cannot be read: {error.strerror}", where=str(path), do="name another") from error
+        raise HarnessError(because("file_unreadable", error=error.strerror or str(error)), where=str(path)) from error

@@ -1,4 +1,4 @@
-"""regen rsi evaluate: run a candidate and its baseline on the suites, judge it, and record what came of it.
+"""regen rsi evaluate: run a candidate and its baseline on the suites, judge it, and record the result.
 
 Ctrl-C keeps every finished case; the same command goes on from there. Exit 0 passed, 1 not, 130 broken off.
 """
@@ -24,10 +24,10 @@ from app.cli.data_folder import deciding
 from app.cli.owner_api import owner_api
 from app.cli.person import me
 from app.cli.rsi import CandidateName
-from app.i18n.reasons.rendering import sentence
 from harness.bootstrap import read_harness
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, StoreOwned
+from harness.contracts.reasons import because
 from harness.contracts.values import digest
 from rsi_reviews.candidate_queries import CandidateQueries, selected
 from rsi_reviews.deciders import DECIDERS
@@ -77,9 +77,7 @@ def evaluate(
     folder = evaluator or data.absolute().with_name(f"{data.absolute().name}-evaluator")
     how = How(data=data, folder=folder, cases=cases, fresh=not resume)
     if cases is None and owner_api(data) is not None:
-        raise StoreOwned(
-            "A console owns this data folder", where=str(data), do="stop it, or take a quick look with --cases"
-        )
+        raise StoreOwned(because("console_owns_folder"), where=str(data))
     trial = _trial(candidate, how)
     if cases is None:
         _recorded(how, lambda releases: releases.begin(trial.terms, _say(trial, "begin")))
@@ -100,7 +98,7 @@ def executor(ray: str, processes: int) -> Executor:
     try:
         cluster = import_module("rsi_reviews.regression.on_ray")
     except ModuleNotFoundError as error:
-        raise HarnessError("Ray is not installed", where="--ray", do="install the extra: regenharness[ray]") from error
+        raise HarnessError(because("ray_missing"), where="--ray") from error
     chosen: Executor = cluster.RayCluster(ray, SIMULATOR, cpus=max(1, processes))
     return chosen
 
@@ -162,7 +160,7 @@ def _recorded(how: How, word: Callable[[ReleaseService], Accepted[Any] | Refused
     with deciding(output.settings(data_folder=how.data)) as releases:
         decision = word(releases)
     if isinstance(decision, Refused):
-        raise ContractInvalid(f"{sentence(decision.reason)} ({decision.rule})", do="see `regen rsi show`")
+        raise ContractInvalid(output.refusal(decision), do="see `regen rsi show`")
 
 
 def _say(trial: Trial, word: str) -> SignedBy:

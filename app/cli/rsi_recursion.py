@@ -1,10 +1,10 @@
 """regen rsi, the machinery: the recursion experiment, counterfactual replay, and generators on stored missions."""
 
 import json
+import os
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from enum import StrEnum
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,12 +12,14 @@ import msgspec
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from app.background.evaluations import evaluator_folder
 from app.cli import output
 from app.settings import ROOT
 from harness.bootstrap import read_harness
 from harness.contracts.configuration import Configuration
-from harness.contracts.errors import ContractInvalid, StoreUnavailable
+from harness.contracts.errors import StoreUnavailable
 from harness.contracts.ids import MissionId
+from harness.contracts.reasons import because
 from harness.contracts.values import digest
 from harness.runtime import Runtime
 from rsi_reviews.candidate_queries import CandidateQueries, selected
@@ -25,8 +27,8 @@ from rsi_reviews.candidates import LARGEST_BYTES, read_configuration
 from rsi_reviews.contracts import Candidate
 from rsi_reviews.counterfactual import Counterfactual, counterfactual
 from rsi_reviews.deciders import DECIDERS
-from rsi_reviews.generate.interface import GenerationBudget, Generator
-from rsi_reviews.generate.miner import TraceMiner
+from rsi_reviews.generate.interface import GenerationBudget
+from rsi_reviews.generate.process import generated_apart
 from rsi_reviews.generate.trace import read_trace
 from rsi_reviews.recursion.experiment import FleetOutcome, Terms
 from rsi_reviews.recursion.publish import WORDS, found, publish
@@ -100,40 +102,39 @@ def generate(
     ] = GeneratorChoice.miner,
     most: Annotated[int, typer.Option(min=1, max=20, help="How many candidates at most.")] = 3,
     into: Annotated[Path | None, typer.Option(help="Write each as NAME.json and NAME.manifest.json there.")] = None,
+    evaluator: Annotated[
+        Path | None,
+        typer.Option(help="The evaluator's folder, which the generator cannot read; default: beside --data."),
+    ] = None,
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
 ) -> None:
-    """Read what missions under the current version recorded, and propose changes. Nothing is put on record."""
+    """Read what missions under the current version recorded, and propose changes. Nothing is put on record.
+
+    The generator runs in a process that can read neither the data folder nor the evaluator's.
+    """
     with _stored(data) as runtime:
         queries = CandidateQueries(runtime)
         current = runtime.stored_configuration(queries.current())
         under = [one.mission_id for one in runtime.pinned_to(queries.current())][::-1]
         trace = read_trace(runtime, under)
         seen = tuple(review.configuration for review in queries.reviews())
-    candidates = _generator(way).propose(trace, current, GenerationBudget(candidates=most, seen=seen))
+    budget = GenerationBudget(candidates=most, seen=seen)
+    kept = (data.absolute(), evaluator or evaluator_folder(data.absolute()))
+    answer = generated_apart(way.value, trace, current, budget, unreadable=kept, given=os.environ)
+    candidates = answer.candidates
     written = [_write(into, one) for one in candidates] if into is not None else []
     rows = [{"candidate": one.candidate_id, "manifest": msgspec.to_builtins(one.manifest)} for one in candidates]
     lines = [f"{one.manifest.reason} {one.manifest.intended_effect}" for one in candidates]
-    output.show({"missions": len(trace.missions), "candidates": rows, "files": written}, as_json=as_json,
-         lines=[*lines, *written] or [f"{len(trace.missions)} missions give no reason for a change."])  # fmt: skip
+    found = {"missions": len(trace.missions), "candidates": rows, "files": written}
+    process = {"unreadable": answer.unreadable, "environment": answer.environment}
+    none = [f"{len(trace.missions)} missions give no reason for a change."]
+    output.show({**found, "process": process}, as_json=as_json, lines=[*lines, *written] or none)
 
 
 def _stored(data: Path) -> AbstractContextManager[Runtime]:
     """The log without owning the folder."""
     return read_harness(output.settings(data_folder=data), deciders=DECIDERS, select=selected)
-
-
-def _generator(way: GeneratorChoice) -> Generator:
-    if way is GeneratorChoice.miner:
-        return TraceMiner()
-    try:
-        model = import_module("rsi_reviews.generate.model")
-    except ImportError as error:
-        raise ContractInvalid(
-            f"The model's client is not installed: {error}", where="--with model", do="install regenharness[models]"
-        ) from error
-    made: Generator = model.ModelGenerator(model.ModelSettings())
-    return made
 
 
 def _configuration(queries: CandidateQueries, candidate: str) -> Configuration:
@@ -145,7 +146,7 @@ def _configuration(queries: CandidateQueries, candidate: str) -> Configuration:
         with path.open("rb") as file:
             return read_configuration(file.read(LARGEST_BYTES + 1))
     except OSError as error:
-        raise StoreUnavailable(f"The file cannot be read: {error}", where=candidate, do="name another") from error
+        raise StoreUnavailable(because("file_unreadable", error=str(error)), where=candidate) from error
 
 
 def _write(folder: Path, candidate: Candidate) -> str:

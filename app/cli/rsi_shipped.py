@@ -1,9 +1,9 @@
-"""What `regen up --start` puts before people in a new data folder: a really evaluated candidate, in review."""
+"""Puts an evaluated candidate in review into a new data folder, for `regen up --start`."""
 
 from pathlib import Path
 from typing import Any
 
-from app.i18n.reasons.rendering import sentence
+from app.cli import output
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid
@@ -51,4 +51,4 @@ def _say(word: str, reason: str) -> SignedBy:
 
 def _taken(decision: Accepted[Any] | Refused) -> None:
     if isinstance(decision, Refused):
-        raise ContractInvalid(f"{sentence(decision.reason)} ({decision.rule})", where="the candidate that ships")
+        raise ContractInvalid(output.refusal(decision), where="the candidate that ships")

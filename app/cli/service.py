@@ -1,4 +1,4 @@
-"""regen up: the console with the runtime and the simulated robot. regen doctor: what is wrong with a data folder."""
+"""regen up: the console with the runtime and simulated robots; regen doctor: checks a data folder."""
 
 import sys
 import time
@@ -20,8 +20,9 @@ from app.background.signals import SignalBroker
 from app.cli import output
 from app.cli.data_folder import duplicate_starts, opened
 from app.cli.identity import examine_issuer
+from app.cli.person import me
 from app.cli.rsi_shipped import put_in_review
-from app.i18n.reasons.rendering import sentence
+from app.i18n.reasons.rendering import explained, sentence
 from app.main import bind, create_app, open_accounts, serve
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
@@ -87,6 +88,7 @@ def up(
                 "speed": chosen.speed,
                 "robots": tuple(harness.robots),
                 "owner_token": SecretStr(harness.token),
+                "owner": console.owner if "owner" in console.model_fields_set else me().name,
             }
         )
         _begin(harness, start, seed=seed, faults=faults)
@@ -149,7 +151,7 @@ def _begin(harness: Harness, template: str | None, *, seed: int, faults: Mapping
         )
         begun = begin(harness.runtime, start)
         if isinstance(begun, Refused):
-            raise ContractInvalid(sentence(begun.reason))
+            raise ContractInvalid(begun.reason)
 
 
 def _faults(given: Sequence[str], fleet: Sequence[str]) -> dict[str, str]:
@@ -174,7 +176,7 @@ def doctor(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
     try:
         _examine(data, found)
     except HarnessError as error:
-        found["problems"].append(str(error))
+        found["problems"].append(explained(error))
     issuer, wrong = examine_issuer(ConsoleSettings(), running=owner.url if owner else "")
     if issuer is not None:
         found["identity_provider"] = issuer
@@ -193,9 +195,11 @@ def _examine(data: Path, found: dict[str, Any]) -> None:
         missions = runtime.missions()
         found["missions"] = len(missions)
         found["open_missions"] = [mission.mission_id for mission in missions if not mission.ended]
-        found["problems"] += [f"{one.mission_id} is not run here: {one.reason}" for one in runtime.unreadable()]
+        found["problems"] += [
+            f"{one.mission_id} is not run here: {sentence(one.reason)}" for one in runtime.unreadable()
+        ]
         for digest in runtime.blob_digests():
             try:
                 runtime.blob(digest)
             except HarnessError as error:
-                found["problems"].append(str(error))
+                found["problems"].append(explained(error))

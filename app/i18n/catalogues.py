@@ -19,8 +19,7 @@ ENGLISH = "en"
 LOCALES: Mapping[str, str] = {"en": "en", "zh-Hans": "zh_Hans_CN"}
 """Babel's name of each language, by the tag that pages carry."""
 FOLDER = ROOT / "locale"
-CONSOLE, MACHINE = "messages", "machine"
-"""What the console itself says, and what the machinery behind it said: one catalogue each."""
+CATALOGUE = "messages.po"
 SCRIPTS = "static/js/"
 
 
@@ -30,18 +29,18 @@ def N_(message: Text) -> Text:  # noqa: N802 - the name that gettext gives this 
 
 
 @cache
-def book(language: str, domain: str = CONSOLE) -> Catalog:
+def book(language: str) -> Catalog:
     """A catalogue as it stands in its file; empty for English."""
     if language == ENGLISH:
         return Catalog()
-    with (FOLDER / LOCALES[language] / "LC_MESSAGES" / f"{domain}.po").open("rb") as file:
+    with (FOLDER / LOCALES[language] / "LC_MESSAGES" / CATALOGUE).open("rb") as file:
         return read_po(file, locale=LOCALES[language])
 
 
 @cache
-def catalogue(language: str, domain: str = CONSOLE) -> Mapping[str, str]:
+def catalogue(language: str) -> Mapping[str, str]:
     """Message -> translation, of every message without a plural."""
-    return {str(one.id): str(one.string) for one in book(language, domain) if one.id and one.string and not one.fuzzy}
+    return {str(one.id): str(one.string) for one in book(language) if one.id and one.string and not one.fuzzy}
 
 
 @cache

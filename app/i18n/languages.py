@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cache
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
@@ -22,8 +21,8 @@ from starlette.types import Message as ASGIMessage
 from app.i18n import catalogues
 from app.i18n.messages import Message
 from app.i18n.reasons import rendering as reasons
-from app.i18n.retelling import Retelling
-from harness.contracts.reasons import Reason
+from harness.contracts.errors import HarnessError
+from harness.contracts.reasons import Explanation, Reason
 
 LANGUAGES: Mapping[str, str] = {"en": "English", "zh-Hans": "简体中文"}
 """By the tag that pages carry; each named in itself."""
@@ -124,46 +123,34 @@ def ways() -> tuple[LanguageLink, ...]:
     )
 
 
-@cache
-def retelling(language: str) -> Retelling:
-    """What the machinery said, in a language."""
-    return Retelling(catalogues.catalogue(language), catalogues.catalogue(language, catalogues.MACHINE))
-
-
 def localise(value: Any, language: str) -> Any:
-    """A value as its reader should see it: reasons, a Message, what the catalogues know; anything else untouched."""
+    """A value as its reader should see it: a reason, a Message, a text of the catalogue; anything else untouched."""
     if isinstance(value, Reason):
-        return reasons.sentence(_localised(value, language), language)
+        return reasons.sentence(value, language)
     if language == catalogues.ENGLISH or not isinstance(value, str) or hasattr(value, "__html__"):
         return value
-    if isinstance(value, Message):
-        if not value.fields:
-            return retelling(language).told(str(value))
+    if isinstance(value, Message) and value.fields:
         fields = {name: _field(one, language) for name, one in value.fields.items()}
         return catalogues.translated(value.message, language).format(**fields).strip()
-    return retelling(language).told(value)
+    return catalogues.translated(str(value), language)
+
+
+def in_words(reason: Explanation) -> str:
+    """A reason as a sentence, in the language of the present request."""
+    return reasons.sentence(reason, CHOICE.get().language)
+
+
+def explained(error: HarnessError) -> str:
+    """An error in one line, in the language of the present request: what happened, where, and what to do."""
+    return reasons.explained(error, CHOICE.get().language)
+
+
+def remedy(error: HarnessError) -> str:
+    """What to do about an error, in the language of the present request."""
+    return reasons.remedy(error, CHOICE.get().language)
 
 
 def _field(value: Any, language: str) -> Any:
     if isinstance(value, datetime):
         return format_datetime(value, "medium", locale=catalogues.LOCALES[language])
     return localise(value, language)
-
-
-def _localised(reason: Reason, language: str) -> Reason:
-    """The reason with the texts among its facts as the catalogues know them: conditions, what the machinery said."""
-    if language == catalogues.ENGLISH:
-        return reason
-    return Reason(code=reason.code, facts={name: _fact(one, language) for name, one in reason.facts.items()})
-
-
-def _fact(value: Any, language: str) -> Any:
-    match value:
-        case Reason():
-            return _localised(value, language)
-        case tuple():
-            return tuple(_fact(one, language) for one in value)
-        case str():
-            return localise(value, language)
-        case _:
-            return value

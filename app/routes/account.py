@@ -1,4 +1,4 @@
-"""/account: one's own password and sessions; /account/people: everybody's, for an admin."""
+"""/account: one's own password and sessions; /account/people: all accounts, for an admin."""
 
 from collections.abc import Sequence
 
@@ -10,6 +10,7 @@ from app.auth.accounts import Issued
 from app.auth.permissions import Principal
 from app.console import Console, ConsoleDep, FormDep, FormListsDep
 from app.i18n.catalogues import N_
+from app.i18n.languages import explained
 from app.views import account
 from app.views.forms import Wrong
 from app.web.rendering import render
@@ -35,7 +36,7 @@ def password(console: ConsoleDep, principal: PrincipalDep, typed: FormDep) -> HT
             principal.name, old=typed.get("old", ""), new=typed.get("new", ""), by=principal, but=principal.session
         )
     except ContractInvalid as error:
-        return _own(console, principal, errors=(str(error),))
+        return _own(console, principal, errors=(explained(error),))
     return _own(console, principal, done=N_("Your password is changed. Your other browsers are signed out."))
 
 
@@ -56,7 +57,7 @@ def add(console: ConsoleDep, principal: PrincipalDep, typed: FormListsDep) -> Re
     try:
         console.sessions.accounts.add(said.name, roles=said.roles, password=said.password, by=principal)
     except (ContractInvalid, ConcurrencyConflict) as error:
-        return _again(console, principal, (Wrong("", str(error)),), typed=name)
+        return _again(console, principal, (Wrong("", explained(error)),), typed=name)
     return RedirectResponse("/account/sign-in" if principal.invited else "/account/people", status_code=303)
 
 
@@ -70,7 +71,7 @@ def change(console: ConsoleDep, principal: PrincipalDep, name: str, typed: FormL
     try:
         changed(console, principal, name, said)
     except ContractInvalid as error:
-        return _again(console, principal, (Wrong("", str(error)),))
+        return _again(console, principal, (Wrong("", explained(error)),))
     return RedirectResponse("/account/people", status_code=303)
 
 
@@ -95,7 +96,7 @@ def issue(console: ConsoleDep, principal: PrincipalDep, typed: FormListsDep) -> 
     try:
         issued = issued_token(console, principal, said)
     except ContractInvalid as error:
-        return _again(console, principal, (Wrong("", str(error)),))
+        return _again(console, principal, (Wrong("", explained(error)),))
     return render("account/people.html", _people(console, principal, secret=issued.secret), status=201)
 
 

@@ -10,7 +10,6 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from app.acts.alerts import ACTS
 from app.acts.base import Act
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from app.views import alerts
 from app.views.alerts import AlertListParams, AlertPage, AlertsPage
@@ -23,6 +22,7 @@ from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import UnknownName
+from harness.contracts.reasons import because
 
 router = APIRouter(prefix="/alerts")
 LONGEST = 200
@@ -35,9 +35,7 @@ def asked(
 ) -> AlertListParams:
     """What the address asks for. Raises UnknownName for a tab that the inbox does not have."""
     if status not in {value for value, _, _ in alerts.GROUPS}:
-        raise UnknownName(
-            f"There is no group of alerts called {status[:40]}", do=N_("choose one of the tabs of the list")
-        )
+        raise UnknownName(because("unknown_alert_tab", status=status[:40]))
     place = before if before is not None and isfinite(before) else None
     return AlertListParams(group=status, words=q.strip(), priority=priority, robot=robot, before_s=place)
 

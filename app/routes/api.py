@@ -7,15 +7,9 @@ from fastapi import APIRouter, Query, Response
 from starlette.responses import JSONResponse
 
 from app.acts.base import Act
-from app.acts.missions import (
-    DisputeCompletionAct,
-    PauseMissionAct,
-    ResumeMissionAct,
-    StartMissionAct,
-    StopMissionAct,
-    WithdrawMissionAct,
-)
+from app.acts.missions import ACTS, DisputeCompletionAct, StartMissionAct
 from app.console import ActorDep, Console, ConsoleDep
+from app.i18n.reasons import rendering as reasons
 from app.routes import api_requests
 from app.routes import api_schemas as schemas
 from app.routes.missions import ordered, started
@@ -101,30 +95,6 @@ def preview(console: ConsoleDep, principal: PrincipalDep, body: StartMissionAct)
     return api_requests.plain(found)
 
 
-@router.post("/missions/{mission_id}/stop", responses=api_requests.answers(schemas.MissionOutcome))
-def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: StopMissionAct) -> Any:
-    """Ask for standstill: the status is `stopping` until it is acknowledged and the body is static."""
-    return _told(console, actor, mission_id, body)
-
-
-@router.post("/missions/{mission_id}/withdraw", responses=api_requests.answers(schemas.MissionOutcome))
-def withdraw(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: WithdrawMissionAct) -> Any:
-    """Take back a mission that waits for its robot: it ends cancelled at once. Refused once it has begun."""
-    return _told(console, actor, mission_id, body)
-
-
-@router.post("/missions/{mission_id}/pause", responses=api_requests.answers(schemas.MissionOutcome))
-def pause(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: PauseMissionAct) -> Any:
-    """Dispatch nothing more until it is resumed."""
-    return _told(console, actor, mission_id, body)
-
-
-@router.post("/missions/{mission_id}/resume", responses=api_requests.answers(schemas.MissionOutcome))
-def resume(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ResumeMissionAct) -> Any:
-    """Go on after a pause."""
-    return _told(console, actor, mission_id, body)
-
-
 @router.post(
     "/missions/{mission_id}/facts/{condition_id}/dispute", responses=api_requests.answers(schemas.MissionOutcome)
 )
@@ -154,7 +124,7 @@ def summary(one: MissionItem) -> schemas.MissionSummary:
         goal=one.goal,
         template=one.template,
         status=one.status,
-        stage=one.stage,
+        **reasons.stated("stage", one.stage),
         goal_verdict=one.verdict or None,
         state_version=one.k,
         handoff_id=one.handoff_id or None,
@@ -174,3 +144,13 @@ def outcome(console: Console, mission_id: MissionId) -> dict[str, Any]:
 def _told(console: Console, actor: Actor, mission_id: MissionId, said: Act, **named: str) -> Any:
     decision = console.runtime.submit(mission_id, said.to_command(actor, **named))
     return api_requests.refusal(decision) if isinstance(decision, Refused) else outcome(console, mission_id)
+
+
+def _act() -> api_requests.Handler:
+    def act(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: Any) -> Any:
+        return _told(console, actor, mission_id, body)
+
+    return act
+
+
+api_requests.post_acts(router, "/missions/{mission_id}", ACTS, _act, answered=schemas.MissionOutcome)

@@ -5,16 +5,16 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 from starlette.responses import JSONResponse
 
-from app.acts import alerts as acts
+from app.acts.alerts import ACTS
 from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_requests
 from app.routes import api_schemas as schemas
 from app.routes.alerts import history_of, told
 from app.views import alerts
 from app.views.alerts import AlertListParams
-from harness.contracts.alert_commands import AlertPersonCommand
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
+from harness.contracts.reasons import because
 
 router = APIRouter(
     prefix="/api/v1",
@@ -36,9 +36,7 @@ def listed(
 ) -> Any:
     """Alerts, newest occurrence first. `status` is a tab of the page: empty for unacknowledged, all, active, ..."""
     if status not in {value for value, _, _ in alerts.GROUPS}:
-        raise UnknownName(
-            f"There is no group of alerts called {status[:40]}", do="use all, active, shelved, suppressed"
-        )
+        raise UnknownName(because("unknown_alert_status", status=status[:40]))
     asked = AlertListParams(group=status, words=q, priority=priority, robot=robot)
     found = alerts.chosen(console.alerts.all(), asked, now_s=console.clock())[:limit]
     return api_requests.plain([schemas.AlertSummary(**alerts.summary(one)) for one in found])
@@ -50,39 +48,15 @@ def show(console: ConsoleDep, alert_id: str) -> Any:
     return _shown(console, alert_id)
 
 
-@router.post("/alerts/{alert_id}/acknowledge", responses=api_requests.answers(schemas.AlertResource))
-def acknowledge(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AcknowledgeAlertAct) -> Any:
-    """Acknowledge an alert."""
-    return _said(console, alert_id, body.to_command(actor))
+def _act() -> api_requests.Handler:
+    def act(console: ConsoleDep, actor: ActorDep, alert_id: str, body: Any) -> Any:
+        decision = told(console, alert_id, body.to_command(actor))
+        return api_requests.refusal(decision) if isinstance(decision, Refused) else _shown(console, alert_id)
+
+    return act
 
 
-@router.post("/alerts/{alert_id}/shelve", responses=api_requests.answers(schemas.AlertResource))
-def shelve(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.ShelveAlertAct) -> Any:
-    """Shelve an alert for a while; it returns by itself."""
-    return _said(console, alert_id, body.to_command(actor))
-
-
-@router.post("/alerts/{alert_id}/suppress", responses=api_requests.answers(schemas.AlertResource))
-def suppress(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.SuppressAlertAct) -> Any:
-    """Suppress an alert until somebody restores it."""
-    return _said(console, alert_id, body.to_command(actor))
-
-
-@router.post("/alerts/{alert_id}/restore", responses=api_requests.answers(schemas.AlertResource))
-def restore(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.RestoreAlertAct) -> Any:
-    """Unshelve or unsuppress an alert."""
-    return _said(console, alert_id, body.to_command(actor))
-
-
-@router.post("/alerts/{alert_id}/assign", responses=api_requests.answers(schemas.AlertResource))
-def assign(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AssignAlertAct) -> Any:
-    """Assign an alert to somebody."""
-    return _said(console, alert_id, body.to_command(actor))
-
-
-def _said(console: Console, alert_id: str, command: AlertPersonCommand) -> Any:
-    decision = told(console, alert_id, command)
-    return api_requests.refusal(decision) if isinstance(decision, Refused) else _shown(console, alert_id)
+api_requests.post_acts(router, "/alerts/{alert_id}", ACTS, _act, answered=schemas.AlertResource)
 
 
 def _shown(console: Console, alert_id: str) -> Any:

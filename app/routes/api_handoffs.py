@@ -61,57 +61,9 @@ def look_again(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId) -> A
     return _said(console, actor, handoff_id, acts.LookAgainAct())
 
 
-@router.post("/handoffs/{handoff_id}/claim", responses=api_requests.answers(Handoff))
-def claim(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.ClaimHandoffAct) -> Any:
-    """Claim the handoff for a minute; the same token again extends the claim."""
-    return _said(console, actor, handoff_id, body)
-
-
-@router.post("/handoffs/{handoff_id}/release", responses=api_requests.answers(Handoff))
-def release(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.ReleaseHandoffAct) -> Any:
-    """Release the claim, so that somebody else can answer."""
-    return _said(console, actor, handoff_id, body)
-
-
-@router.post("/handoffs/{handoff_id}/on-my-way", responses=api_requests.answers(Handoff))
-def on_my_way(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.ExtendDeadlineAct) -> Any:
-    """Extend the deadline once, as far as the zone allows."""
-    return _said(console, actor, handoff_id, body)
-
-
-@router.post("/handoffs/{handoff_id}/choose", responses=api_requests.answers(Handoff))
-def choose(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.ChooseActionAct) -> Any:
-    """Propose another action of the recovery ladder instead; it needs an approval of its own digest."""
-    return _said(console, actor, handoff_id, body)
-
-
 @router.post("/handoffs/{handoff_id}/decision", responses=api_requests.answers(Handoff))
 def decide(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.Decision) -> Any:
     """Decide the handoff. The same key and body again returns the same receipt; any other second answer is a 409."""
-    return _said(console, actor, handoff_id, body)
-
-
-@router.post("/handoffs/{handoff_id}/attest", responses=api_requests.answers(Handoff))
-def attest(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.AttestHandoffAct) -> Any:
-    """Attest a condition where the stage's policy allows it; the harness then looks again and decides itself."""
-    return _said(console, actor, handoff_id, body)
-
-
-@router.post("/handoffs/{handoff_id}/take-over", responses=api_requests.answers(Handoff))
-def take_over(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.TakeControlAct) -> Any:
-    """Take control of the robot: the deadline pauses as long as the claim is extended."""
-    return _said(console, actor, handoff_id, body)
-
-
-@router.post("/handoffs/{handoff_id}/hand-back", responses=api_requests.answers(Handoff))
-def hand_back(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.HandBackAct) -> Any:
-    """Hand the robot back to the harness, which observes again without motion."""
-    return _said(console, actor, handoff_id, body)
-
-
-@router.post("/handoffs/{handoff_id}/close", responses=api_requests.answers(Handoff))
-def close(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.CloseHandoffAct) -> Any:
-    """Keep the robot: the mission ends as handed off."""
     return _said(console, actor, handoff_id, body)
 
 
@@ -130,3 +82,19 @@ def _said(console: Console, actor: Actor, handoff_id: HandoffId, said: Act) -> A
         "changes": [{"name": one.name, "was": one.was, "now": one.now} for one in found]
     }
     return JSONResponse(document, status_code=told.status_code, media_type=told.media_type)
+
+
+def _act() -> api_requests.Handler:
+    def act(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: Any) -> Any:
+        return _said(console, actor, handoff_id, body)
+
+    return act
+
+
+api_requests.post_acts(
+    router,
+    "/handoffs/{handoff_id}",
+    {verb: kind for verb, kind in acts.ACTS.items() if verb != "look"},
+    _act,
+    answered=Handoff,
+)

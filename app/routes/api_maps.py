@@ -11,6 +11,7 @@ from app.routes import api_requests
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.maps import AttachCloud, MapCloud, map_stream
+from harness.contracts.reasons import because
 
 router = APIRouter(
     prefix="/api/v1/maps",
@@ -26,7 +27,7 @@ def cloud(console: ConsoleDep, map_version: str) -> Any:
     """The newest cloud of a map version."""
     found: MapCloud | None = console.runtime.fold(map_stream(map_version)).cloud
     if found is None:
-        raise UnknownName(f"Map {map_version[:80]} has no cloud", do="attach one with `regen map import`")
+        raise UnknownName(because("map_without_cloud", map_version=map_version[:80]))
     return api_requests.plain(found)
 
 
@@ -36,13 +37,9 @@ def attach(console: ConsoleDep, actor: ActorDep, map_version: str, body: AttachC
     command: AttachCloud = body.to_command(actor)
     asked = command.cloud
     if asked.map_version != map_version:
-        raise ContractInvalid(
-            f"The cloud is of map {asked.map_version}", where="cloud.map_version", do=f"post it to {asked.map_version}"
-        )
+        raise ContractInvalid(because("cloud_of_other_map", map_version=asked.map_version), where="cloud.map_version")
     absent = next((chunk.blob for chunk in asked.chunks if not console.runtime.has_blob(chunk.blob)), None)
     if absent is not None:
-        raise ContractInvalid(
-            f"Chunk {absent} is not stored here", where="cloud.chunks", do="import the file on this data folder"
-        )
+        raise ContractInvalid(because("chunk_missing", chunk=absent), where="cloud.chunks")
     decision = console.runtime.decide([(map_stream(map_version), command)])
     return api_requests.refusal(decision) if isinstance(decision, Refused) else api_requests.plain(asked)

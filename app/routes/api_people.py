@@ -1,4 +1,4 @@
-"""/api/v1/account, /accounts, /tokens: who one is, everybody's accounts, and keys for robots and integrations."""
+"""/api/v1/account, /accounts and /tokens: the caller, all accounts, and tokens of robots and integrations."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""/api/v1/places: add, change and remove places. Missions under way keep those they were compiled with."""
+"""/api/v1/places: add, change and remove places; missions under way keep those they were compiled with."""
 
 from typing import Annotated, Any
 
@@ -15,6 +15,7 @@ from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import PlaceId
 from harness.contracts.places import Site
+from harness.contracts.reasons import because
 
 router = APIRouter(
     prefix="/api/v1",
@@ -39,7 +40,7 @@ def save(console: ConsoleDep, actor: ActorDep, place_id: PlacePath, body: SavePl
 def remove(console: ConsoleDep, actor: ActorDep, place_id: PlacePath, body: RemovePlaceAct) -> Any:
     """New missions cannot name it any more."""
     if all(one.place_id != place_id for one in console.runtime.site.places):
-        raise UnknownName(f"There is no place {place_id}", do="read /api/v1/places")
+        raise UnknownName(because("unknown_place_id", place_id=place_id))
     return _answered(console, told(console, body.to_command(actor, place_id=place_id)))
 
 

@@ -1,6 +1,5 @@
-"""/api/v1/candidates and /releases: all that the pages can do. Decisions are for people, bound to what they saw."""
+"""/api/v1/candidates and /releases: everything the pages can do; decisions are made by people, on what they saw."""
 
-from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
@@ -22,6 +21,7 @@ from app.web.security import PrincipalDep
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.reasons import because
 from rsi_reviews.candidates import read_candidate
 from rsi_reviews.contracts import ReleasePolicy
 from rsi_reviews.difference import CandidateDifference
@@ -106,15 +106,15 @@ def results(console: ConsoleDep, candidate: str) -> Any:
     name = console.releases.review(_named(candidate)).candidate
     found = console.evaluated.of(name)
     if found is None:
-        raise UnknownName("No case of this candidate was measured yet", do="wait for its evaluation")
+        raise UnknownName(because("candidate_not_measured"))
     whole, shown = found
     return api_requests.plain(
         schemas.Results(
             pairs=shown.pairs,
             safety_pairs=shown.safety_pairs,
-            pass_to_fail=tuple(schemas.CaseResource(**vars(one)) for one in shown.worse),
+            pass_to_fail=shown.worse,
             pass_to_fail_total=shown.worse_total,
-            fail_to_pass=tuple(schemas.CaseResource(**vars(one)) for one in shown.better),
+            fail_to_pass=shown.better,
             fail_to_pass_total=shown.better_total,
             families=tuple(_family(one) for one in shown.families),
             held_out=whole.held_out,
@@ -134,22 +134,22 @@ def replay(console: ConsoleDep, actor: ActorDep, candidate: str) -> Any:
     return api_requests.plain(schemas.Replay(missions=found.looked, decisions=found.decisions, differing=differing))
 
 
-def _route(kind: type[acts.CandidateAct]) -> Callable[..., Any]:
+def _act() -> api_requests.Handler:
     def act(console: ConsoleDep, candidate: str, body: Any) -> Any:
         name = console.releases.review(_named(candidate)).candidate
         decision = console.releases.ask(name, body)
         return api_requests.refusal(decision) if isinstance(decision, Refused) else sheet(console.releases, name)
 
-    act.__annotations__["body"] = kind
     return act
 
 
-for verb, kind in acts.ACTS.items():
-    described = api_requests.answers(schemas.CandidateResource)
-    path, route = f"/candidates/{{candidate}}/{verb}", _route(kind)
-    router.post(path, name=verb, description=kind.__doc__, responses=described)(route)
-    if "-" in verb:
-        router.post(path.replace("-", "_"), include_in_schema=False)(route)
+api_requests.post_acts(router, "/candidates/{candidate}", acts.ACTS, _act, answered=schemas.CandidateResource)
+
+
+@router.post("/candidates/{candidate}/request_changes", include_in_schema=False)
+def request_changes(console: ConsoleDep, candidate: str, body: acts.RequestChangesAct) -> Any:
+    """The address under which the act was found before."""
+    return _act()(console, candidate, body)
 
 
 @router.get("/releases", responses=api_requests.answers(schemas.Releases))
@@ -163,7 +163,7 @@ def releases(
     pointer = releases.pointer()
     instant_s = instant_of(at) if at else None
     if at and instant_s is None:
-        raise ContractInvalid(f"{at!r} is no instant", where="at", do="write it as 2026-11-20T09:30:00Z")
+        raise ContractInvalid(because("instant_invalid", text=at), where="at")
     then = releases.current_at(instant_s, robot_id=RobotId(robot) if robot else None) if instant_s is not None else None
     return api_requests.plain(
         schemas.Releases(
@@ -195,7 +195,7 @@ def policy(console: ConsoleDep, actor: ActorDep, body: acts.SavePolicyAct) -> An
 def _named(candidate: str) -> str:
     """A beginning that somebody chose on purpose. Raises UnknownName for one that is too short to be that."""
     if len(candidate) < 6:
-        raise UnknownName(f"There is no candidate {candidate[:40]}", do="name at least six characters of its digest")
+        raise UnknownName(because("unknown_candidate_prefix", candidate=candidate[:40]))
     return candidate
 
 

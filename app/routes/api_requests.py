@@ -1,22 +1,24 @@
 """What every part of the API shares: how lists are paged, how failures and answers are described."""
 
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
 import msgspec
-from fastapi import Depends, Query, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 
+from app.acts.base import ActModel
 from app.background.lists import Slice
-from app.i18n.languages import CHOICE
-from app.i18n.reasons import rendering as reasons
+from app.i18n import languages
 from app.routes.api_schemas import ProblemDocument
 from app.routes.listing import bookmark
 from app.web.errors import problem
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.read_models import Bookmark, ListOrder
-from harness.contracts.reasons import Reason as TypedReason
+from harness.contracts.reasons import because
 
+Handler = Callable[..., Any]
 Limit = Annotated[int, Query(ge=1, le=500)]
 After = Annotated[str, Query(max_length=100, description="Where the page before ended: take it from its Link header.")]
 Order = Annotated[ListOrder, Query()]
@@ -46,9 +48,8 @@ def known_parameters(request: Request) -> None:
     unknown = sorted(set(request.query_params) - known)
     if unknown:
         raise ContractInvalid(
-            f"There is no parameter {unknown[0][:40]!r} here",
+            because("unknown_parameter", name=unknown[0][:40], known=", ".join(sorted(known)) or "none: it takes none"),
             where=request.url.path,
-            do=f"choose from {', '.join(sorted(known)) or 'none: it takes none'}",
         )
 
 
@@ -65,6 +66,17 @@ def answers(kind: type, *, status: int = 200, many: bool = False) -> dict[int | 
     one = {"$ref": f"#/components/schemas/{kind.__name__}"}
     schema = {"type": "array", "items": one} if many else one
     return {status: {"description": "Done.", "content": {"application/json": {"schema": schema}}}}
+
+
+def post_acts(
+    router: APIRouter, path: str, acts: Mapping[str, type[ActModel]], make: Callable[[], Handler], *, answered: type
+) -> None:
+    """One POST below `path` for each act, at its verb. `make` returns a handler whose `body` is the act."""
+    for verb, kind in acts.items():
+        handler = make()
+        handler.__annotations__["body"] = kind
+        responses = answers(answered)
+        router.post(f"{path}/{verb}", name=verb, description=kind.__doc__, responses=responses)(handler)
 
 
 def place(after: str) -> Bookmark | None:
@@ -92,13 +104,8 @@ def _text(value: Any) -> str:
     raise TypeError(f"{type(value).__name__} is no part of an answer")
 
 
-def in_words(reason: TypedReason) -> str:
-    """A reason as a sentence in the language of the caller."""
-    return reasons.sentence(reason, CHOICE.get().language)
-
-
 def refusal(decision: Refused, *, do: str = "look at it again, then decide") -> Response:
     """A problem whose `code` and `rule` are the gate's rule; `reason` is code and facts, `detail` says it in words."""
-    detail = in_words(decision.reason)
+    detail = languages.in_words(decision.reason)
     more = {"rule": decision.rule, "reason": msgspec.to_builtins(decision.reason)}
     return problem(409, code=decision.rule, title="Refused", detail=detail, do=do, more=more)

@@ -1,4 +1,4 @@
-"""/api/v1/robots: what robots say and show, autonomy, stops, posture, and driving by hand. JSON in and out."""
+"""/api/v1/robots: reports, cameras, autonomy, stops, postures and teleoperation."""
 
 from typing import Any
 
@@ -18,6 +18,7 @@ from harness.contracts.decisions import Decision, Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.protocol import DriveReport
+from harness.contracts.reasons import because
 
 router = APIRouter(
     prefix="/api/v1",
@@ -128,7 +129,7 @@ def _control(console: Console) -> Any:
 
 def _row(console: Console, robot_id: RobotId) -> Any:
     if robot_id not in console.fleet.names:
-        raise UnknownName(f"There is no robot {robot_id} here", do=f"choose from {', '.join(console.fleet.names)}")
+        raise UnknownName(because("unknown_robot", robot_id=robot_id, known=tuple(console.fleet.names)))
     said, word = card(console, robot_id), console.fleet.word(robot_id)
     mission = said.mission
     return api_requests.plain(

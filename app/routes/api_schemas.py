@@ -4,6 +4,7 @@ from typing import Any, Literal
 
 import msgspec
 
+from app.views.review_results import CaseRow
 from harness.contracts.control import Autonomy
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
 from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
@@ -31,7 +32,7 @@ class ChangedSince(Value):
 class ProblemDocument(Value):
     """RFC 9457. `code` is the slug for machines, `do` what can be done now; `changes` since what was answered.
 
-    A refusal also has its `rule`, and `reason`: code and facts of what `detail` says.
+    `reason` is code and facts of what `detail` says; a refusal also has its `rule`.
     """
 
     type: str
@@ -61,6 +62,8 @@ class MissionSummary(Value):
     template: str
     status: str
     stage: str
+    stage_code: str
+    stage_facts: dict[str, Any]
     goal_verdict: str | None
     state_version: Count
     handoff_id: str | None
@@ -447,21 +450,6 @@ class CandidateCheck(Value):
     difference: ConfigurationDifference
 
 
-class CaseResource(Value):
-    """One case under both configurations. `before` and `after` are the declared metric, `change` which way it went."""
-
-    case: str
-    family: str
-    seed: int
-    situation: str
-    before: float
-    after: float
-    before_status: str
-    after_status: str
-    change: str
-    note: str
-
-
 class Family(Value):
     """Pairs of one family, with the 95 % interval of their difference."""
 
@@ -479,9 +467,9 @@ class Results(Value):
 
     pairs: Count
     safety_pairs: Count
-    pass_to_fail: tuple[CaseResource, ...]
+    pass_to_fail: tuple[CaseRow, ...]
     pass_to_fail_total: Count
-    fail_to_pass: tuple[CaseResource, ...]
+    fail_to_pass: tuple[CaseRow, ...]
     fail_to_pass_total: Count
     families: tuple[Family, ...]
     held_out: contracts.HeldOutAnswer | None

@@ -6,6 +6,7 @@ from fastapi import APIRouter, Query
 from starlette.responses import HTMLResponse, PlainTextResponse
 
 from app.console import Console, ConsoleDep
+from app.i18n.languages import explained
 from app.i18n.messages import lazy_gettext
 from app.views import audit
 from app.web.rendering import render
@@ -101,7 +102,7 @@ def _log_sum(console: Console) -> audit.Sum:
     try:
         head = console.runtime.verify()
     except LogDamaged as error:
-        return audit.Sum(damage=str(error))
+        return audit.Sum(damage=explained(error))
     return audit.Sum(
         verified=lazy_gettext(
             "Every hash of the log and of its records was computed again: {count} events, intact.", count=head.position
@@ -131,7 +132,7 @@ def _trail_sum(console: Console) -> audit.Sum:
     try:
         entries = console.sessions.accounts.store.verify_trail()
     except LogDamaged as error:
-        return audit.Sum(damage=str(error))
+        return audit.Sum(damage=explained(error))
     return audit.Sum(
         verified=lazy_gettext("Every hash of the trail was computed again: {count} entries, intact.", count=entries)
     )

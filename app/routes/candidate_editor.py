@@ -9,13 +9,13 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
+from app.i18n.languages import explained
 from app.i18n.messages import lazy_gettext, reasoned
 from app.views.candidate_editor import EditorPage, Found, edited_text, editor_page
 from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Refused
-from harness.contracts.reasons import recorded
 from rsi_reviews.contracts import Candidate, RestrictionViolation
 from rsi_reviews.difference import difference
 from rsi_reviews.errors import CandidateInvalid
@@ -67,10 +67,8 @@ def read(console: Console, actor: Actor, typed: Mapping[str, str]) -> tuple[Cand
     try:
         made = edited(text, current, _intention(typed), who=actor.name)
     except CandidateInvalid as error:
-        refusal = RestrictionViolation(
-            rule=error.rule, path=error.where or "edit", reason=recorded(f"{error.what}; {error.do}.")
-        )
-        return None, Found(errors=(f"{error.what}; {error.do}.",), refusals=(refusal,))
+        refusal = RestrictionViolation(rule=error.rule, path=error.where or "edit", reason=error.reason)
+        return None, Found(errors=(explained(error),), refusals=(refusal,))
     except msgspec.ValidationError as error:
         return None, Found(errors=(lazy_gettext("The manifest does not stand: {error}.", error=str(error)),))
     found = checked(console, made)

@@ -4,7 +4,9 @@ from typing import Any
 
 import msgspec
 
+from app.i18n.reasons import rendering as reasons
 from rsi_reviews.candidate_queries import CandidateQueries
+from rsi_reviews.clause_reasons import clause_reason
 from rsi_reviews.projections import Review
 from rsi_reviews.release_service import ReleaseService
 
@@ -32,10 +34,13 @@ def sheet(queries: CandidateQueries | ReleaseService, candidate: str) -> dict[st
         "digest": review.subject_digest,
         "manifest": msgspec.to_builtins(review.manifest),
         "authors": sorted(review.authors),
-        "clauses": [msgspec.to_builtins(clause) for clause in queries.clauses(candidate)],
+        "clauses": [
+            msgspec.to_builtins(clause) | reasons.stated("sentence", clause_reason(clause, review))
+            for clause in queries.clauses(candidate)
+        ],
         "approvals": [approval.actor.name for approval in review.approvals],
-        "said": [msgspec.to_builtins(said) for said in review.said],
-        "canary": [msgspec.to_builtins(entry) for entry in review.canary],
+        "said": [reasons.stating(said) for said in review.said],
+        "canary": [reasons.stating(entry) for entry in review.canary],
         "canary_outcome": queries.canary_outcome(candidate) if review.status == "canary" else "",
-        "reason": review.ended_reason,
+        **reasons.stated("reason", review.ended_reason),
     }

@@ -1,16 +1,16 @@
 """/candidates: proposed changes to the harness itself, their reviews and releases."""
 
-from collections.abc import Callable
 from itertools import islice
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from app.acts.releases import ACTS, CandidateAct
+from app.acts.releases import ACTS
 from app.background.evaluations import situations
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
+from app.i18n.languages import explained
 from app.i18n.messages import reasoned
 from app.views import candidates
 from app.views.candidates import BoardPage, CandidateListParams
@@ -25,6 +25,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import ConfigurationMissing, ContractInvalid, UnknownName
 from harness.contracts.ids import Digest, MissionId, mission_stream
 from harness.contracts.ports import MISSION_STREAMS
+from harness.contracts.reasons import because
 from rsi_reviews.contracts import Subject
 from rsi_reviews.counterfactual import counterfactual
 from rsi_reviews.events import CandidateEvent, ReviewOpened
@@ -39,9 +40,9 @@ def asked_of(request: Request) -> CandidateListParams:
     params = request.query_params
     group, skip = params.get("status", ""), params.get("skip", "0")
     if group not in {value for value, _, _ in candidates.GROUPS}:
-        raise UnknownName(f"There is no group of candidates called {group[:40]}", do=N_("choose one of the tabs"))
+        raise UnknownName(because("unknown_candidate_tab", group=group[:40]))
     if not skip.isascii() or not skip.isdigit() or len(skip) > 6:
-        raise ContractInvalid(f"{skip[:40]!r} is no place in a list", where="skip", do=N_("begin at the first page"))
+        raise ContractInvalid(because("list_offset_invalid", skip=skip[:40]), where="skip")
     return CandidateListParams(
         words=params.get("q", "")[:200].strip(),
         group=group,
@@ -91,24 +92,19 @@ def rolling_back(console: ConsoleDep, actor: ActorDep, candidate: str) -> HTMLRe
     return render("candidates/rollback.html", rollback_of(console, actor, candidate))
 
 
-def _route(kind: type[CandidateAct]) -> Callable[..., Response]:
-    """The handler of one act of app/acts/releases.py: 303, 422 not well said, 409 refused and why."""
-
-    def act(console: ConsoleDep, actor: ActorDep, candidate: str, typed: FormDep) -> Response:
-        name = console.releases.review(candidate).candidate
-        said = kind.from_form(typed)
-        if isinstance(said, tuple):
-            return _again(console, actor, name, typed, refused=" ".join(one.text for one in said), status=422)
-        decision = console.releases.ask(name, said)
-        if isinstance(decision, Refused):
-            return _again(console, actor, name, typed, refused=reasoned(decision.reason), status=409)
-        return RedirectResponse(f"/candidates/{name}", status_code=303)
-
-    return act
-
-
-for verb, kind in ACTS.items():
-    router.post(f"/{{candidate}}/{verb}", name=verb)(_route(kind))
+@router.post("/{candidate}/{verb}")
+def act(console: ConsoleDep, actor: ActorDep, candidate: str, verb: str, typed: FormDep) -> Response:
+    """One act of app/acts/releases.py: 303, 422 not well said, 409 refused and why, with the page as it is now."""
+    if verb not in ACTS:
+        raise UnknownName(because("unknown_candidate_act", word=verb[:40]))
+    name = console.releases.review(candidate).candidate
+    said = ACTS[verb].from_form(typed)
+    if isinstance(said, tuple):
+        return _again(console, actor, name, typed, refused=" ".join(one.text for one in said), status=422)
+    decision = console.releases.ask(name, said)
+    if isinstance(decision, Refused):
+        return _again(console, actor, name, typed, refused=reasoned(decision.reason), status=409)
+    return RedirectResponse(f"/candidates/{name}", status_code=303)
 
 
 def _again(
@@ -164,7 +160,7 @@ def cases_of(console: Console, actor: Actor, candidate: str, *, change: str, fam
     review = console.releases.review(candidate)
     found = console.evaluated.of(review.candidate)
     if found is None or review.manifest is None:
-        raise UnknownName(N_("No case of this candidate was measured yet"), do=N_("wait for its evaluation"))
+        raise UnknownName(because("candidate_not_measured"))
     shell = console.shell(N_("Every case"), "candidates", actor)
     return cases_page(shell, review, found[0], situations(), change=change, family=family, skip=skip)
 
@@ -201,5 +197,5 @@ def _loads(console: Console, configuration: str) -> str:
     try:
         same = console.releases.loads(Digest(configuration)) == configuration
     except ConfigurationMissing as error:
-        return str(error)
+        return explained(error)
     return "" if same else N_("It loads, but not as the same version.")

@@ -18,7 +18,7 @@ from harness.contracts.decisions import Refused, refused
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import RequestId, RobotId
 from harness.contracts.protocol import DriveReport
-from harness.contracts.reasons import because, recorded
+from harness.contracts.reasons import because
 
 router = APIRouter(prefix="/robots/{robot_id}")
 
@@ -71,11 +71,11 @@ def turned(console: Console, principal: Principal, robot_id: RobotId, order: Ste
     if held is None or console.teleoperation is None:
         return refused("not_at_the_wheel", because("wheel_not_taken", robot_id=robot_id))
     if held.actor.name != actor.name:
-        raise NotPermitted(f"{held.actor.name} has control", where=robot_id, do=N_("ask them to release control"))
+        raise NotPermitted(because("control_held", actor=held.actor.name), where=robot_id)
     try:
         return console.teleoperation.turn(robot_id, RequestId(order.session), v_mps=order.v_mps, w_radps=order.w_radps)
     except ProviderFailed as error:
-        return refused(error.code, recorded(error.what))
+        return refused(error.code, error.reason)
 
 
 def _taken(console: Console, actor: Actor, robot_id: RobotId) -> TakenOver | None:

@@ -5,10 +5,10 @@ from starlette.responses import HTMLResponse
 
 from app.background.published_results import published
 from app.console import ActorDep, ConsoleDep
-from app.i18n.catalogues import N_
 from app.views.evaluation import MEASURES, EvaluationPage, evaluation_view, recursion_view
 from app.web.rendering import render
 from harness.contracts.errors import UnknownName
+from harness.contracts.reasons import because
 
 router = APIRouter(prefix="/evaluation")
 
@@ -16,7 +16,7 @@ router = APIRouter(prefix="/evaluation")
 @router.get("")
 def show(console: ConsoleDep, actor: ActorDep, measure: str = "contract_false") -> HTMLResponse:
     if measure not in dict(MEASURES):
-        raise UnknownName(f"Nothing is measured as {measure[:40]}", do=N_("choose one of the tabs"))
+        raise UnknownName(because("unknown_measure", measure=measure[:40]))
     found = published(console.settings.results)
     page = EvaluationPage(
         shell=console.shell("Evaluation", "evaluation", actor),

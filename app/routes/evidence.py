@@ -6,8 +6,7 @@ from fastapi import APIRouter, Depends, Path
 from starlette.responses import HTMLResponse, Response
 
 from app.console import ActorDep, ConsoleDep
-from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext
+from app.i18n.messages import lazy_gettext, reasoned
 from app.routes.listing import searching
 from app.views import evidence_list
 from app.views.evidence_list import BlobPage
@@ -16,6 +15,7 @@ from app.web.rendering import render
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.read_models import ListQuery
+from harness.contracts.reasons import because
 from harness.projections.evidence_list import BLOB_SIGNS
 
 router = APIRouter(prefix="/evidence")
@@ -50,11 +50,11 @@ def about(console: ConsoleDep, actor: ActorDep, digest: DigestPath) -> HTMLRespo
     uses = ListQuery(listing="evidence", words=(digest[:BLOB_SIGNS],), limit=USES)
     rows = [one for one in console.lists.evidence(uses).items if one.blob == digest]
     if not rows:
-        raise UnknownName(f"No evidence refers to blob {digest[:16]}…", do=N_("choose one from the list of evidence"))
+        raise UnknownName(because("blob_not_cited", digest=digest[:16]))
     try:
         body, broken = console.runtime.blob(Digest(digest)), ""
     except BlobDamaged as error:
-        body, broken = b"", error.what
+        body, broken = b"", reasoned(error.what)
     page = BlobPage(
         shell=console.shell(lazy_gettext("Blob {name}", name=digest[:8]), "evidence", actor),
         blob=digest,

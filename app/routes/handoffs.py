@@ -9,7 +9,6 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts import handoffs as handoff_acts
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from app.routes.handoff_page import SubmittedForm, answered, page_of, question_of
 from app.routes.listing import searching
@@ -22,6 +21,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import HandoffId
+from harness.contracts.reasons import because
 
 router = APIRouter(prefix="/handoffs")
 ListParamsDep = Annotated[ListParams, Depends(searching("handoff", "status", "robot", "failure", "mission"))]
@@ -43,7 +43,7 @@ def listed(console: Console, actor: Actor, params: ListParams) -> HandoffsPage:
     facets = {name: value for name, value in params.query.facets.items() if name != "status"}
     queries = {value: replace(params.query, facets=facets | stands_for) for value, _, stands_for in handoffs.GROUPS}
     if group not in queries:
-        raise UnknownName(f"There is no group of handoffs called {group}", do=N_("choose one of the tabs of the list"))
+        raise UnknownName(because("unknown_handoff_tab", group=group))
     found = console.lists.handoffs(queries[group])
     counted = Counted(
         groups={value: console.lists.count(one) for value, one in queries.items()},

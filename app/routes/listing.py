@@ -5,10 +5,10 @@ from typing import get_args
 
 from fastapi import Request
 
-from app.i18n.catalogues import N_
 from app.views.list_params import ListParams
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.read_models import Bookmark, Listing, ListOrder, ListQuery
+from harness.contracts.reasons import because
 
 SHOWN = 50
 LONGEST = 200
@@ -41,7 +41,7 @@ def order_of(text: str) -> ListOrder:
         if order == text:
             known: ListOrder = order
             return known
-    raise ContractInvalid(f"Lists have no order {text[:40]!r}", where="order", do=N_("choose one from the form"))
+    raise ContractInvalid(because("list_order_invalid", text=text[:40]), where="order")
 
 
 def bookmark(text: str) -> Bookmark:
@@ -50,6 +50,4 @@ def bookmark(text: str) -> Bookmark:
     try:
         return Bookmark(amount=float(amount), seq=int(seq))
     except ValueError as error:
-        raise ContractInvalid(
-            f"{text[:40]!r} is no place in a list", where="after", do=N_("begin at the list's first page")
-        ) from error
+        raise ContractInvalid(because("list_cursor_invalid", text=text[:40]), where="after") from error

@@ -6,11 +6,11 @@ from fastapi import APIRouter, Query
 from starlette.responses import HTMLResponse
 
 from app.console import ActorDep, ConsoleDep
-from app.i18n.catalogues import N_
 from app.views.memory import kinds_of, memory_page
 from app.web.rendering import render
 from harness.contracts.errors import UnknownName
 from harness.contracts.memory import ADMISSIBLE, MemoryQuery, RecordStanding
+from harness.contracts.reasons import because
 
 router = APIRouter(prefix="/memory")
 SHOWN = 200
@@ -27,7 +27,7 @@ def index(
     """Records of one role; with `everything` those that roles are no longer shown, too."""
     kinds = kinds_of(role)
     if not kinds:
-        raise UnknownName(f"Memory has no role {role[:40]!r}", do=N_("choose one of its tabs"))
+        raise UnknownName(because("unknown_memory_role", role=role[:40]))
     standings = get_args(RecordStanding) if everything else ADMISSIBLE
     query = MemoryQuery(kinds=kinds, subject=subject.strip(), standings=standings, limit=SHOWN)
     found = console.runtime.memory.find(query)

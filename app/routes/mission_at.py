@@ -132,14 +132,7 @@ class MissionAt:
     @cached_property
     def evidence(self) -> EvidenceView:
         title = next((stage.title for stage in self.stages if stage.node_id == self.node), self.node)
-        return evidence.evidence(
-            self.mission_id,
-            self.shown,
-            node_id=self.node,
-            title=title,
-            check=self.console.check,
-            contract=self.mission.contract,
-        )
+        return evidence.evidence(self.mission, self.shown, node_id=self.node, title=title, check=self.console.check)
 
     @cached_property
     def contexts(self) -> ContextsView:
@@ -149,7 +142,7 @@ class MissionAt:
             node_id=self.node,
             read=console.context,
             candidates=console.candidates,
-            question=console.routing_question,
+            explain=console.explained,
         )
 
     @cached_property

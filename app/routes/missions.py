@@ -11,6 +11,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from app.acts.missions import StartMissionAct, StopMissionAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
+from app.i18n.languages import explained
 from app.i18n.messages import lazy_gettext, reasoned
 from app.routes.handoff_page import word_of
 from app.routes.listing import searching
@@ -29,6 +30,7 @@ from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, Unknown
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.readings import ReadingQuestion
+from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskTemplate
 from harness.extra_templates import begin, draft, offered
 from harness.projections.mission import Mission
@@ -61,7 +63,7 @@ def listed(console: Console, actor: Actor, params: ListParams) -> MissionsPage:
     facets = {name: value for name, value in params.query.facets.items() if name != "status"}
     queries = {value: replace(params.query, facets=facets | stands_for) for value, _, stands_for in missions.GROUPS}
     if group not in queries:
-        raise UnknownName(f"There is no group of missions called {group}", do=N_("choose one of the tabs of the list"))
+        raise UnknownName(because("unknown_mission_tab", group=group))
     found = console.lists.missions(queries[group])
     tallies = console.lists.tallies("mission")
     counted = Counted(groups={value: console.lists.count(one) for value, one in queries.items()}, tallies=tallies)
@@ -105,7 +107,7 @@ def ordered(console: Console, actor: Actor, said: StartMissionAct, *, channel: s
     """What is asked for, over which channel; raises UnknownName for a robot that this console does not have."""
     robot_id = said.robot_id or console.settings.robots[0]
     if robot_id not in console.settings.robots:
-        raise UnknownName(f"There is no robot {robot_id[:40]}", do=f"choose from {', '.join(console.settings.robots)}")
+        raise UnknownName(because("unknown_robot", robot_id=robot_id[:40], known=tuple(console.settings.robots)))
     return dataclasses.replace(said.model_copy(update={"robot_id": robot_id}).to_command(actor), channel=channel)
 
 
@@ -113,7 +115,7 @@ def started(console: Console, order: Start) -> MissionId:
     """The new mission's id; raises UnknownName, ContractInvalid or StartRefused."""
     decision = begin(console.runtime, order)
     if isinstance(decision, Refused):
-        raise StartRefused(reasoned(decision.reason), where=decision.rule)
+        raise StartRefused(decision.reason, where=decision.rule)
     return next(event.mission_id for event in decision.events if isinstance(event, MissionCreated))
 
 
@@ -168,7 +170,7 @@ def _asked(
 
 def _beside(console: Console, typed: dict[str, str], error: UnknownName | ContractInvalid) -> Wrong:
     template = _template(console, typed)
-    return forms.about_field(error, typed, template) if template else Wrong("", str(error))
+    return forms.about_field(error, typed, template) if template else Wrong("", explained(error))
 
 
 def _as_before(console: Console, mission_id: MissionId) -> dict[str, str]:

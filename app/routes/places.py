@@ -1,4 +1,4 @@
-"""/places: what words for places mean here; add, change, remove one. Every version is kept."""
+"""/places: the places of the site; add, change and remove them. Every version is kept."""
 
 from collections.abc import Sequence
 
@@ -22,6 +22,7 @@ from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import PlaceId
 from harness.contracts.places import Place
+from harness.contracts.reasons import because
 
 router = APIRouter(prefix="/places")
 EVENTS: Codec[place_events.PlaceEvent] = Codec(place_events.PlaceEvent)
@@ -127,7 +128,7 @@ def _as_it_is(console: Console, place_id: PlaceId) -> dict[str, str]:
     now = next((one for one in console.runtime.site.places if one.place_id == place_id), None)
     place = now or _before(console, place_id)
     if place is None:
-        raise UnknownName(f"There is no place {place_id[:40]}", do=N_("choose one from the list of places"))
+        raise UnknownName(because("unknown_place_row", place_id=place_id[:40]))
     return place_editor.fields_of(place)
 
 

@@ -1,4 +1,4 @@
-"""/releases: what new missions run under, how it came to that, and who must agree before it changes."""
+"""/releases: what new missions run under, its history, and who must agree before it changes."""
 
 from collections.abc import Mapping
 from datetime import UTC, datetime

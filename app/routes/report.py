@@ -32,6 +32,7 @@ from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.events import HandoffAnswered
 from harness.contracts.handoff_events import HandoffEvent, HandoffOpened, NoAnswerTaken
 from harness.contracts.ids import Digest, HandoffId, MissionId, handoff_stream
+from harness.contracts.reasons import because
 from harness.contracts.retreat_events import RetreatEnded, RetreatEvent, RetreatIntended, RetreatStopping
 from harness.contracts.revision_commands import DisputeCompletion
 from harness.projections.handoffs import Unanswered
@@ -66,9 +67,7 @@ def dossier(console: ConsoleDep, principal: PrincipalDep, mission_id: MissionId)
     actor = principal.acting("export")
     console.runtime.mission(mission_id)
     if console.dossier is None:
-        raise UnknownName(
-            N_("This console has no data folder, so it has no key to sign with"), do=N_("start it with --data")
-        )
+        raise UnknownName(because("no_signing_key"))
     folder = Path(mkdtemp(prefix="dossier-"))
     file = folder / f"{mission_id}.dossier.zip"
     try:

@@ -1,4 +1,4 @@
-"""What people do to robots outside any mission, for pages and for the API alike: checked, signed, told to the trail."""
+"""Acts on robots outside any mission, for pages and API: checked, signed, and written to the audit log."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,6 @@ from app.acts.robots import BeginTeleoperationAct, StopRobotsAct
 from app.auth.command_permissions import required_permission
 from app.auth.permissions import NotPermitted, Permission, Principal
 from app.console import Console, TeleoperationPort
-from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned
 from harness.contracts.actors import Actor, Command
 from harness.contracts.any_events import AnyEvent
@@ -23,7 +22,7 @@ from harness.contracts.control import (
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import MissionId, RobotId, mission_stream
-from harness.contracts.reasons import because, recorded
+from harness.contracts.reasons import because
 from harness.contracts.retreat_events import SendRetreat, StopRetreat
 
 
@@ -103,9 +102,7 @@ def limited(console: Console, principal: Principal, said: LimitAutonomyAct) -> N
     """Set the autonomy limit of the whole fleet. Raises NotPermitted for a token that is bound to one robot."""
     if principal.robot_id:
         raise NotPermitted(
-            f"This token is for {principal.robot_id} alone",
-            where=f"token {principal.name}",
-            do=N_("sign in to set the limit"),
+            because("token_cannot_set_limit", robot_id=principal.robot_id), where=f"token {principal.name}"
         )
     console.runtime.decide([(CONTROL, said.to_command(principal.actor))])
     for mission in console.open_missions():
@@ -186,14 +183,14 @@ def signed(
     actor, teleoperation = principal.acting(permission or required_permission(kind)), console.teleoperation
     if principal.robot_id not in ("", robot_id):
         raise NotPermitted(
-            f"This token is for {principal.robot_id}", where=f"token {principal.name}", do=N_("use another one")
+            because("token_of_other_robot", robot_id=principal.robot_id), where=f"token {principal.name}"
         )
     if teleoperation is None:
         return refused("no_supervisor", because("no_supervisor_here"))
     try:
         decision = act(teleoperation, actor)
     except ProviderFailed as error:
-        decision = refused(error.code, recorded(error.what))
+        decision = refused(error.code, error.reason)
     outcome = f"refused: {decision.rule}" if isinstance(decision, Refused) else "accepted"
     if robot_id in console.fleet.names:
         console.fleet.hear(robot_id)

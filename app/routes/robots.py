@@ -1,4 +1,4 @@
-"""/robots: what every robot says and shows, its mission, its stop; the house's autonomy; a stop of everything."""
+"""/robots: every robot's report, camera and mission, its stop, the fleet's autonomy limit, and a stop of all robots."""
 
 from typing import Annotated
 
@@ -24,6 +24,7 @@ from harness.contracts.decisions import Decision, Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.read_models import ListQuery
+from harness.contracts.reasons import because
 from harness.projections.mission import Mission
 
 router = APIRouter(prefix="/robots")
@@ -94,10 +95,7 @@ def newest_picture(console: ConsoleDep, robot_id: RobotPath) -> Response:
     """The newest picture. X-Taken-At is its mission time, X-Age-S how old it is in wall seconds."""
     kept = console.fleet.shots(robot_id)
     if not kept.kept:
-        raise UnknownName(
-            f"There is no picture of {robot_id}: {kept.trouble or 'nothing came yet'}",
-            do=N_("try again in a few seconds"),
-        )
+        raise UnknownName(because("no_picture", robot_id=robot_id, trouble=kept.trouble or N_("nothing came yet")))
     shot = kept.kept[-1]
     age_s = max(console.clock() - shot.taken_s, 0.0)
     headers = {"X-Taken-At": f"{shot.picture.at_s:.3f}", "X-Age-S": f"{age_s:.1f}", "Cache-Control": "no-store"}

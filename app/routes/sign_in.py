@@ -11,7 +11,8 @@ from app.auth.next_url import OVERVIEW, safe_next_url
 from app.auth.oidc_login import OidcLogin
 from app.auth.sessions import Origin
 from app.console import Console, ConsoleDep, FormDep
-from app.i18n.catalogues import N_
+from app.i18n import languages
+from app.i18n.messages import reasoned
 from app.views.sign_in import (
     SignInPage,
     SignInRefusal,
@@ -26,6 +27,7 @@ from app.web import security
 from app.web.rendering import render
 from harness.contracts.errors import UnknownName
 from harness.contracts.identity import IssuerUnreachable, SignInRefused
+from harness.contracts.reasons import because
 
 router = APIRouter(prefix="/account")
 NOBODY = SignInRefusal()
@@ -124,7 +126,7 @@ def sign_out_everywhere(console: ConsoleDep, principal: security.PrincipalDep) -
 
 def _oidc_login(console: Console) -> OidcLogin:
     if console.issuer is None:
-        raise UnknownName(N_("No identity provider is set up here."), do=N_("Sign in with your password."))
+        raise UnknownName(because("no_identity_provider"))
     return console.issuer
 
 
@@ -154,7 +156,7 @@ def _signed_out(console: Console) -> Response:
 
 
 def _refused(console: Console, error: SignInRefused, *, page: str = "") -> Response:
-    refusal = refusal_of(error.code, what=error.what, do=error.do)
+    refusal = refusal_of(error.code, what=reasoned(error.what), do=languages.remedy(error))
     status = 502 if isinstance(error, IssuerUnreachable) else 403
     return _answer(_page(console, refusal=refusal, page=page, stays=False), status=status)
 

@@ -7,7 +7,7 @@ from typing import Any, assert_never
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned, word
 from app.views.history import HistoryLine
-from app.views.list_params import Filter, Option, address
+from app.views.list_params import Filter, Option, Paging, address
 from app.views.missions import ListTab
 from app.views.shell import Shell
 from harness.contracts import alert_events
@@ -80,8 +80,7 @@ class AlertsPage:
     group: str
     live: bool
     query: str
-    following: str
-    found: int
+    paging: Paging
     total: int
     shelves: tuple[ShelfDuration, ...]
     notifies: str
@@ -201,8 +200,12 @@ def alerts_page(
         group=asked.group,
         live=asked.before_s is None,
         query=address("", asked.params),
-        following=address(PATH, asked.params, before=repr(shown[-1].alert.last_s)) if len(later) > SHOWN else "",
-        found=len(found),
+        paging=Paging(
+            shown=len(shown),
+            found=str(len(found)),
+            following=address(PATH, asked.params, before=repr(shown[-1].alert.last_s)) if len(later) > SHOWN else "",
+            first=address(PATH, asked.params) if asked.before_s is not None else "",
+        ),
         total=len(alerts),
         shelves=shelves(),
         notifies=", ".join(services),

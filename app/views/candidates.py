@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext, listed, word
-from app.views.list_params import Filter, Option, address
+from app.i18n.messages import lazy_gettext, listed, reasoned, word
+from app.views.list_params import Filter, Option, Paging, address
 from app.views.shell import Shell
 from harness.contracts.ids import Digest
+from rsi_reviews.clause_reasons import clause_reason
 from rsi_reviews.contracts import ClauseAnswer, Manifest
 from rsi_reviews.difference import NAMES
 from rsi_reviews.pointers import Pointer
@@ -60,10 +61,9 @@ class BoardPage:
     words: str
     group: str
     filters: tuple[Filter, ...]
-    found: int
     total: int
     query: str
-    following: str
+    paging: Paging
 
 
 @dataclass(frozen=True)
@@ -111,10 +111,14 @@ def board_page(
         words=asked.words,
         group=asked.group,
         filters=_filters(known, asked),
-        found=len(rows),
         total=len(known),
         query=address("", asked.params),
-        following=address("/candidates", asked.params, skip=str(asked.skip + SHOWN)) if more else "",
+        paging=Paging(
+            shown=len(shown),
+            found=str(len(rows)),
+            following=address("/candidates", asked.params, skip=str(asked.skip + SHOWN)) if more else "",
+            first=address("/candidates", asked.params) if asked.skip else "",
+        ),
     )
 
 
@@ -160,9 +164,10 @@ def note_of(review: Review) -> str:
                 needed=needed,
             )
         case "rejected" | "rolled_back" | "withdrawn" | "current":
-            return review.ended_reason
+            return reasoned(review.ended_reason)
         case "inconclusive":
-            return next((one.sentence for one in _clauses(review) if one.answer != "pass"), "")
+            open_clause = next((one for one in _clauses(review) if one.answer != "pass"), None)
+            return reasoned(clause_reason(open_clause, review)) if open_clause else ""
         case _:
             return ""
 

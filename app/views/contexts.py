@@ -9,13 +9,11 @@ from app.views.timeline import TimelineEntry
 from harness.contracts import events
 from harness.contracts.contexts import Context, Role
 from harness.contracts.ids import Digest
-from harness.contracts.proposals import CandidateSet
-from harness.routing.explanation import RoutingExplanation, explained
-from harness.routing.question import RoutingQuestion
+from harness.contracts.proposals import CandidateSet, RoutingExplanation
 
 ReadContext = Callable[[Digest], Context | None]
 ReadCandidates = Callable[[Digest], CandidateSet | None]
-ReadQuestion = Callable[[Digest], RoutingQuestion | None]
+Explain = Callable[[Digest, CandidateSet], RoutingExplanation | None]
 ROLES = {
     "planner": N_("C1 planner"),
     "skill": N_("C2 skill"),
@@ -62,7 +60,7 @@ def contexts(
     node_id: str,
     read: ReadContext,
     candidates: ReadCandidates,
-    question: ReadQuestion,
+    explain: Explain,
 ) -> ContextsView:
     """Contexts and candidate sets of one node, from the records that were stored with the decisions."""
     shown: list[ContextView] = []
@@ -74,12 +72,12 @@ def contexts(
         if cited is None or cited.node_id != node_id:
             continue
         shown.append(_context(entry.position, cited, read=read))
-    choices = ranked(entries, node_id=node_id, candidates=candidates, question=question)
+    choices = ranked(entries, node_id=node_id, candidates=candidates, explain=explain)
     return ContextsView(node_id=node_id, contexts=tuple(reversed(shown)), choices=tuple(reversed(choices)))
 
 
 def ranked(
-    entries: Sequence[TimelineEntry], *, node_id: str, candidates: ReadCandidates, question: ReadQuestion
+    entries: Sequence[TimelineEntry], *, node_id: str, candidates: ReadCandidates, explain: Explain
 ) -> tuple[RankedCandidates, ...]:
     """Every routing decision about one node, oldest first; a look after an execution chooses nobody anew."""
     choices: dict[Digest, RankedCandidates] = {}
@@ -90,8 +88,7 @@ def ranked(
             case events.DispatchIntended(node_id=node, verify_only=False, candidates=str() as name) as event if (
                 node == node_id and (found := candidates(name))
             ):
-                asked = question(event.question) if event.question else None
-                why = explained(asked, found) if asked else None
+                why = explain(event.question, found) if event.question else None
                 choices[name] = RankedCandidates(position=entry.position, found=found, why=why)
     return tuple(choices.values())
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import msgspec
 
-from app.i18n.catalogues import N_
-from app.views.list_params import address
+from app.views.list_params import Paging, address
 from app.views.sentences import FAMILY, sentence
 from app.views.shell import Shell
 from app.views.timeline import LANES, TimelineEntry
 from harness.contracts.errors import UnknownName
+from harness.contracts.reasons import because
 
 SHOWN = 100
 
@@ -32,7 +32,7 @@ def event_page(shell: Shell, mission_id: str, entries: Sequence[TimelineEntry], 
     """The page of one event. Raises UnknownName if the mission has no event at that position."""
     place = next((index for index, entry in enumerate(entries) if entry.position == position), None)
     if place is None:
-        raise UnknownName(f"Mission {mission_id} has no event {position}", do=N_("choose one from its timeline"))
+        raise UnknownName(because("unknown_event", mission_id=mission_id, position=position))
     entry = entries[place]
     return EventPage(
         shell=shell,
@@ -76,10 +76,8 @@ class LogPage:
     families: tuple[FamilyTab, ...]
     words: str
     family: str
-    found: int
     total: int
-    following: str
-    first: str
+    paging: Paging
 
 
 def log_page(shell: Shell, mission_id: str, entries: Sequence[TimelineEntry], query: EventQuery) -> LogPage:
@@ -102,10 +100,13 @@ def log_page(shell: Shell, mission_id: str, entries: Sequence[TimelineEntry], qu
         ),
         words=query.words,
         family=query.family,
-        found=len(found),
         total=len(entries),
-        following=address(path, params, after=str(shown[-1].position)) if len(rest) > SHOWN else "",
-        first=address(path, params) if query.after else "",
+        paging=Paging(
+            shown=len(shown),
+            found=str(len(found)),
+            following=address(path, params, after=str(shown[-1].position)) if len(rest) > SHOWN else "",
+            first=address(path, params) if query.after else "",
+        ),
     )
 
 

@@ -3,8 +3,11 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from msgspec import structs
+
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed, reasoned
+from app.i18n.task_texts import told
 from app.views.measures import Measure, quantity
 from app.views.proposals import ProposalRow, commit_of, proposals, verdict_on
 from app.views.timeline import TimelineEntry
@@ -13,6 +16,7 @@ from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import Digest, PacketId
 from harness.contracts.tasks import TaskContract
 from harness.contracts.verdicts import NodeVerdict
+from harness.projections.mission import Mission
 
 Check = Callable[[Digest], str]
 """Empty if the blob's bytes match the digest now, else why not."""
@@ -74,13 +78,7 @@ class EvidenceView:
 
 
 def evidence(
-    mission_id: str,
-    entries: Sequence[TimelineEntry],
-    *,
-    node_id: str,
-    title: str,
-    check: Check,
-    contract: TaskContract | None,
+    mission: Mission, entries: Sequence[TimelineEntry], *, node_id: str, title: str, check: Check
 ) -> EvidenceView:
     """Every packet that was retained for the node, each with its verdict and the gate's decision."""
     packets = [e.event.packet for e in entries if isinstance(e.event, PacketRetained)]
@@ -88,28 +86,21 @@ def evidence(
     return EvidenceView(
         node_id=node_id,
         title=title,
-        packets=tuple(
-            packet_view(mission_id, packet, entries, check=check, contract=contract) for packet in reversed(mine)
-        ),
+        packets=tuple(packet_view(mission, packet, entries, check=check) for packet in reversed(mine)),
     )
 
 
 def packet_view(
-    mission_id: str,
-    packet: EvidencePacket,
-    entries: Sequence[TimelineEntry],
-    *,
-    check: Check,
-    contract: TaskContract | None,
+    mission: Mission, packet: EvidencePacket, entries: Sequence[TimelineEntry], *, check: Check
 ) -> PacketView:
     """One packet with its verdict and the gate's decision; every blob is checked now."""
-    packet_id = packet.identity.packet_id
-    verdict = verdict_on(entries, packet_id)
+    packet_id, contract = packet.identity.packet_id, mission.contract
     groups = (("before", packet.before), ("after", packet.after), ("estimates", packet.estimates))
+    verdict = _verdict(entries, packet_id, contract)
     return PacketView(
         packet=packet,
         verdict=verdict,
-        gate=_decision(mission_id, entries, packet_id),
+        gate=_decision(mission.mission_id, entries, packet_id),
         proposals=proposals(packet, verdict, commit_of(entries, packet_id), contract),
         references=tuple(
             Reference(part=part, item=one, broken=check(one.blob)) for part, group in groups for one in group
@@ -126,6 +117,13 @@ def provider(packet: EvidencePacket) -> str:
 def declared(packet: EvidencePacket) -> tuple[Measure, ...]:
     """What the provider says of its own execution."""
     return tuple(Measure(*quantity(name, value)) for name, value in packet.declared.items())
+
+
+def _verdict(
+    entries: Sequence[TimelineEntry], packet_id: PacketId, contract: TaskContract | None
+) -> NodeVerdict | None:
+    found = verdict_on(entries, packet_id)
+    return None if found is None else structs.replace(found, results=told(found.results, contract))
 
 
 def _decision(mission_id: str, entries: Sequence[TimelineEntry], packet_id: PacketId) -> Decision:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import dist
 
-from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned, word
 from app.views.explored_floor import ExploredFloor, explored_floor
 from app.views.missions import MissionHeader, head
@@ -18,6 +17,7 @@ from app.views.timeline import TimelineEntry
 from harness.contracts import exploration
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import NodeId
+from harness.contracts.reasons import because
 from harness.contracts.revision_events import GraphRevised
 from harness.projections.exploration import ExplorationDecision, decisions, updates
 from harness.projections.mission import Mission, NodeState
@@ -118,7 +118,7 @@ def shown_of(mission: Mission, leg: str) -> ExplorationDecision | None:
     made = decisions(mission) if mission.contract else ()
     found = next((one for one in made if one.leg == leg), made[-1] if made and not leg else None)
     if found is None and leg:
-        raise UnknownName(f"This mission chose no target {leg[:40]}", do=N_("choose one from its exploration"))
+        raise UnknownName(because("unknown_target", leg=leg[:40]))
     return found
 
 

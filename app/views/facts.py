@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from app.i18n.catalogues import N_
 from app.views.evidence import PacketView, packet_view
 from app.views.shell import Shell
 from app.views.timeline import TimelineEntry
@@ -11,6 +10,7 @@ from harness.contracts.errors import UnknownName
 from harness.contracts.events import NodeCommitted, PacketRetained
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import because
 from harness.contracts.verdicts import ConditionResult
 from harness.projections.mission import Mission
 
@@ -51,10 +51,8 @@ def fact_page(
     found = gate.event.facts if gate is not None and isinstance(gate.event, NodeCommitted) else ()
     fact = next((one for one in found if one.condition_id == condition_id), None)
     if fact is None or gate is None or kept is None or not isinstance(kept.event, PacketRetained):
-        raise UnknownName(
-            f"Packet {packet_id} led to no accepted fact {condition_id}", do=N_("choose one from the mission's facts")
-        )
-    packet = packet_view(mission.mission_id, kept.event.packet, entries, check=check, contract=mission.contract)
+        raise UnknownName(because("packet_without_fact", packet_id=packet_id, condition_id=condition_id))
+    packet = packet_view(mission, kept.event.packet, entries, check=check)
     results = packet.verdict.results if packet.verdict else ()
     return FactPage(
         shell=shell,

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
+from app.i18n.languages import explained
 from app.i18n.messages import lazy_gettext
 from app.views.preview import Preview
 from app.views.readings import ReadingView
@@ -154,10 +155,11 @@ def start_page(
 
 def about_field(error: HarnessError, typed: Mapping[str, str], template: TaskTemplate) -> Wrong:
     """An error of the compiler beside the field it is about: the one it names, or whose value it quotes."""
-    said = str(error)
+    said = explained(error)
+    facts = error.reason.facts.values()
     for parameter in template.parameters:
         value = typed.get(parameter.name, "").strip()
-        if f"argument {parameter.name}" in error.where or (value and repr(value[:80]) in said):
+        if f"argument {parameter.name}" in error.where or (value and (value[:80] in facts or repr(value[:80]) in said)):
             return Wrong(parameter.name, said)
     return Wrong("", said)
 

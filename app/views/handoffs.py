@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned, word
+from app.i18n.task_texts import bound_text, task_text
 from app.views import list_params
 from app.views.handoff_question import ACTIONS, ShownQuestion, shown_question
 from app.views.history import HistoryLine, ShownDifference
@@ -182,7 +183,7 @@ def title(handoff: Handoff, mission: Mission | None) -> str:
     opened = handoff.opened
     if opened is None:
         return lazy_gettext("Handoff {handoff_id}", handoff_id=handoff.handoff_id)
-    stage = stage_sentence(mission, opened.node_id) if mission is not None else ""
+    stage = task_text(stage_sentence(mission, opened.node_id), mission.contract) if mission is not None else ""
     return asking(opened.robot_id, stage or word(opened.node_id), waits=handoff.waits)
 
 
@@ -195,7 +196,9 @@ def asking(robot: str, stage: str, *, waits: bool) -> str:
 
 def question(item: HandoffItem) -> str:
     """The title of a question in a list."""
-    return asking(item.robot_id, item.stage or word(item.node_id), waits=waits(item))
+    bindings = {name: {"name": value} for name, value in item.names.items()}
+    stage = bound_text(item.stage, item.template, bindings)
+    return asking(item.robot_id, stage or word(item.node_id), waits=waits(item))
 
 
 def waits(item: HandoffItem) -> bool:

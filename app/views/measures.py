@@ -1,13 +1,15 @@
 """Shapes numbers, with units taken from their names, and measured values beside their bounds."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import listed, word
+from app.i18n.task_texts import told
+from harness.contracts.tasks import TaskContract
 from harness.contracts.verdicts import ConditionResult
 
 DIGEST = re.compile("[0-9a-f]{64}")
@@ -105,8 +107,11 @@ def condition_row(result: ConditionResult) -> ConditionRow:
     return ConditionRow(result=result, measures=tuple(first), others=tuple(one for one in every if one not in first))
 
 
-def condition_rows(results: Iterable[ConditionResult]) -> tuple[ConditionRow, ...]:
-    return tuple(map(condition_row, results))
+def condition_rows(
+    results: Sequence[ConditionResult], contract: TaskContract | None = None
+) -> tuple[ConditionRow, ...]:
+    """A row for each result; the contract lets the texts of its template be said in every language."""
+    return tuple(map(condition_row, told(results, contract)))
 
 
 def leading(measured: Mapping[str, float]) -> tuple[Measure, ...]:

@@ -1,13 +1,12 @@
 """Shapes the list of missions, and the head of the page of one mission."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext, reasoned, word
+from app.i18n.messages import lazy_gettext, reasoned
 from app.views import list_params
-from app.views.measures import ConditionRow, condition_row, fields
+from app.views.measures import ConditionRow, condition_rows, fields
 from app.views.shell import Shell
 from app.views.timeline import TimelineEntry
 from harness.contracts.events import MissionEnded
@@ -20,8 +19,6 @@ from harness.projections.mission import Mission, declared_goals
 from harness.projections.missions_list import current_stage
 
 PATH = "/missions"
-IN_PART = re.compile(r"(?P<done>\d+) of (?P<count>\d+) stages accepted, (?P<declared>\d+) declared")
-"""The stage of a mission that is over with declared stages, as the list keeps it."""
 GROUPS: tuple[tuple[str, str, dict[str, str]], ...] = (
     ("", "all", {}),
     ("running", "running", {"open": "yes"}),
@@ -83,17 +80,6 @@ class MissionsPage:
     live: bool
     query: str
     total: int
-
-
-def listed_stage(text: str) -> str:
-    """As the list keeps it; "circuit, 2 of 3" in every language."""
-    if ended := IN_PART.fullmatch(text):
-        return lazy_gettext("{done} of {count} stages accepted, {declared} declared", **ended.groupdict())
-    name, _, place = text.rpartition(", ")
-    done, _, count = place.partition(" of ")
-    return (
-        lazy_gettext("{stage}, {done} of {count}", stage=word(name), done=done, count=count) if name and count else text
-    )
 
 
 def tabs(
@@ -192,7 +178,7 @@ def sentence(mission: Mission) -> str:
         case "succeeded":
             return N_("The original completion conditions are satisfied.")
         case _:
-            return current_stage(mission)
+            return reasoned(current_stage(mission))
 
 
 def tone(status: str) -> str:
@@ -235,7 +221,7 @@ def goal_conditions(mission: Mission) -> tuple[ConditionRow, ...]:
     declared = {condition.condition_id for condition in declared_goals(mission)}
     return tuple(
         replace(row, declared=row.result.condition_id in declared and row.result.verdict == "ambiguous")
-        for row in map(condition_row, mission.goal_verdict.results)
+        for row in condition_rows(mission.goal_verdict.results, mission.contract)
     )
 
 

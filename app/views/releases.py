@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext
+from app.i18n.messages import lazy_gettext, reasoned
 from app.views.canary import CanaryPanel, canary_panel
 from app.views.review import policy_sentence
 from app.views.shell import Shell
@@ -117,7 +117,7 @@ def releases_page(
                 configuration=name,
                 state=state,
                 review=by_configuration.get(name),
-                quarantined=pointer.quarantined[name].reason if name in pointer.quarantined else "",
+                quarantined=reasoned(pointer.quarantined[name].reason) if name in pointer.quarantined else "",
                 missions=around.pins.get(name, ()),
             )
             for name, state in around.versions.items()

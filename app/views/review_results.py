@@ -8,6 +8,7 @@ from app.i18n.messages import word
 from app.views.list_params import address
 from app.views.shell import Shell
 from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.values import Value
 from rsi_reviews import contracts
 from rsi_reviews.bounds import paired
 from rsi_reviews.projections import Review
@@ -23,8 +24,7 @@ CHANGES = ("", N_("pass to fail"), N_("fail to pass"), "worse", "better", "same"
 ORDER = {change: place for place, change in enumerate(CHANGES)}
 
 
-@dataclass(frozen=True)
-class CaseRow:
+class CaseRow(Value):
     """One case under both configurations. `before` and `after` are the declared metric, `change` which way it went."""
 
     case: str

@@ -6,6 +6,7 @@ from math import hypot
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed, reasoned, word
+from app.i18n.task_texts import task_text
 from app.views.measures import Measure, quantity
 from app.views.timeline import TimelineEntry
 from harness.contracts.effects import Metric
@@ -162,7 +163,7 @@ def _stage(
     verdict = state.verdicts[-1].verdict if state.verdicts else ""
     return Stage(
         node_id=node.node_id,
-        title=node.subgoal,
+        title=task_text(node.subgoal, mission.contract),
         state=_colour(state),
         status=_status(state, now),
         verdict=verdict,

@@ -9,16 +9,20 @@ from urllib.parse import quote
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
+from msgspec import to_builtins
 from starlette.exceptions import HTTPException
 from starlette.responses import HTMLResponse, Response
 from starlette.types import Scope
 
 from app.auth.next_url import OVERVIEW, safe_next_url
 from app.auth.permissions import NotPermitted
-from app.i18n.catalogues import N_
+from app.i18n import languages
+from app.i18n.catalogues import ENGLISH, N_
+from app.i18n.reasons import rendering as reasons
 from app.views.readings import question_json
 from app.web.rendering import render
 from harness.contracts import errors
+from harness.contracts.reasons import Reason
 
 STATUS: tuple[tuple[type[errors.HarnessError], int], ...] = (
     (NotPermitted, 403),
@@ -137,8 +141,12 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(errors.HarnessError)
     def harness_error(request: Request, error: errors.HarnessError) -> Response:
         status = next((number for kind, number in STATUS if isinstance(error, kind)), 500)
-        more = question_json(error.question) if isinstance(error, errors.GoalNotUnderstood) else None
-        return told(request, status=status, code=error.code, what=error.what, where=error.where, do=error.do, more=more)
+        language = ENGLISH if _for_programs(request) else languages.CHOICE.get().language
+        what, do = reasons.sentence(error.what, language), reasons.remedy(error, language)
+        more = {"reason": to_builtins(error.what)} if isinstance(error.what, Reason) else {}
+        if isinstance(error, errors.GoalNotUnderstood):
+            more |= question_json(error.question)
+        return told(request, status=status, code=error.code, what=what, where=error.where, do=do, more=more)
 
     @app.exception_handler(RequestValidationError)
     def invalid(request: Request, error: RequestValidationError) -> Response:
@@ -161,10 +169,15 @@ def told(
     do: str,
     more: Mapping[str, Any] | None = None,
 ) -> Response:
-    """One failure as a problem for /api/, with `more` in it, else as a page."""
-    if request.url.path.startswith("/api/"):
+    """One failure as a problem for /api/, to which `more` is added, else as a page."""
+    if _for_programs(request):
         return problem(status, code=code, title=what, detail=f"{what}. {where}".strip(), do=do, more=more)
     page: HTMLResponse = render(
         "error.html", ErrorPage(status=status, title=what, what="", where=where, do=do), status=status
     )
     return page
+
+
+def _for_programs(request: Request) -> bool:
+    """Programs are answered in English."""
+    return request.url.path.startswith("/api/")

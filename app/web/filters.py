@@ -10,6 +10,7 @@ import msgspec
 from markupsafe import escape
 
 from app.i18n.messages import lazy_gettext, listed, word
+from app.i18n.task_texts import task_text
 from app.views import (
     alerts,
     canary,
@@ -31,6 +32,7 @@ from app.views import (
     timeline,
 )  # fmt: skip
 from harness.contracts.values import encode
+from rsi_reviews.clause_reasons import clause_reason
 from rsi_reviews.difference import NAMES
 
 
@@ -145,6 +147,8 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "component": NAMES.__getitem__,
     "condition_rows": measures.condition_rows,
     "goal_conditions": missions.goal_conditions,
+    "task_text": task_text,
+    "clause_reason": clause_reason,
     "declared": evidence.declared,
     "degrees": degrees,
     "event_family": timeline.family,
@@ -161,7 +165,6 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "leading": measures.leading,
     "length_m": places.length_m,
     "line_kind": review.line_kind,
-    "listed_stage": missions.listed_stage,
     "memory_tone": lambda standing: memory.TONES.get(standing, "plain"),
     "metric": candidates.metric,
     "mission_sentence": missions.sentence,

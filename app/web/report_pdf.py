@@ -15,7 +15,7 @@ from fpdf.enums import XPos, YPos
 from fpdf.fonts import FontFace, TTFFont
 from fpdf.image_parsing import preload_image
 
-from app.i18n.catalogues import ENGLISH, N_
+from app.i18n.catalogues import ENGLISH
 from app.i18n.languages import localise
 from app.i18n.messages import lazy_gettext, word
 from app.views.missions import sentence
@@ -23,6 +23,7 @@ from app.views.readings import clause_verdicts, goal_words, source_words
 from app.views.report import DeclaredResult, ReportPage, ReportPicture
 from app.web.filters import clock, duration, instant, words
 from harness.contracts.errors import HarnessError
+from harness.contracts.reasons import because
 
 FONT, CHINESE = "DejaVu", "Droid"
 LETTERS, HANZI = "dejavu-2.37", "droid-fallback-6.0.1/DroidSansFallback.ttf"
@@ -342,7 +343,7 @@ def _height(paper: _Paper, body: bytes, blob: str, mission_id: str) -> float:
         _, _, info = preload_image(paper.image_cache, BytesIO(body))
     except (OSError, ValueError) as error:
         raise PictureUnreadable(
-            f"Picture {blob[:12]} cannot be drawn: {error}", where=mission_id, do=N_("see the printable report")
+            because("picture_unreadable", blob=blob[:12], error=str(error)), where=mission_id
         ) from error
     return PICTURE_MM * info.height / info.width
 

@@ -106,7 +106,11 @@ def _node(name: str, *, after: Sequence[str], resource: ResourceId) -> dict[str,
             {
                 "condition_id": f"{name}.said",
                 "text": "The bytes on record are the goal",
-                "effect": {"type": "symbolic", "predicate": "transcript", "arguments": {"digest": "${goal.digest}"}},
+                "effect": {
+                    "type": "symbolic",
+                    "predicate": "recorded_request",
+                    "arguments": {"digest": "${goal.digest}"},
+                },
             }
         ],
     }

@@ -1,4 +1,4 @@
-"""Fault campaigns: `python -m experiments.campaigns run`, `replay SEED`, `check simulation|races|suspended|hammer`.
+"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `replay SEED`, `check NAME`.
 
 `run` does everything, prints what it found and publishes it where it was of the full size (or with --publish).
 CAMPAIGN_MISSIONS and CAMPAIGN_SEED, or --missions and --seed, ask for another run; a smaller one leaves docs/ alone.
@@ -13,8 +13,10 @@ from typing import Any, get_args
 
 import msgspec
 
+from experiments.campaigns import recovery_steps
 from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.damage import DamageReport, damages
+from experiments.campaigns.declared import declared_offences
 from experiments.campaigns.hammer import HammerReport, hammer
 from experiments.campaigns.kills import KillReport, kill_campaign
 from experiments.campaigns.mission import played
@@ -32,6 +34,7 @@ from experiments.campaigns.workers import WorkersReport, worked_missions
 from harness.contracts.ids import sha256
 
 MISSIONS, SEED = 100_000, 1
+MISSIONS_EACH = 20
 PROCESSES = 2
 FULL = {
     "answers": 1000,
@@ -83,6 +86,10 @@ def main() -> None:
     whole.add_argument("--processes", type=int, default=PROCESSES)
     whole.add_argument("--only", default="", choices=("", *PARTS), help="one campaign; what is published else, stays")
     whole.add_argument("--publish", action="store_true", help="write docs/ although the run is smaller")
+    steps = commands.add_parser("recovery", help="how often each recovery step helped")
+    steps.add_argument("--missions", type=int, default=MISSIONS_EACH, help="missions for each fault and template")
+    steps.add_argument("--seed", type=int, default=SEED)
+    steps.add_argument("--publish", action="store_true", help="write docs/recovery.md")
     again = commands.add_parser("replay", help="one mission of a simulation, with all that happened")
     again.add_argument("seed", type=int)
     check = commands.add_parser("check", help="one campaign, until the first offence")
@@ -93,6 +100,8 @@ def main() -> None:
     match asked.command:
         case "run":
             _run(asked)
+        case "recovery":
+            recovery_steps.run(asked)
         case "replay":
             _replay(asked.seed)
         case _:
@@ -209,6 +218,8 @@ def _check(asked: argparse.Namespace) -> None:
         case "hammer":
             hammered = hammer(QUICK_DECISIONS, seed=asked.seed, callers=2, between_s=QUICK_KILLS_S)
             found = next(iter(hammered.offences), "")
+        case "declared":
+            found = next(declared_offences(seed=asked.seed), "")
         case _:
             found = next(iter(suspensions(2).offences), "")
     if found:

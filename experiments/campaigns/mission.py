@@ -17,10 +17,13 @@ from experiments.campaigns.wire import FaultyWire, SteppedClock, WiredProvider, 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
 from harness.adapters.providers.intake import TextIntake
+from harness.adapters.providers.lidar import PassageSweep
 from harness.adapters.providers.messaging.delivery import OutboxDelivery
 from harness.adapters.providers.messaging.memory import MemoryOutbox
+from harness.adapters.providers.messaging.read_back import MemoryReader, MessageReadBack
 from harness.adapters.providers.models.analysis import OpenCvAnalysis
-from harness.adapters.providers.speech.speaker import PacedSpeaker
+from harness.adapters.providers.speech.microphone import RoomMicrophone
+from harness.adapters.providers.speech.speaker import RoomSpeaker
 from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.baseline.load import read_yaml
@@ -29,7 +32,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted
 from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.ids import Digest, MissionId, RobotId
-from harness.contracts.ports import Batch, LogHead, Provider, Record, StoredEvent
+from harness.contracts.ports import Batch, IndependentSource, LogHead, Provider, Record, StoredEvent
 from harness.contracts.protocol import PhysicalStart
 from harness.contracts.reasons import plain
 from harness.contracts.tasks import TaskTemplate
@@ -39,6 +42,7 @@ from harness.projections.mission import Mission
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from simulator.camera import CAMERA
+from simulator.room import SimulatedRoom
 from simulator.truth import Truth
 
 ROBOT = RobotId("vbot-1")
@@ -105,7 +109,7 @@ def played(plan: MissionPlan) -> Iterator[Played]:
         stack.callback(host.close)
         clock = SteppedClock(LockstepClock(host.advance, at_s=host.at_s, wall=lambda: host.at_s), plan, struck)
         wire = FaultyWire(plan, clock, struck)
-        store, outbox = WatchedStore(), WatchedOutbox()
+        store, outbox, room = WatchedStore(), WatchedOutbox(), SimulatedRoom()
         parts = Parts(
             store=store,
             blobs=MemoryBlobStore(),
@@ -119,7 +123,8 @@ def played(plan: MissionPlan) -> Iterator[Played]:
             HarnessSettings(speed=0, fidelity="kinematic"),
             parts,
             robot=WiredRobot(host, wire),
-            local=_local(parts, outbox, wire),
+            local=_local(parts, outbox, room, wire),
+            sources=_sources(parts, outbox, room),
             configure=lambda mission: _configure(host, mission),
             revive=host.revive,
         )
@@ -174,14 +179,24 @@ def _configure(host: RobotHost, mission: Mission) -> None:
         return
 
 
-def _local(parts: Parts, outbox: WatchedOutbox, wire: FaultyWire) -> list[Provider]:
+def _sources(parts: Parts, outbox: WatchedOutbox, room: SimulatedRoom) -> list[IndependentSource]:
+    """What measures beside the providers. It is not behind the wire: the harness reads it by itself."""
+    keep = parts.blobs.put
+    return [
+        MessageReadBack(MemoryReader(outbox), keep=keep),
+        PassageSweep(keep=keep),
+        RoomMicrophone(room, keep=keep, read=parts.blobs.get),
+    ]
+
+
+def _local(parts: Parts, outbox: WatchedOutbox, room: SimulatedRoom, wire: FaultyWire) -> list[Provider]:
     """The providers beside the harness, each behind the wire, without journals on a disk."""
     clock, blobs = parts.clock, parts.blobs
     made: list[Provider] = [
         TextIntake(clock=clock, blobs=blobs, journal=None),
         OpenCvAnalysis(CAMERA, clock=clock, blobs=blobs, journal=None),
         OutboxDelivery(outbox, clock=clock, blobs=blobs, journal=None),
-        EspeakVoice(PacedSpeaker(), clock=clock, blobs=blobs, journal=None),
+        EspeakVoice(RoomSpeaker(room), clock=clock, blobs=blobs, journal=None),
     ]
     return [WiredProvider(_always(one), wire, card=one.card, local=True) for one in made]
 

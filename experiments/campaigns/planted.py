@@ -17,7 +17,7 @@ from typing import Literal
 from experiments.campaigns.regen import ROOT
 from harness.contracts.values import Value
 
-Check = Literal["simulation", "races", "suspended", "hammer"]
+Check = Literal["simulation", "races", "suspended", "hammer", "declared"]
 LEFT_BEHIND = ("__pycache__", "*.pyc")
 COPIED = ("harness", "simulator", "experiments", "tools")
 PREDICATES = 'return ""'
@@ -143,6 +143,42 @@ BUGS: tuple[Bug, ...] = (
                 function="Gate._append",
                 old="self._store.append(batches, (*records, *commands), now)",
                 new="for batch in batches:\n            self._store.append([batch], (*records, *commands), now)",
+            ),
+        ),
+    ),
+    Bug(
+        name="provider's word taken as level 1",
+        check="declared",
+        edits=(
+            Edit(
+                file="harness/verification/independence.py",
+                function="derived_independence",
+                old="levels.append(0)",
+                new="levels.append(1)",
+            ),
+        ),
+    ),
+    Bug(
+        name="declared effect committed",
+        check="declared",
+        edits=(
+            Edit(
+                file="harness/gate/completion.py",
+                function="complete",
+                old="_declared(mission, command, effects)",
+                new="_committed(mission, command)",
+            ),
+        ),
+    ),
+    Bug(
+        name="goal met on a provider's word",
+        check="declared",
+        edits=(
+            Edit(
+                file="harness/gate/goal.py",
+                function="_partly",
+                old='status="partly_verified"',
+                new='status="succeeded"',
             ),
         ),
     ),

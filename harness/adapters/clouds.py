@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pypcd4.pypcd4 import PointCloud
 
 from harness.contracts.errors import CloudInvalid
+from harness.contracts.reasons import because
 
 LARGEST_BYTES = 2 * 2**30
 MOST_POINTS = 50_000_000
@@ -21,7 +22,6 @@ FARTHEST_M = 1e8
 _HEADER = re.compile(rb"POINTS\s+(\d+)", re.IGNORECASE)
 _VERTICES = re.compile(rb"element\s+vertex\s+(\d+)")
 _HEAD_BYTES = 8192
-_DO = "export it again as PCD or PLY with x, y and z"
 
 
 def read_cloud(file: Path, *, metres_per_unit: float = 1.0) -> tuple[NDArray[np.float64], int]:
@@ -70,4 +70,4 @@ _READERS: Mapping[str, Callable[[Path], NDArray[np.float64]]] = MappingProxyType
 
 
 def _invalid(why: str, file: Path) -> CloudInvalid:
-    return CloudInvalid(f"The point cloud cannot be used: {why}", where=str(file), do=_DO)
+    return CloudInvalid(because("cloud_unusable", why=why), where=str(file))

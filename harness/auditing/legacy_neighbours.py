@@ -3,6 +3,7 @@
 from harness.contracts import commands, handoff_commands, handoff_events, lease_events
 from harness.contracts.actors import Actor
 from harness.contracts.errors import LogDamaged
+from harness.contracts.reasons import because
 from harness.projections.handoffs import Handoff
 
 HandoffTurned = (
@@ -136,7 +137,7 @@ def _approval(handoff: Handoff, event: handoff_events.HandoffApproved, claim: st
     """Where an earlier release did not store the fresh observation, the shown snapshot replaces it."""
     opened = handoff.opened
     if opened is None:
-        raise LogDamaged("An answer stands before the question it answers", where="HandoffApproved")
+        raise LogDamaged(because("answer_before_question"), where="HandoffApproved")
     return commands.ApproveHandoff(
         actor=event.actor,
         reason=event.reason,

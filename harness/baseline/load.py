@@ -11,6 +11,7 @@ import yaml
 from harness.contracts.configuration import Configuration, ContextRules, RecoveryPolicy, RoutingPreferences
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.places import Site
+from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Value, decode
 from harness.recovery.policy import check_policy
@@ -80,21 +81,21 @@ def read_yaml(text: str, kind: type[T], *, where: str) -> T:
     of a few lines can otherwise unfold to gigabytes.
     """
     if len(text) > LONGEST_TEXT:
-        raise ContractInvalid(
-            f"The text has {len(text)} characters, at most {LONGEST_TEXT} are read", where=where, do="split it"
-        )
+        raise ContractInvalid(because("text_too_long", characters=len(text), limit=LONGEST_TEXT), where=where)
     try:
         _check_events(text, where)
         built = yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
-        raise ContractInvalid(f"It is not YAML as expected: {_line(error)}", where=where, do="correct it") from error
+        raise ContractInvalid(because("yaml_invalid", error=_line(error)), where=where) from error
     except ValueError as error:
-        raise ContractInvalid(f"A value cannot be read: {error}", where=where, do="correct it") from error
+        raise ContractInvalid(because("value_unreadable", error=str(error)), where=where) from error
     try:
         return msgspec.convert(built, kind, strict=True)
     except msgspec.ValidationError as error:
         what, _, path = str(error).partition(" - at `")
-        raise ContractInvalid(what, where=f"{where}, {path.rstrip('`') or '$'}", do="correct this field") from error
+        raise ContractInvalid(
+            because("field_invalid", error=what), where=f"{where}, {path.rstrip('`') or '$'}"
+        ) from error
 
 
 class _Loader(yaml.SafeLoader):
@@ -116,13 +117,13 @@ def _check_events(text: str, where: str) -> None:
     for event in yaml.parse(text, Loader=yaml.SafeLoader):
         line = event.start_mark.line + 1 if event.start_mark else 0
         if isinstance(event, yaml.AliasEvent):
-            raise ContractInvalid(f"Line {line} uses an alias", where=where, do="write the value out where it is used")
+            raise ContractInvalid(because("yaml_alias", line=line), where=where)
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
         if depth > DEEPEST:
-            raise ContractInvalid(f"Line {line} is nested over {DEEPEST} deep", where=where, do="write it flatter")
+            raise ContractInvalid(because("yaml_too_deep", line=line, limit=DEEPEST), where=where)
 
 
 def _line(error: yaml.YAMLError) -> str:

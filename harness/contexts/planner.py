@@ -2,7 +2,7 @@
 
 Records, by kind: "goal" (Goal); "frontier" (list of FrontierNode, the eligible nodes in graph order); "facts" (list of
 CommittedFact, one record per node); "place" (Place) and "map"; "robot" (RobotStatus); "observation" (a sample);
-"observed" (EvidenceReference); "failures" (CoarseFailures, one per node); "history" (counts by name and class).
+"observed" (EvidenceReference); "failures" (CoarseFailures, one per node: the coarse history).
 """
 
 from collections import Counter
@@ -51,8 +51,6 @@ def planner_context(view: StateView) -> Context:
         *observed_references(view),
         *_failures(view),
     ]
-    if view.history:
-        items.append(SelectionItem(accepted("history", "missions", view.history, at_s=view.at_s)))
     return compile_context(
         view,
         items,

@@ -16,6 +16,7 @@ from harness.contracts.configuration import SPENDING, FailureClass, RecoveryActi
 from harness.contracts.contexts import Context
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import NodeId, ProviderId
+from harness.contracts.reasons import because
 from harness.contracts.values import Positive, Share, Value
 from harness.projections.mission import Failure
 
@@ -59,7 +60,7 @@ def recovery_context(view: StateView, node_id: NodeId, alternatives: tuple[Capab
     state = view.mission.of(node_id)
     if state.failure is None:
         raise ContractInvalid(
-            f"Node {node_id} has no failure to recover from", where=f"mission {view.mission.mission_id}"
+            because("no_failure_to_recover", node_id=node_id), where=f"mission {view.mission.mission_id}"
         )
     items = [
         SelectionItem(accepted("failure", node_id, state.failure, at_s=state.failure.at_s, mandatory=True)),

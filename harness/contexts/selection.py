@@ -142,9 +142,8 @@ def _within_budget(items: list[SelectionItem], selection: Selection) -> tuple[li
     mandatory = [item for item in items if item.record.mandatory]
     if len(mandatory) > selection.budget:
         raise ContextOverflow(
-            f"{len(mandatory)} mandatory records do not fit the {selection.role}'s budget of {selection.budget}",
+            because("context_overflow", records=len(mandatory), role=selection.role, budget=selection.budget),
             where=f"context of {selection.node_id or 'the goal'}: {', '.join(item.record.kind for item in mandatory)}",
-            do="split the node, or cite fewer packets",
         )
     excess = len(items) - selection.budget
     optional = sorted((item for item in items if not item.record.mandatory), key=lambda item: item.record.at_s)

@@ -23,11 +23,15 @@ from harness.contracts.values import Count, Value
 
 
 class SkillAttempt(Value):
-    """Which attempt comes next, and what recovery authorised it; no action: the first, free one (D24)."""
+    """Which attempt comes next, and what recovery authorised it; no action: the first, free one (D24).
+
+    `heeds_examples`: a repeated motion heeds what worked here. Contexts of older releases do not say so.
+    """
 
     attempt: Count
     action: RecoveryAction | None = None
     failure: FailureClass | None = None
+    heeds_examples: bool = True
 
 
 def skill_context(view: StateView, node_id: NodeId, card: CapabilityCard) -> Context:

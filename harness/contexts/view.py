@@ -22,9 +22,8 @@ class StateView(Value):
 
     `at_s` is mission time. `recent` are the newest samples, oldest first. `examples` are verified operational
     examples (kind "example"), `proposals` what planners and models proposed (kind "intention"): C2 may read both, C3
-    neither. `history` counts failures coarsely: name -> failure class -> how many. `recovery` is the pinned
-    configuration's policy: without it C4 carries no ladder. `origins`: the process or address behind each provider
-    and each source of samples. `measured` is what independent sources found just now.
+    neither. `recovery` is the pinned configuration's policy: without it C4 carries no ladder. `origins`: the process or
+    address behind each provider and each source of samples. `measured` is what independent sources found just now.
     """
 
     mission: Mission
@@ -35,7 +34,6 @@ class StateView(Value):
     recent: tuple[AnySample, ...] = ()
     examples: tuple[ContextRecord, ...] = ()
     proposals: tuple[ContextRecord, ...] = ()
-    history: dict[str, dict[str, float]] = msgspec.field(default_factory=dict)
     recovery: RecoveryPolicy | None = None
     origins: dict[str, str] = msgspec.field(default_factory=dict)
     measured: tuple[EvidenceReference, ...] = ()

@@ -19,7 +19,7 @@ from harness.contracts.place_events import PlaceCommand
 from harness.contracts.places import Otherwise
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.protocol import InvocationStatus
-from harness.contracts.reasons import Explanation
+from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.rules import FIRST_RULES, RulesVersion
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name
@@ -163,7 +163,7 @@ class AnswerMission(Command, tag=True):
 
 class PauseMission(Command, tag=True):
     actor: Actor
-    reason: Name
+    reason: Name | Reason
 
 
 class ResumeMission(Command, tag=True):
@@ -229,6 +229,7 @@ MissionCommand = (
     | AuthoriseWait
     | FailNode
     | revision_commands.ReviseContract
+    | revision_commands.ReviseToRecover
     | revision_commands.TightenConstraints
     | AskPerson
     | revision_commands.DisputeCompletion

@@ -11,6 +11,7 @@ from harness.contracts.decisions import Decision
 from harness.contracts.errors import LogDamaged, StoreNewer
 from harness.contracts.ids import Digest
 from harness.contracts.ports import NewEvent, StoredEvent
+from harness.contracts.reasons import because
 from harness.contracts.stored_commands import with_command, without_command
 from harness.contracts.upcasting import UPCASTERS, Upcaster, Upcasting, name_of
 from harness.contracts.values import Moment, encode
@@ -44,16 +45,14 @@ class Codec(Generic[Event]):
                 return event
             if "@" in stored.kind and stored.kind != self._upcasting.written(name_of(stored.kind)):
                 raise StoreNewer(
-                    f"Event {stored.kind} was written by a later release",
+                    because("event_newer", kind=stored.kind),
                     where=f"position {stored.position}, stream {stored.stream}",
-                    do="install the newer version of the program",
                 )
             return self._decoder.decode(body)
         except (msgspec.DecodeError, LookupError, TypeError, ValueError) as error:
             raise LogDamaged(
-                f"Event {stored.kind} cannot be read: {error}",
+                because("event_unreadable", kind=stored.kind, error=str(error)),
                 where=f"position {stored.position}, stream {stored.stream}",
-                do="run `regen audit verify`; if the log is sound, this release is older than the one that wrote it",
             ) from error
 
 

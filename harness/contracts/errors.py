@@ -22,19 +22,33 @@ HarnessError                 something went wrong that a person can act on
 └── RecordingInvalid         a recording cannot be read: truncated, empty, of another encoding
 
 A refusal is not an error: it is a value (`decisions.Refused`).
+
+An error that a person may read carries a reason, a code with facts; its sentence and what to do about it stand in the
+app's tables by that code. `str(error)` is for logs and exceptions: code and facts, in no language.
 """
 
 from harness.contracts.readings import ReadingQuestion
+from harness.contracts.reasons import Explanation, Reason, plain, recorded
 
 
 class HarnessError(Exception):
-    """Something went wrong. `what` happened, `where`, and what to `do` now."""
+    """Something went wrong. `what` happened, and `where`.
+
+    `do` is what to do now, where it does not follow from the code of `what`. Text is shown unchanged: what another
+    program said, or what only a developer reads.
+    """
 
     code = "harness_error"
 
-    def __init__(self, what: str, *, where: str = "", do: str = "") -> None:
-        super().__init__(". ".join(part.rstrip(".") for part in (what, where and f"Where: {where}", do) if part) + ".")
+    def __init__(self, what: Explanation, *, where: str = "", do: Explanation = "") -> None:
+        said = (plain(what).rstrip("."), where and f"Where: {where}", plain(do))
+        super().__init__(". ".join(part.rstrip(".") for part in said if part) + ".")
         self.what, self.where, self.do = what, where, do
+
+    @property
+    def reason(self) -> Reason:
+        """What happened, as events and refusals keep it."""
+        return self.what if isinstance(self.what, Reason) else recorded(self.what)
 
 
 class ContractInvalid(HarnessError):
@@ -46,7 +60,7 @@ class GoalNotUnderstood(ContractInvalid):
 
     code = "goal_not_understood"
 
-    def __init__(self, what: str, *, question: ReadingQuestion, where: str = "", do: str = "") -> None:
+    def __init__(self, what: Explanation, *, question: ReadingQuestion, where: str = "", do: Explanation = "") -> None:
         super().__init__(what, where=where, do=do)
         self.question = question
 

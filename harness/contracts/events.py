@@ -317,7 +317,7 @@ class OperatorRetryGranted(Event, tag=True):
 
 class MissionPaused(Event, tag=True):
     actor: Actor
-    reason: str
+    reason: Explanation
 
 
 class MissionResumed(Event, tag=True):

@@ -7,8 +7,8 @@ import msgspec
 from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.ids import Digest, NodeId, ProviderId
 from harness.contracts.protocol import Parameters
-from harness.contracts.reasons import Explanation
-from harness.contracts.values import Count, Name, Value
+from harness.contracts.reasons import Explanation, Reason
+from harness.contracts.values import Count, Name, Share, Value
 
 Filter = Literal["capability", "embodiment", "parameters", "preconditions", "freshness", "safety", "excluded", ""]
 
@@ -67,3 +67,23 @@ class RecoveryProposal(Value):
     cost: Count
     reason: Explanation
     refused: tuple[Explanation, ...] = ()
+
+
+class ProviderHistory(Value):
+    """Verified outcomes of one provider at the stage's place; `penalty` is the history input of its score, 0 to 1."""
+
+    provider_id: ProviderId
+    place: str
+    judged: Count
+    failed: Count
+    penalty: Share
+
+
+class RoutingExplanation(Value):
+    """One decision: every candidate with its terms, what history held of those that passed, and why this one."""
+
+    node_id: NodeId
+    candidates: tuple[ProviderCandidate, ...]
+    chosen: ProviderId | None
+    history: tuple[ProviderHistory, ...]
+    reason: Reason

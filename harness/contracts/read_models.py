@@ -26,7 +26,7 @@ class MissionItem(Value):
     template: str
     robot_id: str
     status: str
-    stage: str
+    stage: Explanation
     verdict: str
     began_s: float
     ended_s: float | None
@@ -65,7 +65,7 @@ class HandoffItem(Value):
     """One handoff in a list. `seq` is the position of its first event; wall times.
 
     `answered` is who decided and why, or how it ended; `holder` who has claimed it or controls the robot; `stage` the
-    sentence of its stage in the contract, empty where the mission has none.
+    sentence of its stage in the contract, empty where the mission has none, bound with `names` from its `template`.
     """
 
     seq: Count
@@ -77,6 +77,8 @@ class HandoffItem(Value):
     holder: str
     node_id: str
     stage: str
+    template: str
+    names: dict[str, str]
     status: str
     failure: str
     opened_at_s: float

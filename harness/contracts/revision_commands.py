@@ -2,6 +2,7 @@
 
 from harness.contracts.actors import Actor, Command
 from harness.contracts.ids import ConditionId, Digest, HandoffId, NodeId
+from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.reasons import Explanation
 from harness.contracts.tasks import Constraints, TaskContract
 from harness.contracts.values import Name
@@ -12,6 +13,22 @@ class ReviseContract(Command, tag=True):
 
     node_id: NodeId
     contract: TaskContract
+    planner: Name
+    reason: Explanation
+
+
+class ReviseToRecover(Command, tag=True):
+    """A recovery step that changes what failed: another route, or a view from elsewhere. It is paid for as proposed.
+
+    `reopened` stages begin again, since what they saw is to be seen anew; `context` is the C4 it was proposed from.
+    """
+
+    node_id: NodeId
+    contract: TaskContract
+    reopened: tuple[NodeId, ...]
+    proposal: RecoveryProposal
+    signature: Signature
+    context: Digest
     planner: Name
     reason: Explanation
 

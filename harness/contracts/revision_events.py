@@ -15,11 +15,12 @@ class GraphRevised(Event, tag=True):
     """(k+1) The graph was revised; goal, completion conditions and committed history stay (R4, D29).
 
     `reopened` stages, `responsible` first, begin again; their earlier results are kept as superseded. `contract` is the
-    revised one, none if only stages were reopened. The revision costs `responsible` one local_replan.
+    revised one, none if only stages were reopened. It costs `responsible` one local_replan; with cause recovery the
+    step in the same commit paid for it.
     """
 
     revision: Count
-    cause: Literal["goal", "planner"]
+    cause: Literal["goal", "planner", "recovery"]
     responsible: NodeId
     reopened: tuple[NodeId, ...]
     reason: Explanation

@@ -16,7 +16,7 @@ RulesVersion = Annotated[int, msgspec.Meta(ge=1, le=2)]
 """
 FIRST_RULES: RulesVersion = 1
 """Of missions whose log names none."""
-CURRENT_RULES: RulesVersion = 1
+CURRENT_RULES: RulesVersion = 2
 """What new missions are compiled under."""
 LINEAGE: RulesVersion = 2
 """The first version that records where each level comes from, and knows effects that are only declared."""
@@ -33,6 +33,16 @@ def required_independence(rules: RulesVersion, *, risk: Risk, asked: int | None)
 
 
 Retired = Mapping[tuple[str, str], RulesVersion]
-RETIRED: Retired = MappingProxyType({})
-"""Predicates by effect type and name, and the first rules under which no new contract may name them: their meaning
-changed under a new name. Old contracts are judged by them for ever."""
+RETIRED: Retired = MappingProxyType(
+    {
+        ("relational", "analysis_of"): 2,
+        ("relational", "linked"): 2,
+        ("symbolic", "delivered"): 2,
+        ("symbolic", "explored"): 2,
+        ("symbolic", "played"): 2,
+        ("symbolic", "reported"): 2,
+        ("symbolic", "transcript"): 2,
+    }
+)
+"""Predicates by effect type and name, and the first rules under which a new contract may name them only for a declared
+effect: they ask nobody but the provider, or were replaced. Old contracts are judged by them for ever."""

@@ -20,6 +20,7 @@ from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import ConditionId, Digest, NodeId, PlaceId, ResourceId
 from harness.contracts.protocol import Parameters
 from harness.contracts.readings import PROFILE, Act, Clause, ObjectKind, Reading, clause_id
+from harness.contracts.reasons import because
 from harness.contracts.rules import FIRST_RULES, RETIRED, Retired, RulesVersion
 from harness.contracts.values import Count, Name, Positive, Value
 
@@ -114,7 +115,7 @@ class TaskContract(Value):
         """Raises UnknownName."""
         found = next((node for node in self.nodes if node.node_id == node_id), None)
         if found is None:
-            raise UnknownName(f"The contract has no node {node_id}", where="contract", do="compare the node's name")
+            raise UnknownName(because("node_unknown", node_id=node_id), where="contract")
         return found
 
 
@@ -159,41 +160,49 @@ class TaskTemplate(Value):
 def check(contract: TaskContract, *, rules: RulesVersion = FIRST_RULES, retired: Retired = RETIRED) -> None:
     """Raise ContractInvalid for the first broken rule: names, dependencies, no cycle, required stages, frame.
 
-    Under `rules` also: no retired predicate, and declared effects that leave something of the goal to be verified.
+    Under `rules` also: a retired predicate only for a declared effect, and declared effects that leave something of the
+    goal to be verified.
     """
     names = [node.node_id for node in contract.nodes]
     for name in names:
         if names.count(name) > 1:
-            raise ContractInvalid(f"Two nodes are called {name}", where="nodes", do="give each node its own node_id")
+            raise ContractInvalid(because("node_twice", name=name), where="nodes")
     for node in contract.nodes:
         for dependency in node.depends_on:
             if dependency not in names:
                 raise ContractInvalid(
-                    f"Node {node.node_id} depends on {dependency}, which the graph does not have",
+                    because("dependency_unknown", node_id=node.node_id, dependency=dependency, names=tuple(names)),
                     where=f"nodes.{node.node_id}.depends_on",
-                    do=f"name one of {', '.join(names)}",
                 )
     order(contract)
     if not any(node.required for node in contract.nodes):
-        raise ContractInvalid("No node is required", where="nodes", do="mark what the goal needs as required")
+        raise ContractInvalid(because("no_required_node"), where="nodes")
     _check_required(contract)
+    declared = frozenset(name for node in contract.nodes for name in node.declared)
     for where, condition in _conditions(contract):
         effect = condition.effect
         if isinstance(effect, Metric) and (effect.frame, effect.map_version) != (contract.frame, contract.map_version):
             raise ContractInvalid(
-                f"Condition {condition.condition_id} is stated in {effect.frame} of map {effect.map_version}, "
-                f"the contract in {contract.frame} of map {contract.map_version}",
+                because(
+                    "condition_frame_differs",
+                    condition_id=condition.condition_id,
+                    frame=effect.frame,
+                    map_version=effect.map_version,
+                    contract_frame=contract.frame,
+                    contract_map=contract.map_version,
+                ),
                 where=where,
-                do="state every target in the contract's frame and map version",
             )
         if isinstance(effect, Temporal) and not set(effect.nodes) <= set(names):
-            raise ContractInvalid(f"Condition {condition.condition_id} names unknown nodes", where=where)
-        since = retired.get((str(effect.__struct_config__.tag), effect.predicate), rules + 1)
-        if since <= rules:
             raise ContractInvalid(
-                f"Condition {condition.condition_id} names {effect.predicate}, which is kept for old missions only",
+                because("condition_of_unknown_nodes", condition_id=condition.condition_id), where=where
+            )
+        since = retired.get((str(effect.__struct_config__.tag), effect.predicate), rules + 1)
+        if since <= rules and condition.condition_id not in declared:
+            raise ContractInvalid(
+                f"Condition {condition.condition_id} names {effect.predicate}, which only its provider's word can show",
                 where=where,
-                do="name the predicate that replaces it",
+                do="name the predicate that replaces it, or declare the condition in the node's evidence policy",
             )
     _check_declared(contract)
     _check_covered(contract)
@@ -243,9 +252,8 @@ def _check_required(contract: TaskContract) -> None:
         waits_for = sorted(optional & set(node.depends_on)) if node.required else []
         if waits_for:
             raise ContractInvalid(
-                f"Required node {node.node_id} depends on the optional {', '.join(waits_for)}",
+                because("required_on_optional", node_id=node.node_id, waits_for=tuple(waits_for)),
                 where=f"nodes.{node.node_id}.depends_on",
-                do="mark what it depends on as required, or drop the dependency",
             )
 
 
@@ -288,11 +296,7 @@ def order(contract: TaskContract) -> tuple[NodeId, ...]:
     while left:
         ready = next((node for node in left if set(node.depends_on) <= set(done)), None)
         if ready is None:
-            raise ContractInvalid(
-                f"The graph has a cycle through {', '.join(node.node_id for node in left)}",
-                where="nodes",
-                do="remove one of these dependencies",
-            )
+            raise ContractInvalid(because("graph_cycle", nodes=tuple(node.node_id for node in left)), where="nodes")
         done.append(ready.node_id)
         left.remove(ready)
     return tuple(done)

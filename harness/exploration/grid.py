@@ -14,8 +14,8 @@ from harness.contracts.exploration import FREE, OCCUPIED, GridMap, Region
 from harness.contracts.observations import Odometry, Pose, Scan, Trajectory
 from harness.contracts.places import Site
 from harness.contracts.values import Point
-from harness.exploration.region import contains
 from harness.projections.floor import cells_of
+from harness.projections.region import contains
 
 CELL_M = 0.2
 MARGIN_M = 0.4

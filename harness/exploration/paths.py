@@ -9,14 +9,16 @@ import numpy as np
 from harness.contracts import exploration
 from harness.contracts.values import Point
 from harness.exploration.grid import cell_of, middle_of
-from harness.exploration.region import contains
 from harness.projections.floor import STEPS, Mask, cells_of, free_floor, widened
+from harness.projections.region import contains
 
 CLEARANCE_M = 0.4
 ROOM_M, NARROW_COST = 0.6, 4.0
 """Floor nearer than this to what is closed costs so many times its length: a way keeps off walls where it can."""
 AROUND_M = 0.6
 """So near to the body the floor is taken as it is: it stands there."""
+NARROWEST_CELLS = 1.5
+"""The clearance of a way around an obstacle that stands on a route: as narrow as the body may pass."""
 SIGHT_M = 0.05
 Cell = tuple[int, int]
 
@@ -25,10 +27,15 @@ class Ways:
     """The cheapest paths from one position to every reachable cell outside the keep-outs."""
 
     def __init__(
-        self, grid: exploration.GridMap, position: Point, *, keep_out_m: tuple[exploration.Region, ...] = ()
+        self,
+        grid: exploration.GridMap,
+        position: Point,
+        *,
+        keep_out_m: tuple[exploration.Region, ...] = (),
+        clearance_cells: float | None = None,
     ) -> None:
         self._grid = grid
-        self.open = standable(grid, position) & ~_forbidden(grid, keep_out_m)
+        self.open = standable(grid, position, clearance_cells) & ~_forbidden(grid, keep_out_m)
         self._roomy = self.open & ~widened(cells_of(grid) == exploration.OCCUPIED, round(ROOM_M / grid.cell_m))
         self._length_m, self._from = self._spread(cell_of(grid, position))
         self._position = position
@@ -91,10 +98,10 @@ class Ways:
         return length_m, before
 
 
-def standable(grid: exploration.GridMap, position: Point) -> Mask:
-    """Free floor with CLEARANCE_M to whatever is closed; around the body its own free floor is enough."""
+def standable(grid: exploration.GridMap, position: Point, clearance_cells: float | None = None) -> Mask:
+    """Free floor with CLEARANCE_M, or so many cells, to whatever is closed; around the body its own floor is enough."""
     cells = cells_of(grid)
-    closed = widened(cells == exploration.OCCUPIED, round(CLEARANCE_M / grid.cell_m))
+    closed = widened(cells == exploration.OCCUPIED, clearance_cells or round(CLEARANCE_M / grid.cell_m))
     rows, columns = np.mgrid[0 : grid.rows, 0 : grid.columns]
     here_row, here_column = cell_of(grid, position)
     near = np.hypot(rows - here_row, columns - here_column) * grid.cell_m <= AROUND_M

@@ -13,7 +13,7 @@ from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.values import Point
 from harness.exploration.grid import cell_of
 from harness.exploration.paths import Ways
-from harness.exploration.region import contains
+from harness.projections.region import contains
 
 NEAR_BLOCKED_M = 0.8
 """A target as near as this to one that was given up is the same target again."""

@@ -1,6 +1,5 @@
 """Decides who has claimed a handoff, how long it waits, who is notified next and who controls the robot (D27). Pure."""
 
-from datetime import UTC, datetime
 from typing import assert_never
 
 from harness.contracts import handoff_commands, handoff_events
@@ -78,7 +77,7 @@ def not_yours(handoff: Handoff, actor: Actor, claim: str, now: Moment) -> Refuse
 
 def claimed_by(held: Claim) -> Refused:
     """The name of who answers it now."""
-    return refused("claimed", because("handoff_claimed", actor=held.actor.name, until=clock(held.until_at_s)))
+    return refused("claimed", because("handoff_claimed", actor=held.actor.name, until_s=held.until_at_s))
 
 
 def over(handoff: Handoff, now: Moment) -> Refused | None:
@@ -100,7 +99,7 @@ def settled(handoff: Handoff) -> Refused:
         "handoff_decided",
         actor=answer.actor.name,
         decision=answer.decision,
-        at=clock(answer.at_s),
+        at_s=answer.at_s,
         reason=answer.reason,
     )
     return refused("decided", decided)
@@ -122,11 +121,6 @@ def same_answer(
         command.actor.name,
     )
     return Accepted(()) if same else None
-
-
-def clock(at_s: float) -> str:
-    """A wall instant formatted for people."""
-    return datetime.fromtimestamp(at_s, UTC).strftime("%H:%M:%S UTC")
 
 
 def _claim(handoff: Handoff, command: handoff_commands.TakeClaim, now: Moment) -> Decision[handoff_events.HandoffEvent]:

@@ -10,6 +10,7 @@ from harness.contracts.reasons import because
 from harness.contracts.revision_commands import (
     DisputeCompletion,
     ReviseContract,
+    ReviseToRecover,
     TightenConstraints,
     WithdrawMission,
 )
@@ -20,7 +21,7 @@ from harness.gate.completion import complete
 from harness.gate.dispatch import authorise, wait
 from harness.gate.goal import judge
 from harness.gate.pins import recompile
-from harness.gate.revisions import dispute, revise, tighten
+from harness.gate.revisions import dispute, revise, revise_to_recover, tighten
 from harness.projections.mission import Mission
 from harness.projections.mission_fold import apply
 
@@ -71,6 +72,8 @@ def _decided(mission: Mission, command: commands.MissionCommand) -> Decision[eve
             )
         case ReviseContract():
             return revise(mission, command)
+        case ReviseToRecover():
+            return revise_to_recover(mission, command)
         case TightenConstraints():
             return tighten(mission, command)
         case DisputeCompletion():

@@ -7,6 +7,7 @@ from harness.contracts.errors import ConcurrencyConflict
 from harness.contracts.ids import StreamId
 from harness.contracts.memory import FollowPosition
 from harness.contracts.ports import MISSION_ENDED, MISSION_STREAMS, EventStore, StoredEvent
+from harness.contracts.reasons import because
 from harness.followers import Follower
 
 FOLD = "open-missions"
@@ -36,7 +37,7 @@ class OpenMissions:
         """Add missions that began and remove those that ended."""
         mark, streams = self._asked()
         if mark != after:
-            raise ConcurrencyConflict("Another thread has followed the log further", where=FOLD, do="ask for the mark")
+            raise ConcurrencyConflict(because("fold_taken"), where=FOLD)
         found = dict.fromkeys(streams)
         for event in fresh:
             _follow(found, event)

@@ -1,12 +1,19 @@
 """Decides whether a plan, restriction or dispute counts. None of them removes a limit or a fact. Pure."""
 
+from msgspec.structs import replace
+
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.events import MissionEvent
 from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.reasons import because, recorded
-from harness.contracts.revision_commands import DisputeCompletion, ReviseContract, TightenConstraints
+from harness.contracts.revision_commands import (
+    DisputeCompletion,
+    ReviseContract,
+    ReviseToRecover,
+    TightenConstraints,
+)
 from harness.contracts.revision_events import (
     CompletionDisputed,
     ConstraintsTightened,
@@ -14,9 +21,11 @@ from harness.contracts.revision_events import (
 )
 from harness.contracts.tasks import TaskContract, order
 from harness.contracts.values import digest
+from harness.gate.dispatch import accounted, spend
 from harness.planning.restrictions import tightest
 from harness.planning.revision import revision_refusal
 from harness.projections.mission import Mission, required_contract, required_policy
+from harness.recovery.approval import approval_required
 from harness.recovery.rules import first_broken_recovery
 from harness.recovery.state import left_now, over_budget
 
@@ -49,6 +58,53 @@ def revise(mission: Mission, command: ReviseContract) -> Decision[MissionEvent]:
         left_mission=left[1] - 1,
     )
     return Accepted((revised,))
+
+
+def revise_to_recover(mission: Mission, command: ReviseToRecover) -> Decision[MissionEvent]:
+    """A recovery step that changes the graph: the spend and the revision are one commit (D49).
+
+    The step is bound to the ladder, the budgets and the approvals like any other.
+    """
+    if mission.status != "active":
+        return refused("not_active", because("nothing_planned_now", status=mission.status))
+    if mission.invocation is not None:
+        return refused("in_flight", node_id=mission.invocation.intent.node_id)
+    state, proposal = mission.nodes.get(command.node_id), command.proposal
+    if state is None or state.failure is None:
+        return refused("no_failure", because("nothing_to_recover", node_id=command.node_id))
+    broken = first_broken_recovery(
+        mission,
+        node_id=command.node_id,
+        proposal=proposal,
+        signature=command.signature,
+        policy=required_policy(mission),
+    ) or revision_refusal(mission, command.contract, reopened=command.reopened)
+    if broken:
+        return broken
+    needed = approval_required(
+        mission=mission,
+        node=required_contract(mission).node(command.node_id),
+        action=proposal.action,
+        moves=False,
+        share=required_policy(mission).approval_share,
+    )
+    if needed:
+        return refused("approval_required", why=needed)
+    paid = spend(state, proposal, attempt=state.attempt + 1, context=command.context, until_s=None)
+    left = left_now(mission, command.node_id)
+    revised = GraphRevised(
+        revision=mission.graph_revision + 1,
+        cause="recovery",
+        responsible=command.node_id,
+        reopened=command.reopened,
+        reason=command.reason,
+        failure=state.failure.failure,
+        contract=command.contract,
+        proposed_by=command.planner,
+        left_node=left[0] - proposal.cost,
+        left_mission=left[1] - proposal.cost,
+    )
+    return Accepted((accounted(mission, replace(paid, signature=command.signature)), revised))
 
 
 def _unpaid(mission: Mission, command: ReviseContract) -> Refused | None:

@@ -126,7 +126,7 @@ def not_proposed(mission: Mission, packet: EvidencePacket, verdict: NodeVerdict)
     if not proposes_facts(packet.protocol):
         protocol = version_of(packet.protocol)
         return because("provider_cannot_propose", provider_id=provider_id, protocol=protocol)
-    return because("effects_not_proposed", provider_id=provider_id, conditions=missing)
+    return because("not_proposed", provider_id=provider_id, conditions=missing)
 
 
 def on_its_own_word(mission: Mission, packet: EvidencePacket, verdict: NodeVerdict) -> Reason | None:

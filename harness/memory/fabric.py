@@ -15,6 +15,7 @@ from harness.contracts.contexts import ContextRecord
 from harness.contracts.errors import ConcurrencyConflict, UnknownName
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.ports import EventStore, MemoryIndex, StoredEvent
+from harness.contracts.reasons import because
 from harness.followers import Follower
 from harness.memory.examples import as_example
 from harness.memory.fold import FOLD, Fold
@@ -178,7 +179,7 @@ class MemoryFabric:
     def _current(self, kind: str, subject: str) -> list[memory.Remembered]:
         """What is known of a subject. Raises ConcurrencyConflict if another process advanced the index."""
         if self._behind and self._behind.touches(kind, subject) and not self._written():
-            raise ConcurrencyConflict("The memory index was taken elsewhere", where="memory index", do="follow it")
+            raise ConcurrencyConflict(because("memory_index_taken"), where="memory index")
         return self._index.current(kind, subject)
 
     def _artefact(self, digest: Digest) -> bytes | None:

@@ -9,8 +9,8 @@ from typing import Any, Literal
 from msgspec.structs import replace
 
 from harness.contracts.errors import ContractInvalid, UnknownName
-from harness.contracts.places import Passage, Place, Route, Site
-from harness.verification.geometry import contains
+from harness.contracts.places import Passage, Place, Route, Site, Zone
+from harness.projections.region import contains
 
 Sigil = Literal["$", "@"]
 """`${name.field}` is bound when a contract is compiled, `@{node.argument}` from committed facts at dispatch."""
@@ -92,6 +92,18 @@ def place_of(passage: Passage, *, site: Site) -> Place | None:
             if len(place.region_m) > 2 and all(contains(place.region_m, point) for point in passage.floor_m)
         ),
         None,
+    )
+
+
+def bind_zone(place: Place, *, site: Site) -> Zone:
+    """The first zone that holds the place's approach; raises UnknownName if none does."""
+    for zone in site.zones:
+        if contains(zone.region_m, place.approach_m):
+            return zone
+    raise UnknownName(
+        f"No zone holds {place.place_id}",
+        where=f"site {site.name}",
+        do="add the outline of the walls around it as a zone: a turn is checked against them",
     )
 
 

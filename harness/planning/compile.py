@@ -39,8 +39,9 @@ def compile_contract(
     `rules`: the version that the mission will be pinned to.
 
     Besides its parameters a template may refer to `goal`, `site`, and, where it has the places for them, `outbound`
-    (from `origin`, or home, to the destination), `inbound` (from there home), `circuit` (home to home), `passage` (of
-    the destination) and `ending` (where the robot is at the end: at home, or at the destination if it `stays`).
+    (from `origin`, or home, to the destination), `inbound` (from there home), `circuit` (home to home), `home_zone`
+    (around home), `passage` (of the destination) and `ending` (where the robot is at the end: at home, or at the
+    destination if it `stays`).
     Raises ContractInvalid with the path of what is wrong, UnknownName for a place, route or argument.
     """
     said = goal_of(goal)
@@ -186,6 +187,8 @@ def _journeys(places: Mapping[str, Place], used: frozenset[str], site: Site, *, 
         found["outbound"] = _way(origin or home, destination, site)
     if home and destination and "inbound" in used:
         found["inbound"] = _way(destination, home, site)
+    if home and "home_zone" in used:
+        found["home_zone"] = binding.bind_zone(home, site=site)
     if destination and "passage" in used:
         found["passage"] = binding.bind_passage(destination, site=site)
     return found

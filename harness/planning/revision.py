@@ -6,6 +6,8 @@ conditions, what was committed, and every limit and budget.
 
 from collections.abc import Iterator, Sequence
 
+from msgspec.structs import replace
+
 from harness.contracts import tasks
 from harness.contracts.decisions import Refused, refused
 from harness.contracts.effects import Metric
@@ -19,15 +21,21 @@ from harness.projections.mission import SETTLED, Mission, required_contract
 RISKS = ("low", "medium", "high")
 
 
-def revision_refusal(mission: Mission, proposed: tasks.TaskContract) -> Refused | None:
+def revision_refusal(
+    mission: Mission, proposed: tasks.TaskContract, *, reopened: tuple[NodeId, ...] = ()
+) -> Refused | None:
     """The first rule that the proposed contract breaks, or None.
+
+    `reopened` stages begin again with it: what builds on them must begin again too, and one of them may begin elsewhere
+    if a stage that it waits for brings the body there.
 
     Rules: goal_changed, conditions_changed, frame_changed, constraints_loosened, budget_raised, node_removed,
     history_changed, stage_weakened, contract_invalid, and those of the targets that it brings (`choice_refusal`).
     """
     current = required_contract(mission)
     try:
-        broken = _kept_whole(current, proposed) or _limits(current, proposed) or _stages(mission, current, proposed)
+        broken = _kept_whole(current, proposed) or _limits(current, proposed)
+        broken = broken or _reopened(mission, proposed, reopened) or _stages(mission, current, proposed, reopened)
         broken = broken or choice_refusal(mission, proposed)
         if broken is None:
             tasks.check(proposed, rules=mission.rules)
@@ -87,7 +95,19 @@ def _limits(current: tasks.TaskContract, proposed: tasks.TaskContract) -> Refuse
     return None
 
 
-def _stages(mission: Mission, current: tasks.TaskContract, proposed: tasks.TaskContract) -> Refused | None:
+def _reopened(mission: Mission, proposed: tasks.TaskContract, reopened: tuple[NodeId, ...]) -> Refused | None:
+    """What rests on a reopened stage cannot stay accepted."""
+    for node in proposed.nodes:
+        known = mission.nodes.get(node.node_id)
+        rests = known is not None and known.status in SETTLED and node.node_id not in reopened
+        if rests and set(node.depends_on) & set(reopened):
+            return refused("history_changed", because("reopened_without_follower", node_id=node.node_id))
+    return None
+
+
+def _stages(
+    mission: Mission, current: tasks.TaskContract, proposed: tasks.TaskContract, reopened: tuple[NodeId, ...]
+) -> Refused | None:
     after = {node.node_id: node for node in proposed.nodes}
     for node in current.nodes:
         begun = mission.of(node.node_id).attempt > 0
@@ -96,15 +116,32 @@ def _stages(mission: Mission, current: tasks.TaskContract, proposed: tasks.TaskC
             if node.required or begun:
                 return refused("node_removed", because("stage_not_removable", node_id=node.node_id))
             continue
-        if mission.of(node.node_id).status in SETTLED and kept != node:
+        if mission.of(node.node_id).status in SETTLED and node.node_id not in reopened and kept != node:
             return refused("history_changed", because("committed_stage_changed", node_id=node.node_id))
-        if weakened := tuple(_weaker(node, kept)):
+        moved = _moved(node, kept, proposed) if node.node_id in reopened else node
+        if weakened := tuple(_weaker(moved, kept)):
             return refused("stage_weakened", node_id=node.node_id, parts=weakened)
     largest = _largest(current)
     for node in proposed.nodes:
         if node.node_id not in mission.nodes and _exceeds(node.recovery, largest):
             return refused("budget_raised", because("stage_budget_too_large", node_id=node.node_id))
     return None
+
+
+def _moved(node: tasks.Node, kept: tasks.Node, proposed: tasks.TaskContract) -> tasks.Node:
+    """The stage as it was, at the place where a stage that it now waits for brings the body; else unchanged."""
+    there = {
+        one.effect.target_m
+        for other in proposed.nodes
+        if other.node_id in kept.depends_on
+        for one in other.success_conditions
+        if isinstance(one.effect, Metric)
+    }
+    places = [one.target_m for one in kept.preconditions if one.predicate == "at_place" and one.target_m in there]
+    if not places:
+        return node
+    moved = (replace(one, target_m=places[0]) if one.predicate == "at_place" else one for one in node.preconditions)
+    return replace(node, preconditions=tuple(moved))
 
 
 def _weaker(before: tasks.Node, after: tasks.Node) -> Iterator[str]:

@@ -24,22 +24,34 @@ FROM = "_from"
 """`images_from: "@{panorama.frames}"` in a node states that `images` is bound at dispatch from a committed fact."""
 
 
+REPEATED: tuple[RecoveryAction, ...] = ("retry", "local_replan")
+SLOWER = 0.6
+"""A motion that is repeated where nothing is known to have worked is driven at this part of its speed."""
+
+
 class _Attempt(msgspec.Struct, frozen=True):
     attempt: int
     action: RecoveryAction | None = None
+    heeds_examples: bool = False
+
+
+class _Example(msgspec.Struct, frozen=True):
+    """What worked here, as far as it bears on the parameters of a motion."""
+
+    parameters: dict[str, Any]
 
 
 def propose_skill(context: Context) -> SkillProposal:
     """The parameters of one invocation by the provider whose card C2 holds. C2 is the only state it sees.
 
-    Reads `node`, `card`, `attempt`, `constraints` and `facts`. A text `@{node.argument}` becomes that argument of a
-    committed fact; what the card does not name is dropped.
+    Reads `node`, `card`, `attempt`, `constraints`, `example` and `facts`. A text `@{node.argument}` becomes that
+    argument of a committed fact; what the card does not name is dropped.
     Raises ContractInvalid with what the card requires and the node or the facts cannot give.
     """
     node, card = _required(context, "node").read(Node), _required(context, "card").read(CapabilityCard)
     attempt = _required(context, "attempt").read(_Attempt)
     wanted = requested(node, capability=card.capability, attempt=attempt.attempt, action=attempt.action)
-    asked = within(wanted, _constraints(context))
+    asked = within(_heeding(wanted, attempt, context), _constraints(context))
     taken = {parameter.name: asked[parameter.name] for parameter in card.parameters if parameter.name in asked}
     grounded = substitute(taken, bindings=_arguments(context), sigil="@", path=f"nodes.{node.node_id}.parameters")
     if TOLD + FROM in node.parameters and isinstance(said := grounded.get(TOLD), str):
@@ -86,6 +98,16 @@ def within(parameters: Parameters, constraints: Constraints | None) -> Parameter
     if constraints is None or not isinstance(speed, int | float) or speed <= constraints.speed_cap_mps:
         return parameters
     return {**parameters, "speed_cap_mps": constraints.speed_cap_mps}
+
+
+def _heeding(parameters: Parameters, attempt: _Attempt, context: Context) -> Parameters:
+    """A repeated motion is no faster than the fastest that worked here; where nothing is known, slower than before."""
+    speed = parameters.get("speed_cap_mps")
+    if not attempt.heeds_examples or attempt.action not in REPEATED or not isinstance(speed, int | float):
+        return parameters
+    worked = [one.read(_Example).parameters.get("speed_cap_mps") for one in context.all("example")]
+    speeds = [one for one in worked if isinstance(one, int | float)]
+    return {**parameters, "speed_cap_mps": min(speed, max(speeds) if speeds else round(SLOWER * speed, 3))}
 
 
 def _constraints(context: Context) -> Constraints | None:

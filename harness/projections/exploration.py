@@ -11,7 +11,7 @@ from harness.contracts import exploration, ids
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
 from harness.contracts.protocol import InvocationStatus
-from harness.contracts.reasons import Explanation
+from harness.contracts.reasons import Explanation, because
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name, Point, Value
 from harness.contracts.verdicts import Verdict
@@ -62,7 +62,7 @@ def choices(contract: TaskContract) -> dict[ids.NodeId, exploration.TargetChoice
     try:
         return msgspec.convert(contract.bindings.get(TARGETS, {}), dict[ids.NodeId, exploration.TargetChoice])
     except msgspec.ValidationError as error:
-        raise ContractInvalid(str(error), where=f"bindings.{TARGETS}", do="bind each leg to its choice") from error
+        raise ContractInvalid(because("choices_invalid", error=str(error)), where=f"bindings.{TARGETS}") from error
 
 
 def decisions(mission: Mission) -> tuple[ExplorationDecision, ...]:

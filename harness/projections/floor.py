@@ -2,9 +2,9 @@
 
 import math
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from harness.contracts.exploration import FREE, OCCUPIED, UNKNOWN, GridMap
 from harness.contracts.values import NonNegative, Share, Value
@@ -52,7 +52,8 @@ def coverage(grid: GridMap) -> Coverage:
 def unseen(grid: GridMap) -> Mask:
     """The floor of the region that can be reached and was not seen."""
     wide, joined = _reachable(grid)
-    return joined & wide & region_of(grid)
+    found: Mask = joined & wide & region_of(grid)
+    return found
 
 
 def _reachable(grid: GridMap) -> tuple[Mask, Mask]:
@@ -70,8 +71,8 @@ def _reachable(grid: GridMap) -> tuple[Mask, Mask]:
 
 def _largest_part(seen: Mask, floor: Mask) -> Mask:
     """The connected part of the floor that holds most of what was seen."""
-    count, parts = cv2.connectedComponents(floor.astype(np.uint8), connectivity=4)
-    sizes = np.bincount(np.asarray(parts)[seen], minlength=count)
+    parts, count = ndimage.label(floor)
+    sizes = np.bincount(np.asarray(parts)[seen], minlength=count + 1)
     part: Mask = (np.asarray(parts) == int(sizes.argmax())) & floor
     return part
 
@@ -107,11 +108,12 @@ def _shifted(mask: Mask, down: int, right: int) -> Mask:
     return found
 
 
-def widened(mask: Mask, cells: int) -> Mask:
+def widened(mask: Mask, cells: float) -> Mask:
     """Every cell within so many cells of the mask, as a disc."""
     found = np.zeros_like(mask)
-    for down in range(-cells, cells + 1):
-        for right in range(-cells, cells + 1):
+    reach = math.floor(cells)
+    for down in range(-reach, reach + 1):
+        for right in range(-reach, reach + 1):
             if math.hypot(down, right) <= cells:
                 found |= _shifted(mask, down, right)
     return found

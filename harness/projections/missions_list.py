@@ -1,5 +1,8 @@
 """Builds the list rows of missions and handoffs from events alone, without a clock. Pure."""
 
+from collections.abc import Mapping
+from typing import Any
+
 from msgspec.structs import replace
 
 from harness.contracts.ids import NodeId
@@ -75,6 +78,8 @@ def handoff_row(handoff: Handoff, mission: Mission, *, seq: int) -> ListRow | No
         holder=handoff.claim.actor.name if handoff.claim and handoff.waits else "",
         node_id=opened.node_id,
         stage=stage_sentence(mission, opened.node_id),
+        template=mission.contract.template if mission.contract else "",
+        names=bound_names(mission.contract.bindings) if mission.contract else {},
         status=handoff.status,
         failure=opened.failure,
         opened_at_s=opened.opened_at_s,
@@ -120,18 +125,24 @@ def stage_sentence(mission: Mission, node_id: NodeId) -> str:
     return mission.contract.node(node_id).subgoal
 
 
-def current_stage(mission: Mission) -> str:
-    """ "return, 6 of 7" for the stage that is under way; says so where there is no contract yet."""
+def bound_names(bindings: Mapping[str, Any]) -> dict[str, str]:
+    """The names of the places that a contract is bound to, by their binding."""
+    named = {name: value.get("name") for name, value in bindings.items() if isinstance(value, Mapping)}
+    return {name: value for name, value in named.items() if isinstance(value, str)}
+
+
+def current_stage(mission: Mission) -> Reason:
+    """The stage that is under way and how many there are; says so where there is no contract yet."""
     if mission.contract is None:
-        return "not compiled yet"
+        return because("not_compiled_yet")
     names = order(mission.contract)
     done = sum(mission.of(name).status == "committed" for name in names)
     declared = sum(mission.of(name).status == "declared" for name in names)
     if done == len(names):
-        return f"all {len(names)} stages accepted"
+        return because("stages_accepted", count=len(names))
     if declared and done + declared == len(names):
-        return f"{done} of {len(names)} stages accepted, {declared} declared"
+        return because("stages_accepted_in_part", done=done, count=len(names), declared=declared)
     current = next((name for name in names if mission.of(name).status not in (*SETTLED, "pending")), None)
     if current is None:
         current = next(name for name in names if mission.of(name).status == "pending")
-    return f"{current.replace('_', ' ')}, {names.index(current) + 1} of {len(names)}"
+    return because("stage_of_mission", stage=current, number=names.index(current) + 1, count=len(names))

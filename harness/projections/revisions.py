@@ -36,7 +36,7 @@ def revised(m: mission.Mission, event: GraphRevised) -> mission.Mission:
     )
     nodes[event.responsible] = replace(
         payer,
-        spends=(*payer.spends, spend),
+        spends=payer.spends if event.cause == "recovery" else (*payer.spends, spend),
         failure=None,
         begun_at=payer.attempt,
         status="recovering" if payer.status in ("rejected", "recovering", "escalated") else payer.status,

@@ -2,6 +2,7 @@
 
 from harness.contracts import errors
 from harness.contracts.ids import MissionId, RequestId
+from harness.contracts.reasons import plain
 from harness.contracts.values import Value
 
 
@@ -88,7 +89,7 @@ _BY_CODE = {kind.code: kind for kind in STATUS}
 
 def problem(error: errors.HarnessError) -> Problem:
     """An error as it travels."""
-    return Problem(code=error.code, what=error.what, where=error.where, do=error.do)
+    return Problem(code=error.code, what=plain(error.what), where=error.where, do=plain(error.do))
 
 
 def status_of(error: errors.HarnessError) -> int:

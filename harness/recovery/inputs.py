@@ -14,6 +14,7 @@ from harness.contracts.configuration import RecoveryAction
 from harness.contracts.contexts import Context
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import NodeId, ProviderId
+from harness.contracts.reasons import because
 from harness.projections.mission import Failure, Spend
 from harness.recovery.state import RecoveryState
 
@@ -82,5 +83,5 @@ def alternatives_of(context: Context) -> tuple[CapabilityCard, ...]:
 def _read(context: Context, kind: str, shape: type[T]) -> T:
     record = context.one(kind)
     if record is None:
-        raise ContractInvalid(f"The context holds no {kind}", where=f"C4 of {context.node_id}", do="compile it again")
+        raise ContractInvalid(because("context_incomplete", kind=kind), where=f"C4 of {context.node_id}")
     return record.read(shape)

@@ -4,6 +4,7 @@ from typing import get_args
 
 from harness.contracts.configuration import SPENDING, FailureClass, RecoveryPolicy
 from harness.contracts.errors import ContractInvalid
+from harness.contracts.reasons import because
 
 
 def check_policy(policy: RecoveryPolicy) -> None:
@@ -16,11 +17,7 @@ def check_policy(policy: RecoveryPolicy) -> None:
         ladder = policy.ladders.get(failure, ())
         where = f"recovery.ladders.{failure}"
         if not ladder or ladder[-1] != "human" or "human" in ladder[:-1]:
-            raise ContractInvalid(
-                f"The ladder of {failure} does not end in human", where=where, do="let human be its last rung, once"
-            )
+            raise ContractInvalid(because("ladder_without_human", failure=failure), where=where)
         after = ladder[ladder.index("switch_skill") + 1 :] if "switch_skill" in ladder else ()
         if any(action in SPENDING for action in after):
-            raise ContractInvalid(
-                f"The ladder of {failure} spends after a switch", where=where, do="put switch_skill just before human"
-            )
+            raise ContractInvalid(because("ladder_spends_after_switch", failure=failure), where=where)

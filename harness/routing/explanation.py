@@ -2,32 +2,11 @@
 
 import math
 
-from harness.contracts.ids import NodeId, ProviderId
-from harness.contracts.proposals import CandidateSet, ProviderCandidate
+from harness.contracts.ids import ProviderId
+from harness.contracts.proposals import CandidateSet, ProviderCandidate, ProviderHistory, RoutingExplanation
 from harness.contracts.reasons import Reason, because
-from harness.contracts.values import Count, Share, Value
 from harness.routing.history import SILENT
 from harness.routing.question import RoutingQuestion
-
-
-class ProviderHistory(Value):
-    """Verified outcomes of one provider at the stage's place; `penalty` is the history input of its score, 0 to 1."""
-
-    provider_id: ProviderId
-    place: str
-    judged: Count
-    failed: Count
-    penalty: Share
-
-
-class RoutingExplanation(Value):
-    """One decision: every candidate with its terms, what history held of those that passed, and why this one."""
-
-    node_id: NodeId
-    candidates: tuple[ProviderCandidate, ...]
-    chosen: ProviderId | None
-    history: tuple[ProviderHistory, ...]
-    reason: Reason
 
 
 def explained(question: RoutingQuestion, answer: CandidateSet) -> RoutingExplanation:

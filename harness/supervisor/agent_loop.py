@@ -86,7 +86,9 @@ class AgentLoop:
                 try:
                     return self._working(mission, now_s)
                 except ContextOverflow as error:
-                    self._runtime.submit(mission.mission_id, commands.StopMission(actor=SUPERVISOR, reason=str(error)))
+                    self._runtime.submit(
+                        mission.mission_id, commands.StopMission(actor=SUPERVISOR, reason=error.reason)
+                    )
                     return now_s
 
     def _working(self, mission: Mission, now_s: float) -> float | None:
@@ -146,7 +148,7 @@ class AgentLoop:
         try:
             decision = self._dispatcher.dispatch(mission, DispatchAttempt(node_id=node_id), plan=plan)
         except (ContextOverflow, ContractInvalid) as error:
-            self._report(mission, node_id, str(error), now_s)
+            self._report(mission, node_id, error.reason, now_s)
             return now_s
         if isinstance(decision, Refused) and mission.of(node_id).failure is None:
             current = self._runtime.mission(self.mission_id)

@@ -7,12 +7,12 @@ from msgspec.structs import replace
 
 from harness.contexts.planner import planner_context
 from harness.contexts.skill import skill_context
-from harness.contexts.view import StateView
+from harness.contexts.view import StateView, plain
 from harness.contracts import commands, ids
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.capabilities import Capability, CapabilityCard
-from harness.contracts.configuration import FailureClass
-from harness.contracts.contexts import Context
+from harness.contracts.configuration import FailureClass, RecoveryAction
+from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.control import CONTROL, RequireNoTeleoperation
 from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.events import DispatchIntended, NodePlanned
@@ -29,7 +29,7 @@ from harness.gate.commit import CommandEnvelope
 from harness.gate.dispatch import spend
 from harness.planning.planner import Plan, planned
 from harness.planning.skill import LOOK_S, propose_skill
-from harness.projections.mission import Mission, required_contract
+from harness.projections.mission import Mission, NodeState, required_contract
 from harness.projections.mission_fold import apply
 from harness.recovery.state import VERIFY_ONLY
 from harness.routing.need import Need
@@ -128,7 +128,7 @@ class Dispatcher:
         self, mission: Mission, attempt: DispatchAttempt, *, plan: tuple[Plan, Context] | None = None
     ) -> Accepted[AnyEvent] | Refused:
         """Prepare and commit one invocation. Refused leaves nothing behind but a failure."""
-        prepared = self.prepare(mission, attempt)
+        prepared = self.prepare(mission, attempt, intention=plan[0] if plan else None)
         if isinstance(prepared, Refused):
             return self._fail(mission, attempt, "provider_unavailable", prepared.reason)
         return self.commit(mission, attempt, prepared, plan=plan)
@@ -164,8 +164,10 @@ class Dispatcher:
             ]
         )
 
-    def prepare(self, mission: Mission, attempt: DispatchAttempt) -> Prepared | Refused:
-        """Route and compile C2 to exactly what would run; nothing is written."""
+    def prepare(
+        self, mission: Mission, attempt: DispatchAttempt, *, intention: Plan | None = None
+    ) -> Prepared | Refused:
+        """Route and compile C2 to exactly what would run; nothing is written. C2 is shown the planner's intention."""
         view = self._roles.view(self._ahead(mission, attempt))
         question = self._question(view, attempt)
         chosen = question.answer()
@@ -177,7 +179,8 @@ class Dispatcher:
             return refused("provider_unavailable", because("nobody_can_serve", node_id=attempt.node_id, why=why))
         card = self._connection.provider(chosen.chosen).card
         examples = self._roles.examples(mission, attempt.node_id, card)
-        c2 = skill_context(replace(view, examples=examples), attempt.node_id, card)
+        said = (_intention(intention, attempt.node_id, at_s=view.at_s),) if intention else ()
+        c2 = skill_context(replace(view, examples=examples, proposals=said), attempt.node_id, card)
         skill = propose_skill(c2)
         asked, answered = record("question", question), record("candidates", chosen)
         intent = replace(
@@ -250,7 +253,7 @@ class Dispatcher:
             blobs=tuple(d for d in images if isinstance(d, str)) if isinstance(images, tuple) else (),  # type: ignore[misc]
             verify_only=attempt.verify_only,
             cites=cites,
-            action=attempt.recovery.action if attempt.recovery else None,
+            action=attempt.recovery.action if attempt.recovery else _paid(mission.of(attempt.node_id), number),
             handoff_id=attempt.approval.handoff_id if attempt.approval else None,
             moves=card.moves,
         )
@@ -316,6 +319,23 @@ class Dispatcher:
             )
             self._runtime.submit(mission.mission_id, command)
         return Refused(failure, reason)
+
+
+def _intention(plan: Plan, node_id: ids.NodeId, *, at_s: float) -> ContextRecord:
+    """Why the planner chose this stage: usable by the skill role, never evidence (R75)."""
+    return ContextRecord(
+        kind="intention",
+        origin="planner",
+        source=node_id,
+        at_s=at_s,
+        value=plain({"planner": plan.planner, "reason": plan.reason}),
+    )
+
+
+def _paid(node: NodeState, number: int) -> RecoveryAction | None:
+    """The recovery step that a revision of the graph paid for, where this attempt is the one it leads to."""
+    last = node.spends[-1] if node.spends else None
+    return last.action if last is not None and last.signature is not None and last.attempt == number else None
 
 
 def _planned(prepared: Prepared, plan: Plan, c1: Context) -> NodePlanned:

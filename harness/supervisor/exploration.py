@@ -12,7 +12,7 @@ from harness.contracts.commands import RecordObservation
 from harness.contracts.decisions import Accepted
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import Digest, NodeId
-from harness.contracts.observations import Pose, Trajectory
+from harness.contracts.observations import Trajectory
 from harness.contracts.revision_commands import ReviseContract
 from harness.contracts.tasks import Node
 from harness.contracts.values import Point, decode, encode
@@ -53,7 +53,7 @@ class Explorer:
             self._draw(mission, fresh)
             mission = self._runtime.mission(mission.mission_id)
         closing = exploring(required_contract(mission))
-        position = self._position()
+        position = self._roles.position()
         image = newest_image(mission)
         known = updates(mission)
         if closing is None or position is None or image is None or not known:
@@ -160,11 +160,6 @@ class Explorer:
             node_id=closing.node_id, contract=contract, planner=answer.planner, reason=answer.chosen.reason
         )
         return isinstance(self._runtime.submit(mission.mission_id, command, records=(asked, said)), Accepted)
-
-    def _position(self) -> Point | None:
-        """Where the localiser last saw the body, which is at rest between two stages; None if it has not recently."""
-        poses = [one for one in self._roles.observations.recent if isinstance(one, Pose)]
-        return (poses[-1].x_m, poses[-1].y_m) if poses else None
 
 
 def _enough(mission: Mission, closing: Node, grid: exploration.GridMap) -> bool:

@@ -3,7 +3,7 @@
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.places import Otherwise
 from harness.contracts.protocol import PostureOrder
-from harness.contracts.reasons import Reason, because, recorded
+from harness.contracts.reasons import Reason, because
 from harness.contracts.values import Value
 from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.standstill import Rest
@@ -25,5 +25,5 @@ def settle(connection: RobotConnection, action: Otherwise, *, rest: Rest, token:
     try:
         status = connection.hand.rest(PostureOrder(posture="lying", token=token))
     except ProviderFailed as error:
-        return StopOutcome(done=False, reason=recorded(str(error)[:200]))
+        return StopOutcome(done=False, reason=error.reason)
     return StopOutcome(done=status.posture == "lying", reason=because("declares_posture", posture=status.posture))

@@ -72,9 +72,9 @@ class InvocationMonitor:
                 return self._finish(mission, invocation, report, now_s)
             return self._supervise(mission, invocation, report, now_s)
         except ProviderUnreachable as error:
-            return self._silence(mission, invocation, now_s, str(error))
+            return self._silence(mission, invocation, now_s, error.reason)
         except ProviderFailed as error:
-            self._abandon(mission, invocation, failure="provider_unavailable", reason=str(error))
+            self._abandon(mission, invocation, failure="provider_unavailable", reason=error.reason)
             return now_s
 
     def _lost(self, invocation: Invocation) -> bool:
@@ -200,7 +200,7 @@ class InvocationMonitor:
         try:
             c3, verdict = judgement(self._roles, mission, packet, card=card)
         except ContextOverflow as error:
-            self._abandon(mission, invocation, failure="verifier_unavailable", reason=str(error))
+            self._abandon(mission, invocation, failure="verifier_unavailable", reason=error.reason)
             return now_s
         requests = [
             CommandEnvelope(
@@ -284,9 +284,10 @@ def own(report: protocol.InvocationReport, intent: Sent) -> protocol.InvocationR
     """The report, if it is about this request. Raises ProviderUnreachable otherwise."""
     if report.identity.request_id != intent.request_id:
         raise ProviderUnreachable(
-            f"{intent.provider_id} answered about request {report.identity.request_id[:12]}",
+            because(
+                "report_of_other_request", provider_id=intent.provider_id, request_id=report.identity.request_id[:12]
+            ),
             where=f"invocation {intent.invocation_id}",
-            do="look at the connection: answers of another mission arrive on it",
         )
     return report
 

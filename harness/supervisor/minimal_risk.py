@@ -12,7 +12,7 @@ from harness.contracts.decisions import Refused, refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.observations import Pose
 from harness.contracts.protocol import ParameterValue
-from harness.contracts.reasons import Explanation, Reason, because, recorded
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.retreat_events import RETREAT, RetreatIntended, SendRetreat
 from harness.contracts.values import Point
 from harness.gate.commit import CommandEnvelope
@@ -56,7 +56,7 @@ def planned_retreat(roles: RoleContexts, order: Order) -> RetreatIntended | Refu
     try:
         way = zones.way_of(site, zone)
     except ContractInvalid as error:
-        return refused("retreat_invalid", recorded(error.what))
+        return refused("retreat_invalid", error.reason)
     away_m = hypot(at[0] - way.place.approach_m[0], at[1] - way.place.approach_m[1])
     if away_m <= zones.ARRIVED_M:
         return refused("already_there", away_m=away_m, place=way.place.name)

@@ -8,6 +8,7 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ConfigurationMissing, ContractInvalid, UnknownName
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskContract
 from harness.planning.compile import compile_again
 from harness.planning.templates import by_name
@@ -29,7 +30,7 @@ def begin(runtime: Runtime, mission: Mission) -> Accepted[AnyEvent] | Refused:
     try:
         return _again(runtime, mission, current)
     except (ContractInvalid, UnknownName) as error:
-        why = f"It cannot be compiled under the configuration {current[:12]}, which is current now: {error}"
+        why = because("not_compiled_under_current", configuration=current[:12], error=error.reason)
         return runtime.submit(mission.mission_id, EndMission(status="failed", reason=why))
 
 

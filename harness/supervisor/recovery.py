@@ -13,6 +13,7 @@ from harness.supervisor.dispatch import DispatchAttempt, Dispatcher
 from harness.supervisor.handoffs import HandoffService
 from harness.supervisor.invocation_monitor import POLL_S
 from harness.supervisor.leases import free
+from harness.supervisor.revisions import Revisions
 from harness.supervisor.roles import RoleContexts, context_record
 from harness.supervisor.standstill import at_rest
 
@@ -28,6 +29,7 @@ class Recovery:
         self._connection = roles.connection
         self._dispatcher = dispatcher
         self._handoff_service = handoff_service
+        self._revisions = Revisions(roles)
 
     def answer(self, mission: Mission, failure: Failure) -> float:
         """Carry out one step; returns when to look again, in mission time."""
@@ -47,6 +49,8 @@ class Recovery:
 
     def _attempt(self, mission: Mission, failure: Failure, proposal: RecoveryProposal, c4: Context) -> float:
         now_s = self._connection.clock.now().mission_s
+        if self._revisions.carry_out(mission, failure, proposal, c4):
+            return now_s
         attempt = DispatchAttempt(node_id=failure.node_id, recovery=proposal, c4=c4)
         blocked = None if attempt.verify_only else self._dispatcher.blocked(mission, failure.node_id)
         if blocked is None:

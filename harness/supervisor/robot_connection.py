@@ -7,6 +7,7 @@ from harness.contracts import ports
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import ProviderId, RobotId
+from harness.contracts.reasons import because
 from harness.exploration.targets import NEAREST_EDGE, Proposer
 from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.projections.mission import Mission
@@ -47,7 +48,9 @@ class RobotConnection:
         try:
             return self.providers[provider_id]
         except KeyError:
-            raise UnknownName(f"No provider {provider_id}", do=f"there are {', '.join(self.providers)}") from None
+            raise UnknownName(
+                because("unknown_provider", provider_id=provider_id, known=tuple(self.providers))
+            ) from None
 
     @property
     def cards(self) -> tuple[CapabilityCard, ...]:

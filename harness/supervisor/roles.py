@@ -9,8 +9,9 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.ids import NodeId, sha256
 from harness.contracts.memory import ProviderOutcome
+from harness.contracts.observations import Pose
 from harness.contracts.ports import Record
-from harness.contracts.values import encode
+from harness.contracts.values import Point, encode
 from harness.contracts.verdicts import Verdict
 from harness.projections.memory import place_of
 from harness.projections.mission import Mission, required_contract, required_policy
@@ -53,6 +54,11 @@ class RoleContexts:
             recovery=required_policy(mission),
             origins=dict(self.connection.origins),
         )
+
+    def position(self) -> Point | None:
+        """Where the localiser last saw the body, which is at rest between two stages; None if it has not recently."""
+        poses = [one for one in self.observations.recent if isinstance(one, Pose)]
+        return (poses[-1].x_m, poses[-1].y_m) if poses else None
 
     def place(self, mission: Mission, node_id: NodeId) -> str:
         """The id of the place a node works at; empty where none is known."""

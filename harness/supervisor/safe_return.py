@@ -10,7 +10,7 @@ from harness.contracts.control import CONTROL
 from harness.contracts.errors import HarnessError, ProviderFailed, ProviderUnreachable
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.observations import Odometry, Pose
-from harness.contracts.reasons import Reason, because, recorded
+from harness.contracts.reasons import Reason, because, plain, recorded
 from harness.gate.commit import CommandEnvelope
 from harness.projections.control import Retreating, SiteControl
 from harness.runtime import Runtime
@@ -70,14 +70,14 @@ class Returning:
                 return self._finish(retreat, report, now_s)
             return self._supervise(retreat, report, now_s)
         except ProviderUnreachable as error:
-            return self._silence(retreat.intent, now_s, recorded(str(error)))
+            return self._silence(retreat.intent, now_s, error.reason)
         except ProviderFailed as error:
             refused = self._handle is None
             self._end(
                 retreat.intent,
                 "short" if refused else "unknown",
                 declared="refused" if refused else "lost",
-                reason=recorded(error.what),
+                reason=error.reason,
             )
             return now_s
 
@@ -102,7 +102,7 @@ class Returning:
         else:
             known = provider.find(intent.request_id) if provider.card.reattach == "by_request" else None
             if known is None:
-                raise ProviderUnreachable("Nobody knows whether the request arrived", where=intent.provider_id)
+                raise ProviderUnreachable(because("arrival_unknown"), where=intent.provider_id)
             report = invocation_monitor.own(known, intent)
         self._handle = report.handle
         return report
@@ -193,7 +193,7 @@ class Returning:
             if known is not None and known.status not in protocol.TERMINAL:
                 provider.stop(known.handle)
         except HarnessError as error:
-            declared = error.what
+            declared = plain(error.what)
         self._end(intent, "unknown", declared=declared, reason=because("harness_stopped_under_way"))
 
     def _end(

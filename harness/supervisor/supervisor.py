@@ -133,7 +133,7 @@ class Supervisor:
         """
         lease = self._runtime.lease(resource)
         if not lease.version:
-            raise UnknownName(f"{resource} was never leased", do="list the leases with `regen lease list`")
+            raise UnknownName(because("never_leased", resource=resource))
         robot_id = RobotId(resource.partition("/")[0])
         if robot_id not in self._connections:
             return refused("no_robot", because("lease_robot_away"))
@@ -211,9 +211,9 @@ class Supervisor:
         LOG.error("step_failed mission=%s code=%s %s", mission.mission_id, error.code, error)
         self._loops[mission.robot_id].pop(mission.mission_id, None)
         if mission.status == "stopping" and mission.invocation is None:
-            self._runtime.submit(mission.mission_id, EndMission(status="failed", reason=str(error)))
+            self._runtime.submit(mission.mission_id, EndMission(status="failed", reason=error.reason))
         else:
-            self._runtime.submit(mission.mission_id, StopMission(actor=SUPERVISOR, reason=str(error)))
+            self._runtime.submit(mission.mission_id, StopMission(actor=SUPERVISOR, reason=error.reason))
 
     def _loop(self, mission: Mission) -> AgentLoop:
         """The loop of a mission; loops of this robot's ended missions are dropped when another begins."""

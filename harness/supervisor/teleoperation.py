@@ -12,7 +12,7 @@ from harness.contracts.errors import ProviderFailed, UnknownName
 from harness.contracts.observations import AnySample
 from harness.contracts.ports import Teleoperable
 from harness.contracts.protocol import DriveOrder, DriveReport, PostureOrder
-from harness.contracts.reasons import Reason, because, recorded
+from harness.contracts.reasons import Reason, because
 from harness.contracts.retreat_events import StopRetreat
 from harness.gate.commit import CommandEnvelope
 from harness.projections.control import SiteControl, TeleoperationSession
@@ -89,9 +89,9 @@ class Teleoperation:
         lease = self._runtime.lease(ids.leased(robot_id, BASE))
         held = lease.status == "held" and lease.invocation_id == ids.InvocationId(session)
         if connection.hand is None or teleoperation is None or teleoperation.session != session or not held:
-            raise ProviderFailed("This session does not drive the robot", where=robot_id, do="take control again")
+            raise ProviderFailed(because("session_not_of_robot"), where=robot_id)
         if connection.clock.now().mission_s > lease.expires_s - SETTLE_WITHIN_S:
-            raise ProviderFailed("The time for driving by hand is over", where=robot_id, do="take control again")
+            raise ProviderFailed(because("driving_time_over"), where=robot_id)
         order = DriveOrder(
             session=session,
             token=teleoperation.token,
@@ -258,7 +258,7 @@ class Teleoperation:
                 connection.clock.wait_until(connection.clock.now().mission_s + WINDOW_S + LOOK_S)
                 rest = at_rest(_seen(connection), connection.clock.now().mission_s)
             except ProviderFailed as error:
-                return Rest(static=False, reason=recorded(error.what), measured={})
+                return Rest(static=False, reason=error.reason, measured={})
             if rest.static and report.status == "ended":
                 return rest
         why = rest.reason or because("drive_session_not_ended")
@@ -281,12 +281,12 @@ class Teleoperation:
         try:
             return self._connections[robot_id]
         except KeyError:
-            raise UnknownName(f"There is no robot {robot_id}", do=f"there are {', '.join(self._connections)}") from None
+            raise UnknownName(because("unknown_robot", robot_id=robot_id, known=tuple(self._connections))) from None
 
 
 def _released(hand: Teleoperable | None, session: ids.RequestId) -> DriveReport:
     if hand is None:
-        raise ProviderFailed("The robot cannot be driven by hand", where="hand", do="stop it at the robot")
+        raise ProviderFailed(because("robot_not_drivable"), where="hand")
     return hand.release(session)
 
 

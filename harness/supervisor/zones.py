@@ -8,6 +8,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.handoff_events import NoAnswer
 from harness.contracts.observations import AnySample, Battery
 from harness.contracts.places import Place, Retreat, Site, Zone
+from harness.contracts.reasons import because
 from harness.contracts.values import Point, Value
 from harness.goals.names import check_names
 from harness.planning.clauses import profile_of
@@ -83,28 +84,25 @@ def way_of(site: Site, zone: Zone) -> ApproachPath:
     """
     where, retreat = f"site {site.name}, zone {zone.name}", zone.retreat
     if retreat is None:
-        raise ContractInvalid("The zone declares no safe place", where=where, do="give it a retreat, or another action")
+        raise ContractInvalid(because("zone_without_retreat"), where=where)
     place = next((one for one in site.places if one.place_id == retreat.place_id), None)
     route = next((one for one in site.routes if one.name == retreat.route), None)
-    if place is None or place.verification == "disputed":
-        said = "is disputed" if place else "does not exist"
-        raise ContractInvalid(f"The safe place {retreat.place_id} {said}", where=where, do="name a place of this site")
+    if place is None:
+        raise ContractInvalid(because("safe_place_unknown", place_id=retreat.place_id), where=where)
+    if place.verification == "disputed":
+        raise ContractInvalid(because("safe_place_disputed", place_id=retreat.place_id), where=where)
     if route is None or len(route.waypoints_m) < 2:
-        raise ContractInvalid(f"The route {retreat.route} does not exist", where=where, do="name a route of this site")
+        raise ContractInvalid(because("retreat_route_unknown", route=retreat.route), where=where)
     maps = {(one.frame, one.map_version) for one in (site, place, route)}
     if len(maps) > 1 or zone.frame != site.frame:
-        raise ContractInvalid("Zone, place and route are of different maps", where=where, do="survey them on one map")
+        raise ContractInvalid(because("retreat_on_other_map"), where=where)
     beyond = [point for point in route.waypoints_m if not on_map(site, point)]
     if beyond:
-        raise ContractInvalid(
-            f"The way leaves the map at {beyond[0]}", where=where, do="keep it inside zones and places"
-        )
+        raise ContractInvalid(because("retreat_leaves_map", x_m=beyond[0][0], y_m=beyond[0][1]), where=where)
     beside_m = distance(route.waypoints_m[-1], place.approach_m)
     if route.end != place.place_id or beside_m > ARRIVED_M:
         raise ContractInvalid(
-            f"The route {route.name} ends {beside_m:.2f} m beside {place.name}",
-            where=where,
-            do="name one that ends there",
+            because("retreat_ends_elsewhere", route=route.name, beside_m=beside_m, place=place.name), where=where
         )
     return ApproachPath(
         zone=zone.name, retreat=retreat, place=place, waypoints_m=(*route.waypoints_m[:-1], place.approach_m)

@@ -15,7 +15,7 @@ from harness.contracts.evidence import CommittedFact, DeclaredEffect, EvidenceRe
 from harness.contracts.ids import Digest, NodeId, sha256
 from harness.contracts.observations import Odometry, Pose, Trajectory
 from harness.contracts.protocol import Receipt
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Reason, because
 from harness.contracts.verifier_inputs import CommittedNode, Execution, RecentSamples, VerificationPolicy
 from harness.verification.finding import Undecidable
 from harness.verification.independence import Lineage
@@ -202,7 +202,7 @@ class Evidence:
         try:
             body = self.blobs(digest)
         except (HarnessError, KeyError) as error:
-            raise Undecidable(because("blob_unreadable", blob=digest[:12], error=str(error))) from error
+            raise Undecidable(because("blob_unreadable", blob=digest[:12], error=_why(error))) from error
         if sha256(body) != digest:
             raise Undecidable(because("blob_checksum_wrong", blob=digest[:12]))
         return body
@@ -297,6 +297,10 @@ def scope_of(name: str) -> str:
 def _decoded(body: bytes, kind: Hashable) -> Any:
     """Decodes and caches by bytes: a node's track is read again for the goal, and by each of its conditions."""
     return msgspec.json.decode(body, type=kind)
+
+
+def _why(error: HarnessError | KeyError) -> Reason | str:
+    return error.reason if isinstance(error, HarnessError) else str(error)
 
 
 def read(record: ContextRecord, kind: type[T]) -> T:

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from harness.contracts import verdicts
 from harness.contracts.contexts import Blobs, Context
 from harness.contracts.effects import Condition
-from harness.contracts.errors import ContractInvalid
+from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import NodeId
 from harness.contracts.reasons import Reason, because, several
@@ -37,7 +37,7 @@ def judged(context: Context, blobs: Blobs, *, verifier: Verifier) -> verdicts.No
         raise
     except Exception as error:  # noqa: BLE001 - a verifier that breaks has decided nothing, whatever broke it
         evidence = Evidence(context, blobs)
-        why = because("verifier_did_not_answer", kind=type(error).__name__, error=str(error))
+        why = because("verifier_did_not_answer", kind=type(error).__name__, error=_why(error))
         results = tuple(_result(one, evidence, ambiguous(why)) for one in evidence.conditions)
         return verdicts.NodeVerdict(
             packet_id=evidence.execution.identity.packet_id,
@@ -57,9 +57,7 @@ def verify(context: Context, blobs: Blobs) -> verdicts.NodeVerdict:
     """
     evidence = Evidence(context, blobs)
     if context.role != "verifier" or context.one("execution") is None:
-        raise ContractInvalid(
-            "The context shows no execution to judge", where=f"context {context.role}", do="compile C3 of the packet"
-        )
+        raise ContractInvalid(because("context_without_execution"), where=f"context {context.role}")
     tested = _results(evidence)
     results = tuple(result for result, _ in tested)
     verdict, reason = _overall(results)
@@ -95,7 +93,7 @@ def _results(evidence: Evidence) -> tuple[tuple[verdicts.ConditionResult, bool],
     try:
         conditions = evidence.conditions
     except Undecidable as error:
-        raise ContractInvalid(str(error), where="context", do="compile C3 with its conditions") from error
+        raise ContractInvalid(error.reason, where="context", do=because("compile_context_again")) from error
     results = []
     for condition in conditions:
         own = evidence.within(condition.condition_id)
@@ -177,7 +175,7 @@ def _found(condition: Condition, evidence: Evidence) -> tuple[Finding, bool]:
     except Exception as error:  # noqa: BLE001 - a verifier that breaks has decided nothing, whatever broke it
         return ambiguous(
             because(
-                "predicate_failed", predicate=condition.effect.predicate, kind=type(error).__name__, error=str(error)
+                "predicate_failed", predicate=condition.effect.predicate, kind=type(error).__name__, error=_why(error)
             )
         ), True
 
@@ -234,3 +232,7 @@ def _overall(results: Sequence[verdicts.ConditionResult]) -> tuple[verdicts.Verd
     failing = [one for one in results if one.verdict == verdict]
     reasons = [because("of_condition", condition=one.condition_id, reason=one.reason) for one in failing]
     return verdict, several(reasons) or because("nothing_tested")
+
+
+def _why(error: Exception) -> Reason | str:
+    return error.reason if isinstance(error, HarnessError) else str(error)

@@ -20,7 +20,6 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from harness.contracts.configuration import Configuration
 from harness.contracts.errors import ContractInvalid, StoreUnavailable
-from harness.contracts.reasons import plain
 from harness.contracts.values import Value, encode
 from harness.recovery.policy import check_policy
 from rsi_reviews.contracts import Author, Candidate
@@ -67,6 +66,10 @@ class ModelSettings(BaseSettings):
                 do="name a file that holds only the key",
             ) from error
 
+    def secret(self) -> SecretStr:
+        """The key, read now: the process that uses it cannot open the file any more."""
+        return SecretStr(self.key())
+
 
 class ModelPrompt(Value):
     """Everything the model is shown."""
@@ -101,9 +104,7 @@ class ModelGenerator:
         found = candidate(change, current, author=Author(name=self.name, kind="optimiser"))
         refused = (*loosened(current, found.configuration), *unfounded(found, current))
         if refused:
-            raise CandidateInvalid(
-                plain(refused[0].reason), rule=refused[0].rule, where=refused[0].path, do="ask again"
-            )
+            raise CandidateInvalid(refused[0].reason, rule=refused[0].rule, where=refused[0].path, do="ask again")
         _check(found.configuration)
         return () if found.configuration.configuration_id in budget.seen else (found,)
 

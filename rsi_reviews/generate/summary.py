@@ -29,10 +29,14 @@ class ProviderCount(Value):
 
 
 class TraceSummary(Value):
-    """What missions recorded, added up. `handoffs` and `failures` count by failure class."""
+    """What missions recorded, added up. `handoffs` and `failures` count by failure class.
+
+    `partly` ended verified in part only: they are no finished ones.
+    """
 
     missions: int
     finished: int
+    partly: int
     mean_seconds: float
     failures: dict[str, int]
     handoffs: dict[str, int]
@@ -48,6 +52,7 @@ def summary(trace: Trace) -> TraceSummary:
     return TraceSummary(
         missions=len(missions),
         finished=sum(mission.status == "succeeded" for mission in missions),
+        partly=sum(mission.status == "partly_verified" for mission in missions),
         mean_seconds=round(sum(mission.seconds for mission in missions) / max(len(missions), 1), 1),
         failures=_counted(one.failure for mission in missions for one in mission.failures),
         handoffs=_counted(one.failure for mission in missions for one in mission.handoffs),

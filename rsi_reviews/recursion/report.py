@@ -30,6 +30,25 @@ Key = Literal["recovery_cost", "verified_completion"]
 Over = Literal["last", "all"]
 
 
+FROZEN_AS_GOOD = "the gated loop does not improve on the frozen harness"
+BATCH_AS_GOOD = "the gated loop does not beat batch tuning: no value in recursion"
+RANDOM_AS_GOOD = "the gated loop does not beat random search: no value in mining"
+RELEASES_IN_CALM = "worlds without regularities release more often than alpha"
+CONTRACTS_BROKEN = "the gated loop makes contract false completions"
+LOOSENING_HARMLESS = "loosening what evidence binds raises no false completions"
+UNGATED_AS_GOOD = "the ungated loop is as good"
+REFUTES = (
+    FROZEN_AS_GOOD,
+    BATCH_AS_GOOD,
+    RANDOM_AS_GOOD,
+    RELEASES_IN_CALM,
+    CONTRACTS_BROKEN,
+    LOOSENING_HARMLESS,
+    UNGATED_AS_GOOD,
+)
+"""What docs/recursion.md wrote down before the run: each would refute the loop's value."""
+
+
 class Contrast(Value):
     """The gated loop against another arm, paired by fleet; positive is better for it.
 
@@ -100,9 +119,9 @@ def answers(outcomes: Sequence[FleetOutcome]) -> tuple[Answered, ...]:
         return ()
     found = {(one.measure, one.against): one for one in contrasts(outcomes) if one.over == "last"}
     return (
-        _beats("the gated loop does not improve on the frozen harness", found, "frozen"),
-        _beats("the gated loop does not beat batch tuning: no value in recursion", found, "batch"),
-        _beats("the gated loop does not beat random search: no value in mining", found, "random"),
+        _beats(FROZEN_AS_GOOD, found, "frozen"),
+        _beats(BATCH_AS_GOOD, found, "batch"),
+        _beats(RANDOM_AS_GOOD, found, "random"),
         _calm(outcomes),
         _sound(outcomes),
         _loose(outcomes),
@@ -198,7 +217,7 @@ def _calm(outcomes: Sequence[FleetOutcome]) -> Answered:
     looks = sum(step.arm in ("gated", "random", "batch") for outcome in fleets for step in outcome.steps)
     most = upper_bound(released, lines) if lines else 1.0
     return Answered(
-        refutes="worlds without regularities release more often than alpha",
+        refutes=RELEASES_IN_CALM,
         refuted=released / lines > ALPHA if lines else None,
         sentence=f"{released} of {lines} gated lines of {len(fleets)} fleets without regularities released anything, "
         f"from {looks} candidates; alpha is {ALPHA:g} for each; the count does not refute a share of {most:.2f}.",
@@ -210,7 +229,7 @@ def _sound(outcomes: Sequence[FleetOutcome]) -> Answered:
     false = sum(one.sums["contract_false_completion"] for one in measured)
     missions = sum(one.missions for one in measured)
     return Answered(
-        refutes="the gated loop makes contract false completions",
+        refutes=CONTRACTS_BROKEN,
         refuted=false > 0,
         sentence=f"{false:g} in {missions} held-out missions under its configurations; the count does not refute a "
         f"share of {upper_bound(min(int(false), missions), missions):.4f}.",
@@ -228,7 +247,7 @@ def _loose(outcomes: Sequence[FleetOutcome]) -> Answered:
     loose, missions = _false(outcomes, "ungated")
     bound, same = _false(outcomes, "gated")
     return Answered(
-        refutes="loosening what evidence binds raises no false completions",
+        refutes=LOOSENING_HARMLESS,
         refuted=loose <= bound,
         sentence=f"The ungated arm loosens when that pays: {loose} false completions in {missions} missions; "
         f"the gated one has {bound} in {same}.",
@@ -242,7 +261,7 @@ def _beats_or_breaks(outcomes: Sequence[FleetOutcome], found: dict[tuple[Key, Ar
     bound, _ = _false(outcomes, "gated")
     as_good = loose <= bound and cost.low <= 0 and done.low <= 0
     return Answered(
-        refutes="the ungated loop is as good",
+        refutes=UNGATED_AS_GOOD,
         refuted=as_good,
         sentence=f"Against ungated: {_told(cost)}; {_told(done)}; false completions {bound} to {loose}.",
     )

@@ -79,6 +79,7 @@ def judged(account: MissionAccount, charges: Charges = CHARGES) -> CaseResult:
         configuration=account.configuration,
         outcome="truncated" if account.cut else "finished",
         verified_completion=float(verified),
+        partly_verified=float(account.mission.status == "partly_verified"),
         contract_false_completion=float(len(contract)),
         epistemic_false_completion=float(len(epistemic)),
         duplicate_starts=float(len(duplicates)),

@@ -15,7 +15,7 @@ from tools.marks import ROOT, LedgerMark, complaint, definition, ledger, to_prov
 from tools.mutations import OPERATORS, mutated, planted
 
 USES = {
-    "command line": ("from app.cli.main import app", "tests.integration.runs import", '-m", "app.cli.main'),
+    "command line": ("from app.cli.main import app", "tests.integration.runs import", '"-m", "mypy"'),
     "API": ("tests.builders.house", "tests.builders.serving", "TestClient", "tests.builders.consoles"),
     "page": ("tests.builders.house", "tests.builders.serving", "TestClient", "tests.builders.consoles", "playwright"),
 }

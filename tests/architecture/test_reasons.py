@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from string import Formatter
 
 from app.i18n.catalogues import LOCALES
-from app.i18n.reasons.rendering import BETWEEN, SENTENCES
+from app.i18n.reasons.rendering import BETWEEN, REMEDIES, SENTENCES
 from app.settings import ROOT
 from harness.contracts.reasons import RECORDED, SEVERAL
 from tools import translations
@@ -15,6 +15,8 @@ from tools import translations
 SPEAKERS = ("harness", "rsi_reviews", "app")
 MAKERS = {"because": 0, "refused": 0, "_refusal": 4}
 """Functions that make a reason, and which of their arguments is its code."""
+UNSAID = {"first_eligible": {"subgoal"}, "first_waiting": {"subgoal"}, "skill_proposed": {"subgoal"}}
+"""Facts for programs: the text of a stage, which the console says in the reader's language beside its name."""
 
 
 def given() -> Iterator[tuple[str, frozenset[str] | None, str]]:
@@ -65,12 +67,22 @@ def test_every_code_has_a_sentence_and_every_sentence_a_user() -> None:
     assert SENTENCES.keys() - used == set()
 
 
-def test_the_holes_of_a_sentence_are_the_facts_that_are_given() -> None:
+def test_the_holes_of_a_sentence_and_of_what_to_do_are_the_facts_that_are_given() -> None:
     told = [one for one in given() if one[0] in SENTENCES and one[1] is not None]
-    assert [one for one in told if one[1] != holes(SENTENCES[one[0]])] == []
+    assert [
+        one
+        for one in told
+        if one[1] - UNSAID.get(one[0], set()) != holes(SENTENCES[one[0]]) | holes(REMEDIES.get(one[0], ""))
+    ] == []
+
+
+def test_what_to_do_is_said_of_a_code_that_has_a_sentence() -> None:
+    assert REMEDIES.keys() - SENTENCES.keys() == set()
 
 
 def test_every_sentence_keeps_its_holes_in_every_language() -> None:
     for tag in set(BETWEEN) - {"en"}:
         catalogue = translations.read(LOCALES[tag])
-        assert [one for one in SENTENCES.values() if holes(catalogue.get(one, one)) != holes(one)] == []
+        assert [
+            one for one in (*SENTENCES.values(), *REMEDIES.values()) if holes(catalogue.get(one, one)) != holes(one)
+        ] == []

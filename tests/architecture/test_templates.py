@@ -46,11 +46,26 @@ def included_prefixes(text: str) -> dict[str, str]:
     return found
 
 
+def paths(app: FastAPI) -> list[str]:
+    """The paths of all routes, those of included routers too."""
+    known = [
+        inner for route in app.routes for inner in getattr(getattr(route, "original_router", None), "routes", [route])
+    ]
+    return [getattr(route, "path", "") for route in known]
+
+
 def resolves(address: Address, app: FastAPI) -> bool:
-    """Whether a route answers this method at this path; a hole may stand for a number or a word."""
+    """Whether a route answers this method at this path; a hole may stand for a number or for a word of a route."""
+    words = {segment for path in paths(app) for segment in path.split("/") if "{" not in segment}
     scopes = [
-        {"type": "http", "method": address.method, "path": address.path.replace(HOLE, value), "headers": []}
-        for value in ("1", "word")
+        {
+            "type": "http",
+            "method": address.method,
+            "path": address.path.replace(HOLE, "1", holes).replace(HOLE, value),
+            "headers": [],
+        }
+        for holes in range(address.path.count(HOLE) + 1)
+        for value in ("word", *words)
     ]
     return any(route.matches(scope)[0] is Match.FULL for scope in scopes for route in app.routes)
 

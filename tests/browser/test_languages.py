@@ -82,7 +82,8 @@ def _reasons(value: Any) -> Iterator[str]:
     """Everything that somebody gave as a reason or an intention."""
     if isinstance(value, dict):
         if value.keys() & {"actor", "author"}:
-            yield from (value[name] for name in ("reason", "intended_effect") if name in value)
+            written = (value.get(name) for name in ("reason", "intended_effect"))
+            yield from (text for text in written if isinstance(text, str))
         for one in value.values():
             yield from _reasons(one)
     elif isinstance(value, list):

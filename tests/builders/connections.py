@@ -126,6 +126,12 @@ class Stage:
         assert isinstance(decision, Accepted), decision
         return self.runtime.missions()[0].mission_id
 
+    def begin_at(self, template: str, *, seed: int = 3, **arguments: str) -> MissionId:
+        """Create a mission with arguments of its template, without running it."""
+        start = Start(actor=OPERATOR, robot_id=ROBOT, template=template, seed=seed, arguments={**arguments})
+        assert isinstance(self.runtime.start(start), Accepted)
+        return self.runtime.missions()[0].mission_id
+
     def until(self, mission_id: MissionId, true: Callable[[Mission], bool], *, steps: int = 20_000) -> Mission:
         """Step until the condition holds for the mission; fails if the mission ends or waits before."""
         for _ in range(steps):

@@ -41,6 +41,7 @@ class ConsoleWithRoles:
             "position": "1",
             "form": "viser",
             "candidate": self.candidate,
+            "verb": "comment",
             "resource": "vbot-1/mobile_base",
         }
         return re.sub(r"\{(\w+)(:\w+)?\}", lambda found: names.get(found[1], "1"), path)

@@ -15,6 +15,7 @@ from harness.adapters.stores.memory import MemoryBlobStore
 from harness.contracts.errors import BlobDamaged, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.ports import BlobStore
+from tests.saying import raises_saying
 from tests.unit.stores.processes import kill, lines, running
 
 
@@ -52,7 +53,7 @@ def test_every_blob_is_found_again_under_its_sha256(kept: list[BlobStore], bodie
 def test_what_was_never_put_is_missing(blobs: BlobStore) -> None:
     digest = sha256(b"never put")
     assert not blobs.has(digest)
-    with pytest.raises(BlobDamaged, match=digest):
+    with raises_saying(BlobDamaged, match=digest):
         blobs.get(digest)
     assert list(blobs.digests()) == []
 
@@ -71,7 +72,7 @@ def test_what_is_no_digest_names_no_blob_and_no_path(blobs: BlobStore, name: str
 def test_what_follows_a_digest_makes_it_none(folder: Path, more: str) -> None:
     blobs = FileBlobStore(folder)
     digest = blobs.put(b"image")
-    with pytest.raises(BlobDamaged, match="is no digest"):
+    with raises_saying(BlobDamaged, match="is no digest"):
         blobs.get(Digest(digest + more))
 
 
@@ -100,7 +101,7 @@ def test_changed_bytes_are_refused_and_mended_by_putting_them_again(folder: Path
     blobs = FileBlobStore(folder)
     digest = blobs.put(b"image")
     file_of(folder, digest).write_bytes(spoiled)
-    with pytest.raises(BlobDamaged, match="does not match") as caught:
+    with raises_saying(BlobDamaged, match="does not match") as caught:
         blobs.get(digest)
     assert caught.value.where == str(file_of(folder, digest))
     assert blobs.put(b"image") == digest
@@ -133,7 +134,7 @@ def test_a_full_disk_is_said_and_leaves_nothing_behind(folder: Path) -> None:
     before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000_000, hard))
-        with pytest.raises(StoreUnavailable, match=re.escape(str(folder))):
+        with raises_saying(StoreUnavailable, match=re.escape(str(folder))):
             blobs.put(bytes(20_000_001))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
@@ -143,5 +144,5 @@ def test_a_full_disk_is_said_and_leaves_nothing_behind(folder: Path) -> None:
 
 def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
-    with pytest.raises(StoreUnavailable, match=r"cannot be written.*file"):
+    with raises_saying(StoreUnavailable, match=r"cannot be written.*file"):
         FileBlobStore(tmp_path / "file" / "blobs")

@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from app.i18n.reasons.rendering import remedy
 from harness.adapters.stores.configurations import StoredConfigurations
 from harness.adapters.stores.memory import MemoryEventStore
 from harness.adapters.stores.opening import open_log
@@ -18,6 +19,7 @@ from harness.contracts.ports import Batch, Configurations, EventStore, NewEvent,
 from harness.contracts.values import Moment, encode
 from harness.contracts.versions import CONFIGURATION, configuration_record
 from tests.builders.pointers import sterner
+from tests.saying import raises_saying
 
 ROBOT, OTHER = RobotId("vbot-1"), RobotId("vbot-2")
 NOW = Moment(mission_s=1.0, wall_s=2.0)
@@ -65,10 +67,10 @@ def test_every_robot_has_the_first_version_until_one_is_selected_for_it(store: E
 
 def test_a_version_that_is_not_in_the_log_is_named(store: EventStore) -> None:
     absent = Digest("0" * 64)
-    with pytest.raises(ConfigurationMissing, match="is not in this log") as caught:
+    with raises_saying(ConfigurationMissing, match="is not in this log") as caught:
         StoredConfigurations(store, first=baseline()).get(absent)
     assert absent in caught.value.where
-    assert "install the release" in caught.value.do
+    assert "install the release" in remedy(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -84,9 +86,9 @@ def test_a_version_that_this_release_cannot_read_is_named_with_what_is_wrong(
     store: EventStore, body: bytes, says: str
 ) -> None:
     kept(store, Record(digest=sha256(body), kind=CONFIGURATION, body=body))
-    with pytest.raises(ConfigurationMissing, match=says) as caught:
+    with raises_saying(ConfigurationMissing, match=says) as caught:
         StoredConfigurations(store, first=baseline()).get(sha256(body))
-    assert "install the release that wrote it" in caught.value.do
+    assert "install the release that wrote it" in remedy(caught.value)
 
 
 def test_a_version_that_was_changed_on_disk_is_not_taken(tmp_path: Path) -> None:
@@ -100,6 +102,6 @@ def test_a_version_that_was_changed_on_disk_is_not_taken(tmp_path: Path) -> None
         connection.execute("UPDATE record SET body = ?", (changed,))
     with (
         closing(open_log(f"sqlite:///{file}")) as store,
-        pytest.raises(ConfigurationMissing, match="was changed after it was stored"),
+        raises_saying(ConfigurationMissing, match="was changed after it was stored"),
     ):
         StoredConfigurations(store, first=baseline()).get(sterner().configuration_id)

@@ -28,6 +28,7 @@ from simulator.in_process import SIMULATOR
 from tests.fakes import broken
 from tests.fakes.passing import Passing
 from tests.integration.runs import ROOT, answer, regen
+from tests.saying import raises_saying
 
 CREW = (
     *("route-follower", "careful-local-planner", "panorama-camera", "observer", "text-intake", "opencv-analysis"),
@@ -165,17 +166,17 @@ def test_no_file_exempts_a_provider_from_what_its_card_binds_it_to(stands: Stand
 def test_a_bad_conformance_file_is_refused_by_name(tmp_path: Path, text: str, what: str) -> None:
     file = tmp_path / "x.yaml"
     file.write_text(text)
-    with pytest.raises(ContractInvalid, match=what):
+    with raises_saying(ContractInvalid, match=what):
         read(file)
 
 
 def test_a_file_with_an_unknown_row_and_a_missing_file_are_refused(stands: Stands, tmp_path: Path) -> None:
     declared = msgspec.structs.replace(shipped(ProviderId("observer")), meets=("dancing",))
-    with pytest.raises(ContractInvalid, match="dancing"):
+    with raises_saying(ContractInvalid, match="dancing"):
         only("completes", stands[ProviderId("observer")], declared)
-    with pytest.raises(UnknownName, match="stranger"):
+    with raises_saying(UnknownName, match="stranger"):
         shipped(ProviderId("stranger"))
-    with pytest.raises(ContractInvalid, match="cannot be read"):
+    with raises_saying(ContractInvalid, match="cannot be read"):
         read(tmp_path / "nowhere.yaml")
 
 
@@ -233,7 +234,7 @@ def test_a_robot_with_two_providers_of_one_name_is_refused() -> None:
         thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
         thread.start()
         try:
-            named = pytest.raises(ProviderFailed, match="one name")
+            named = raises_saying(ProviderFailed, match="one name")
             with named, addressed(f"http://127.0.0.1:{server.server_port}", "x"):
                 raise AssertionError("twins came in")
         finally:
@@ -251,7 +252,7 @@ def test_a_provider_written_from_the_guide_alone_passes_at_its_address(waiter: s
     assert sorted(row["row"] for row in found["rows"] if row["outcome"] == "met") == sorted(
         read(ROOT / "docs" / "examples" / "wait.yaml").meets
     )
-    with pytest.raises(ProviderFailed, match="token"), addressed(waiter, "guess"):
+    with raises_saying(ProviderFailed, match="token"), addressed(waiter, "guess"):
         raise AssertionError("a stranger came in")
 
 
@@ -259,7 +260,7 @@ def test_the_command_names_what_it_cannot_check() -> None:
     unknown = regen("provider", "check", "nobody")
     assert unknown.returncode == 2
     assert "route-follower" in unknown.stderr
-    with pytest.raises(ProviderUnreachable, match="did not answer"), addressed("http://127.0.0.1:9", "x"):
+    with raises_saying(ProviderUnreachable, match="did not answer"), addressed("http://127.0.0.1:9", "x"):
         raise AssertionError("nobody answered")
 
 

@@ -22,6 +22,7 @@ from harness.contracts.ids import StreamId, sha256
 from harness.contracts.ports import Batch, EventStore, NewEvent, Record
 from harness.contracts.stored_commands import with_command
 from harness.contracts.values import Moment
+from tests.saying import raises_saying
 from tests.unit.stores.builders import NOW, batch, record
 from tools.postgres import PostgresServer
 
@@ -103,7 +104,7 @@ def test_the_log_is_read_on_from_a_position_in_pages(store: EventStore) -> None:
 @pytest.mark.parametrize("expected", [0, 1, 3])
 def test_a_conflict_names_the_stream_and_both_versions(store: EventStore, expected: int) -> None:
     store.append([batch("mission/a", 0, "Asked", "Compiled")], [], NOW)
-    with pytest.raises(ConcurrencyConflict, match=f"mission/a is at version 2, not at the expected version {expected}"):
+    with raises_saying(ConcurrencyConflict, match=f"mission/a is at version 2, not at the expected version {expected}"):
         store.append([batch("mission/a", expected, "Dispatched")], [], NOW)
 
 
@@ -136,7 +137,7 @@ def test_a_stream_may_come_twice_in_one_append(store: EventStore) -> None:
 def test_a_batch_without_events_only_asserts_its_version(store: EventStore) -> None:
     head = store.append([batch("lease/base", 0, "Taken")], [], NOW)
     assert store.append([batch("lease/base", 1), batch("lease/arm", 0)], [], NOW) == head
-    with pytest.raises(ConcurrencyConflict, match="lease/base"):
+    with raises_saying(ConcurrencyConflict, match="lease/base"):
         store.append([batch("mission/a", 0, "Dispatched"), batch("lease/base", 0)], [], NOW)
     assert store.streams("") == ["lease/base"]
 
@@ -151,7 +152,7 @@ def test_a_record_is_kept_once_and_alone_if_need_be(store: EventStore) -> None:
 
 def test_a_record_under_a_wrong_digest_is_refused_with_its_events(store: EventStore) -> None:
     forged = Record(digest=sha256(b"other"), kind="context", body=b"{}")
-    with pytest.raises(ContractInvalid, match="digest"):
+    with raises_saying(ContractInvalid, match="digest"):
         store.append([batch("mission/a", 0, "Asked")], [forged], NOW)
     assert store.head() == GENESIS
 
@@ -163,7 +164,7 @@ def test_an_event_that_names_a_command_verifies_with_its_record_alone(store: Eve
     assert store.verify().position == 1
     lost = NewEvent(kind="Asked", body=with_command(b'{"kind":"Asked"}', sha256(b"never stored")))
     store.append([Batch(stream=StreamId("mission/b"), expected_version=0, events=(lost,))], [], NOW)
-    with pytest.raises(LogDamaged, match="names is not stored") as damaged:
+    with raises_saying(LogDamaged, match="names is not stored") as damaged:
         store.verify()
     assert "position 2" in str(damaged.value)
 
@@ -199,17 +200,17 @@ def test_missions_that_ended_are_found_between_two_positions_in_the_order_of_the
 
 @pytest.mark.parametrize("name", ["mission/\0", "mission/\ud800"])
 def test_a_name_that_not_every_database_keeps_is_refused_by_all(store: EventStore, name: str) -> None:
-    with pytest.raises(ContractInvalid, match="not every database keeps"):
+    with raises_saying(ContractInvalid, match="not every database keeps"):
         store.append([batch(name, 0, "Asked")], [], NOW)
     new = Batch(stream=StreamId("mission/a"), expected_version=0, events=(NewEvent(kind=name, body=b"{}"),))
-    with pytest.raises(ContractInvalid, match="not every database keeps"):
+    with raises_saying(ContractInvalid, match="not every database keeps"):
         store.append([new], [], NOW)
     assert store.head() == GENESIS
 
 
 @pytest.mark.parametrize("instant", [float("nan"), float("inf")])
 def test_an_instant_that_is_no_number_is_refused(store: EventStore, instant: float) -> None:
-    with pytest.raises(ContractInvalid, match="clock"):
+    with raises_saying(ContractInvalid, match="clock"):
         store.append([batch("mission/a", 0, "Asked")], [], Moment(mission_s=instant, wall_s=1.0))
     assert store.head() == GENESIS
 

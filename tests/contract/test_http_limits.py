@@ -10,6 +10,7 @@ import pytest
 from harness.adapters.providers.http.robot import MOST_BYTES, HttpRobot
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest
+from tests.saying import raises_saying
 
 PART = 1 << 20
 HUNDRED = 100
@@ -54,9 +55,9 @@ def robot(handler: type[Flooding]) -> Iterator[HttpRobot]:
 def test_an_answer_of_a_hundred_megabytes_is_cut_off_with_a_typed_error(status: int) -> None:
     handler = type("Flood", (Flooding,), {"status": status, "sent": 0})
     with robot(handler) as found:
-        with pytest.raises(ProviderFailed, match="larger than 64 MiB") as caught:
+        with raises_saying(ProviderFailed, match="larger than 64 MiB") as caught:
             found.status()
         assert caught.value.where.startswith("/") and caught.value.do
-        with pytest.raises(ProviderFailed, match="larger than 64 MiB"):
+        with raises_saying(ProviderFailed, match="larger than 64 MiB"):
             found.blob(Digest("0" * 64))
     assert handler.sent < 2 * HUNDRED * PART and MOST_BYTES < HUNDRED * PART

@@ -33,6 +33,7 @@ from harness.contracts.values import decode
 from harness.provider_protocol.wire import ATTACHMENT, Attachment
 from harness.settings import ROBOT_COMMAND
 from tests.contract.test_providers import truths
+from tests.saying import raises_saying
 from tests.unit.simulation.builders import MISSION, Bench, along
 
 Start = Callable[..., tuple[RobotProcess, Bench]]
@@ -98,7 +99,7 @@ def test_problems_say_what_where_and_what_to_do_and_arrive_as_their_own_type(sta
         assert known.post("/simulation/advance", content=b"not json").status_code == 422
         assert known.get("/observations?after=-1").status_code == 422
         assert known.post("/simulation/save", content=b"x" * (3 * 1024 * 1024)).status_code == 413
-    with pytest.raises(UnknownName, match="stale-pose"):
+    with raises_saying(UnknownName, match="stale-pose"):
         made.configure(MISSION, 1, ["rust"])
     with pytest.raises(BlobDamaged):
         made.robot.blob(Digest("0" * 64))
@@ -106,7 +107,7 @@ def test_problems_say_what_where_and_what_to_do_and_arrive_as_their_own_type(sta
     made.tokens["mobile_base"] = 1
     with pytest.raises(FencingRefused):
         made.start("route-follower", along("A-B"), attempt=2)
-    with pytest.raises(ProviderFailed, match="no step forward"):
+    with raises_saying(ProviderFailed, match="no step forward"):
         made.advance_to(made.at_s - 5.0)
 
 
@@ -114,7 +115,7 @@ def test_a_silent_port_is_unreachable() -> None:
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         robot = HttpRobot(f"http://127.0.0.1:{listener.getsockname()[1]}", "token", timeout_s=0.5)
-        with pytest.raises(ProviderUnreachable, match="did not answer"):
+        with raises_saying(ProviderUnreachable, match="did not answer"):
             robot.status()
         robot.close()
 
@@ -125,7 +126,7 @@ def test_a_server_that_speaks_another_language_breaks_the_protocol() -> None:
     with subprocess.Popen(serving, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, cwd="/") as other:
         assert other.stdout is not None
         robot = HttpRobot(f"http://127.0.0.1:{int(other.stdout.readline())}", "token", timeout_s=60.0)
-        with pytest.raises(ProviderFailed, match="answered 404"):
+        with raises_saying(ProviderFailed, match="answered 404"):
             robot.status()
         robot.close()
 
@@ -204,7 +205,7 @@ def test_an_ended_robot_keeps_its_world_and_its_terminal_reports(start: Start) -
 
 def test_a_folder_belongs_to_one_robot_process(start: Start, tmp_path: Path) -> None:
     start(speed=0.0)
-    with pytest.raises(StoreOwned, match="Another robot process"):
+    with raises_saying(StoreOwned, match="Another robot process"):
         RobotProcess(
             RobotSettings(
                 command=ROBOT_COMMAND, folder=str(tmp_path / "vbot-1"), speed=3.0, fidelity="kinematic", linger_s=0.0
@@ -217,7 +218,7 @@ def test_a_busy_port_is_a_typed_error(tmp_path: Path) -> None:
         listener.bind(("127.0.0.1", 0))
         listener.listen()
         port = listener.getsockname()[1]
-        with pytest.raises(StoreUnavailable, match=f"Port {port}"):
+        with raises_saying(StoreUnavailable, match=f"Port {port}"):
             RobotProcess(RobotSettings(command=ROBOT_COMMAND, folder=str(tmp_path), port=port, fidelity="kinematic"))
 
 

@@ -23,6 +23,7 @@ from harness.contracts.errors import FencingRefused, LogDamaged, ProviderFailed,
 from harness.contracts.observations import Camera
 from harness.contracts.ports import Provider
 from harness.contracts.protocol import InvocationReport, StartRequest
+from tests.saying import raises_saying
 from tests.unit.observations.builders import EPOCH_S, Blobs, StillClock, request_to
 
 CAMERA = Camera(
@@ -142,7 +143,7 @@ def test_the_same_request_id_with_other_parameters_is_refused(desk: Desk) -> Non
     name = next(name for name, value in request.parameters.items() if isinstance(value, str | tuple))
     other = "another text" if isinstance(request.parameters[name], str) else ("f" * 64,)
     changed = msgspec.structs.replace(request, parameters={**request.parameters, name: other})
-    with pytest.raises(ProviderFailed, match="other contents"):
+    with raises_saying(ProviderFailed, match="other contents"):
         desk.provider.start(changed)
     assert desk.provider.find(request.identity.request_id) == ended
 
@@ -181,13 +182,13 @@ def test_work_not_done_by_the_deadline_fails_with_timeout(desk: Desk) -> None:
 def test_an_older_fencing_token_is_refused_even_after_a_restart(leased: Desk) -> None:
     leased.ended(leased.provider.start(leased.request(token=7)))
     restarted = leased.restart()
-    with pytest.raises(FencingRefused, match="older than 7"):
+    with raises_saying(FencingRefused, match="older than 7"):
         restarted.start(leased.request(attempt=1, token=6))
     assert restarted.start(leased.request(attempt=1, token=7)).status == "accepted"
 
 
 def test_a_request_without_the_token_of_a_leased_resource_is_refused(leased: Desk) -> None:
-    with pytest.raises(ProviderFailed, match="fencing token"):
+    with raises_saying(ProviderFailed, match="fencing token"):
         leased.provider.start(msgspec.structs.replace(leased.request(), fencing={}))
 
 
@@ -208,7 +209,7 @@ def test_parameters_that_do_not_fit_the_card_are_refused_by_name(desk: Desk) -> 
     for name in (parameter.name for parameter in desk.provider.card.parameters if parameter.required):
         missing = {key: value for key, value in request.parameters.items() if key != name}
         for parameters in (missing, {**request.parameters, name: True}, {**request.parameters, "speed": 1.0}):
-            with pytest.raises(ProviderFailed, match=name if "speed" not in parameters else "speed"):
+            with raises_saying(ProviderFailed, match=name if "speed" not in parameters else "speed"):
                 desk.provider.start(msgspec.structs.replace(request, parameters=parameters))
     assert desk.provider.find(request.identity.request_id) is None
 
@@ -239,13 +240,13 @@ def test_a_torn_last_journal_line_is_forgotten_and_a_damaged_one_is_named(desk: 
     assert desk.restart().find(request.identity.request_id) == ended
     assert journal.read_bytes() == whole
     journal.write_bytes(b"garbage\n" + whole)
-    with pytest.raises(LogDamaged, match="line 1"):
+    with raises_saying(LogDamaged, match="line 1"):
         desk.restart()
 
 
 def test_a_journal_that_cannot_be_written_says_where(tmp_path: Path) -> None:
     (tmp_path / "journal").write_text("a file stands where the folder should be")
-    with pytest.raises(StoreUnavailable, match=r"journal\.jsonl"):
+    with raises_saying(StoreUnavailable, match=r"journal\.jsonl"):
         TextIntake(clock=StillClock(), blobs=Blobs(), journal=tmp_path / "journal" / "journal.jsonl")
 
 

@@ -28,6 +28,7 @@ from harness.contracts.memory import (
 from harness.contracts.ports import MemoryIndex
 from harness.contracts.values import encode
 from harness.contracts.verdicts import Verdict
+from tests.saying import raises_saying
 
 START_S = 1_790_000_000.0
 SETTING = Digest("c" * 64)
@@ -107,7 +108,7 @@ def names(index: MemoryIndex, *kinds: str, **changes: object) -> list[int]:
 def test_an_empty_index_holds_nothing_and_stands_at_zero(index: MemoryIndex) -> None:
     assert index.mark() == EMPTY
     assert names(index) == [] and index.current("pose", "robot/r") == []
-    with pytest.raises(UnknownName, match="mem_7"):
+    with raises_saying(UnknownName, match="mem_7"):
         index.get("mem_7")
 
 
@@ -306,7 +307,7 @@ def test_the_file_is_found_again_where_it_was_left(tmp_path: Path) -> None:
         fill(index, [record(1), record(2, supersedes=("mem_1",))])
     with closing(SqlMemoryIndex(url)) as index:
         assert index.mark() == mark(2) and names(index) == [2]
-    with pytest.raises(StoreUnavailable, match="closed"):
+    with raises_saying(StoreUnavailable, match="closed"):
         index.mark()
 
 
@@ -322,6 +323,6 @@ def test_a_file_of_another_schema_is_emptied_because_the_log_can_fill_it_again(t
 
 def test_a_file_that_is_no_database_is_an_error_that_says_what_to_do(tmp_path: Path) -> None:
     (tmp_path / "memory.db").write_bytes(b"not a database at all, but long enough to be looked at" * 40)
-    with pytest.raises(StoreUnavailable, match="delete this file") as caught:
+    with raises_saying(StoreUnavailable, match="delete this file") as caught:
         SqlMemoryIndex(f"sqlite:///{tmp_path / 'memory.db'}")
     assert caught.value.where == str(tmp_path / "memory.db")

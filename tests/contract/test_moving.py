@@ -16,6 +16,7 @@ from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.sql_log import SqlLog
 from harness.contracts.errors import LogDamaged, StoreOwned, StoreUnavailable
 from harness.contracts.ports import LogHead, Record, StoredEvent
+from tests.saying import raises_saying
 from tests.unit.stores.builders import NOW, batch
 from tools.postgres import PostgresServer
 
@@ -69,7 +70,7 @@ def test_a_log_that_holds_anything_is_not_moved_onto(file: Path, server: str, al
         records = [next(iter(_records(file)))] if already == "record" else []
         log.append([batch("mission/other", 0, "Asked")] if already == "event" else [], records, NOW)
         before = log.head()
-    with pytest.raises(StoreUnavailable, match=r"not empty; nothing was moved.*name an empty database"):
+    with raises_saying(StoreUnavailable, match=r"not empty; nothing was moved.*name an empty database"):
         move_log(f"sqlite:///{file}", server)
     with closing(open_log(server)) as log:
         assert log.head() == before
@@ -119,7 +120,7 @@ class Busy:
 
 def test_what_is_appended_while_the_log_is_copied_is_not_left_behind_unsaid(file: Path, server: str) -> None:
     with closing(open_log(f"sqlite:///{file}")) as old, closing(open_log(server)) as new:
-        with pytest.raises(StoreUnavailable, match="appended to the log while it was copied"):
+        with raises_saying(StoreUnavailable, match="appended to the log while it was copied"):
             new.fill_from(Busy(old))  # type: ignore[arg-type]
         assert new.head().position == 0
         assert new.fill_from(old).position == 54
@@ -134,10 +135,10 @@ def test_a_log_that_a_supervisor_owns_is_not_moved(file: Path, server: str) -> N
 
 
 def test_a_log_that_is_not_there_is_not_moved_and_not_created(tmp_path: Path, server: str) -> None:
-    with pytest.raises(StoreUnavailable, match="no log to move"):
+    with raises_saying(StoreUnavailable, match="no log to move"):
         move_log(f"sqlite:///{tmp_path / 'events.db'}", server)
     assert list(tmp_path.iterdir()) == []
-    with pytest.raises(StoreUnavailable, match="onto itself"):
+    with raises_saying(StoreUnavailable, match="onto itself"):
         move_log(server, server)
 
 

@@ -9,6 +9,7 @@ import pytest
 from harness.adapters.stores.folder import prepare
 from harness.adapters.stores.owner import OwnerLock, read_owner
 from harness.contracts.errors import StoreOwned, StoreUnavailable
+from tests.saying import raises_saying
 from tests.unit.stores.processes import kill, lines, running
 
 URL = "http://127.0.0.1:8000"
@@ -39,7 +40,7 @@ def test_an_owner_may_say_its_address_once_it_listens(tmp_path: Path) -> None:
 def test_a_second_owner_is_told_the_first_ones_process_and_address(tmp_path: Path) -> None:
     with running("own", str(tmp_path), URL) as child:
         assert lines(child, 1) == ["owned"]
-        with pytest.raises(StoreOwned, match=f"process {child.pid} at {URL}") as caught:
+        with raises_saying(StoreOwned, match=f"process {child.pid} at {URL}") as caught:
             OwnerLock(tmp_path).take(token="other")
         assert caught.value.where == str(tmp_path)
         owner = read_owner(tmp_path)
@@ -72,7 +73,7 @@ def test_a_child_of_the_owner_does_not_keep_the_folder(tmp_path: Path) -> None:
 def test_within_one_process_too_there_is_one_owner(tmp_path: Path) -> None:
     with OwnerLock(tmp_path) as lock:
         lock.take(token="secret", url=URL)
-        with pytest.raises(StoreOwned, match=str(os.getpid())):
+        with raises_saying(StoreOwned, match=str(os.getpid())):
             OwnerLock(tmp_path).take(token="other")
         assert read_owner(tmp_path) is not None
 
@@ -86,7 +87,7 @@ def test_only_its_owner_can_read_the_token(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_is_not_there_cannot_be_owned(tmp_path: Path) -> None:
-    with pytest.raises(StoreUnavailable, match=r"cannot be owned.*nowhere"):
+    with raises_saying(StoreUnavailable, match=r"cannot be owned.*nowhere"):
         OwnerLock(tmp_path / "nowhere").take(token="secret")
 
 
@@ -102,7 +103,7 @@ def test_a_data_folder_is_made_for_its_owner_only(tmp_path: Path) -> None:
 def test_a_data_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "var").write_bytes(b"")
     for root in (tmp_path / "var", tmp_path / "var" / "deeper"):
-        with pytest.raises(StoreUnavailable, match="--data") as caught:
+        with raises_saying(StoreUnavailable, match="--data") as caught:
             prepare(root)
         assert caught.value.where == str(root)
 
@@ -110,10 +111,10 @@ def test_a_data_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 def test_a_data_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
-    with pytest.raises(StoreUnavailable, match="--data"):
+    with raises_saying(StoreUnavailable, match="--data"):
         prepare(tmp_path)
 
 
 def test_a_disk_without_room_is_refused_before_a_mission_begins(tmp_path: Path) -> None:
-    with pytest.raises(StoreUnavailable, match=r"MiB free, a mission needs \d+ MiB"):
+    with raises_saying(StoreUnavailable, match=r"MiB free, a mission needs \d+ MiB"):
         prepare(tmp_path, floor_bytes=2**62)

@@ -9,6 +9,7 @@ import pytest
 from harness.adapters.stores.postgres import PostgresEventStore
 from harness.adapters.stores.postgres_listener import Listener
 from harness.contracts.errors import StoreUnavailable
+from tests.saying import raises_saying
 from tests.unit.stores.builders import NOW, batch
 from tests.unit.stores.processes import lines, running
 from tools.postgres import PostgresServer
@@ -87,5 +88,5 @@ def test_a_closed_listener_tells_nothing_and_one_that_cannot_begin_says_why(
     listener.close()
     store.append([batch("mission/a", 0, "Asked")], [], NOW)
     assert names.empty()
-    with pytest.raises(StoreUnavailable, match="nowhere"):
+    with raises_saying(StoreUnavailable, match="nowhere"):
         Listener(url.replace("@/", "@/nowhere_"), names.put)

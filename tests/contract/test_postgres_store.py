@@ -13,6 +13,7 @@ from alembic.config import Config
 from sqlalchemy import create_engine
 from sqlalchemy.pool import NullPool
 
+from app.i18n.reasons.rendering import remedy
 from harness.adapters.stores.chain import GENESIS
 from harness.adapters.stores.postgres import PostgresEventStore
 from harness.adapters.stores.sql_schema import MIGRATIONS, SCHEMA_VERSION
@@ -20,6 +21,7 @@ from harness.contracts.errors import ConcurrencyConflict, LogDamaged, StoreNewer
 from harness.contracts.ids import StreamId, sha256
 from harness.contracts.ports import Batch, NewEvent, StateSnapshot
 from tests.builders.eavesdropper import overheard
+from tests.saying import raises_saying
 from tests.unit.stores.builders import NOW, batch, record
 from tests.unit.stores.processes import kill, lines, running
 from tools.postgres import PostgresServer
@@ -107,7 +109,7 @@ def test_a_killed_writer_leaves_every_acknowledged_append_on_an_intact_chain(
 def test_an_append_that_waits_too_long_for_another_writer_is_left_out(nine: str) -> None:
     with opened(nine, busy_s=0.05) as store, psycopg.connect(nine) as other:
         other.execute("SELECT pg_advisory_xact_lock(%s)", (0x726567656E,))
-        with pytest.raises(StoreUnavailable, match=r"lock timeout.*another process is writing"):
+        with raises_saying(StoreUnavailable, match=r"lock timeout.*another process is writing"):
             store.append([batch(A, 5, "Resumed")], [], NOW)
         assert store.head().position == 9
         other.rollback()
@@ -163,7 +165,7 @@ def test_a_restart_under_load_is_a_typed_error_and_then_everything_goes_on(
             worker.join()
         assert len(acknowledged) >= before + 20
         assert {error.where for error in failures} == {where}
-        assert [error for error in failures if "database" not in error.do] == []
+        assert [error for error in failures if "database" not in remedy(error)] == []
         log = store.read(limit=100_000)
         assert set(acknowledged) <= {event.position for event in log}
         assert [event.version for event in log] == list(range(1, len(log) + 1))
@@ -183,7 +185,7 @@ def test_a_commit_whose_answer_is_lost_is_found_and_counts_once(nine: str, new: 
 def test_a_commit_that_never_arrived_is_said_and_leaves_nothing(nine: str, new: list[Batch]) -> None:
     other = record("context", {"role": "skill"})
     with overheard(nine, answered=False) as address, opened(address) as store:
-        with pytest.raises(StoreUnavailable, match="cannot be used"):
+        with raises_saying(StoreUnavailable, match="cannot be used"):
             store.append(new, [other], NOW)
         assert store.head().position == 9
         assert store.append([batch(A, 5, "Resumed")], [other], NOW).position == 10
@@ -193,7 +195,7 @@ def test_a_commit_that_cannot_be_looked_up_is_not_called_lost_or_stored(postgres
     with overheard(nine, answered=False) as address, opened(address) as store:
         database = nine.partition("@/")[2].partition("?")[0]
         postgres.execute(f"ALTER DATABASE {database} WITH ALLOW_CONNECTIONS false")
-        with pytest.raises(StoreUnavailable, match=r"whether it is stored is not known yet.*load the stream again"):
+        with raises_saying(StoreUnavailable, match=r"whether it is stored is not known yet.*load the stream again"):
             store.append([batch(A, 5, "Resumed")], [], NOW)
         postgres.execute(f"ALTER DATABASE {database} WITH ALLOW_CONNECTIONS true")
         assert store.head().position == 9
@@ -243,9 +245,9 @@ def test_a_changed_column_is_named_by_its_position(nine: str, change: str) -> No
 def test_a_removed_event_and_a_changed_record_are_found(nine: str) -> None:
     tamper(nine, "UPDATE record SET body = '{}'")
     with opened(nine) as store:
-        with pytest.raises(LogDamaged, match=CONTEXT.digest):
+        with raises_saying(LogDamaged, match=CONTEXT.digest):
             store.verify()
-        with pytest.raises(LogDamaged, match=CONTEXT.digest):
+        with raises_saying(LogDamaged, match=CONTEXT.digest):
             store.record(CONTEXT.digest)
         tamper(nine, "DELETE FROM event WHERE position = 3")
         with pytest.raises(LogDamaged) as caught:
@@ -266,7 +268,7 @@ def test_an_index_that_hides_events_is_found(nine: str) -> None:
         "SELECT 0, 'mission/c', 1, kind, body, mission_s, recorded_s, previous, digest FROM beside",
         "DROP TABLE beside",
     )
-    with opened(nine) as store, pytest.raises(LogDamaged, match="10 events, its index finds 9"):
+    with opened(nine) as store, raises_saying(LogDamaged, match="10 events, its index finds 9"):
         store.verify()
 
 
@@ -320,7 +322,7 @@ def test_a_log_of_schema_1_is_migrated_and_goes_on(url: str) -> None:
 
 def test_a_database_that_does_not_keep_every_character_is_refused(postgres: PostgresServer) -> None:
     url = postgres.database("ENCODING 'SQL_ASCII' TEMPLATE template0")
-    with pytest.raises(StoreUnavailable, match="SQL_ASCII, the event log needs UTF8"):
+    with raises_saying(StoreUnavailable, match="SQL_ASCII, the event log needs UTF8"):
         PostgresEventStore(url)
 
 
@@ -334,7 +336,7 @@ def test_a_database_that_does_not_keep_every_character_is_refused(postgres: Post
     ],
 )
 def test_an_address_that_leads_nowhere_is_said_without_its_password(url: str, address: str, says: str) -> None:
-    with pytest.raises(StoreUnavailable, match=says) as caught:
+    with raises_saying(StoreUnavailable, match=says) as caught:
         PostgresEventStore(address.format(host=url.partition("?host=")[2]))
     assert "secret" not in str(caught.value)
 
@@ -345,7 +347,7 @@ def test_a_user_who_may_only_read_is_told_so(postgres: PostgresServer, nine: str
     postgres.execute("GRANT SELECT ON ALL TABLES IN SCHEMA public TO reader", url=nine)
     with opened(nine.replace("postgres@", "reader@")) as store:
         assert store.head().position == 9
-        with pytest.raises(StoreUnavailable, match=r"permission denied.*own the database"):
+        with raises_saying(StoreUnavailable, match=r"permission denied.*own the database"):
             store.append([batch(A, 5, "Resumed")], [], NOW)
         assert store.head().position == 9
 
@@ -360,7 +362,7 @@ def test_a_closed_log_says_so(nine: str) -> None:
     store.close()
     store.close()
     for use in (store.head, store.verify, store.read, lambda: store.append([], [], NOW)):
-        with pytest.raises(StoreUnavailable, match="closed"):
+        with raises_saying(StoreUnavailable, match="closed"):
             use()
 
 

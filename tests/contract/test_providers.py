@@ -11,6 +11,7 @@ from harness.contracts.ids import RequestId
 from harness.contracts.values import decode
 from harness.settings import ROBOT_COMMAND
 from simulator.truth import Truth
+from tests.saying import raises_saying
 from tests.unit.simulation.builders import MISSION, Bench, along, bench
 
 BRAKED_MPS = 0.01
@@ -80,7 +81,7 @@ def test_repeating_a_start_returns_the_same_execution_and_starts_nothing(made: B
 
 def test_the_same_request_id_with_other_parameters_is_refused(made: Bench) -> None:
     made.start("route-follower", along("A-B"))
-    with pytest.raises(ProviderFailed, match="other contents"):
+    with raises_saying(ProviderFailed, match="other contents"):
         made.start("route-follower", along("circuit"))
     assert len(made.robot.starts()) == 1
 
@@ -92,7 +93,7 @@ def test_an_invocation_is_found_by_its_request_and_a_stranger_is_not(made: Bench
     assert found is not None
     assert found.handle == report.handle
     assert provider.find(RequestId("f" * 64)) is None
-    with pytest.raises(ProviderFailed, match="No invocation has the handle"):
+    with raises_saying(ProviderFailed, match="No invocation has the handle"):
         provider.report("route-follower:nothing")
 
 
@@ -134,7 +135,7 @@ def test_a_stop_is_acknowledged_only_once_the_body_stands(made: Bench) -> None:
 @pytest.mark.ledger("R90", symbol="simulator.robot:SimulatedRobot._mover")
 def test_a_second_mover_is_refused_while_the_first_has_the_base(made: Bench) -> None:
     report = made.watch(made.start("route-follower", along("A-B")), until_s=2.0)
-    with pytest.raises(ProviderFailed, match="still has the base"):
+    with raises_saying(ProviderFailed, match="still has the base"):
         made.start("panorama-camera", {"frames": 8.0}, node="pano")
     made.watch(made.provider("route-follower").stop(report.handle))
     assert made.start("careful-local-planner", along("A-B"), attempt=2).status == "accepted"
@@ -143,7 +144,7 @@ def test_a_second_mover_is_refused_while_the_first_has_the_base(made: Bench) -> 
 def test_an_older_fencing_token_is_refused_and_starts_nothing(made: Bench) -> None:
     made.watch(made.provider("route-follower").stop(made.start("route-follower", along("A-B")).handle))
     made.tokens["mobile_base"] = 6
-    with pytest.raises(FencingRefused, match="older than 7"):
+    with raises_saying(FencingRefused, match="older than 7"):
         made.start("route-follower", along("A-B"), attempt=2)
     made.tokens["mobile_base"] = 8
     assert made.start("route-follower", along("A-B"), attempt=2).status == "accepted"
@@ -151,9 +152,9 @@ def test_an_older_fencing_token_is_refused_and_starts_nothing(made: Bench) -> No
 
 
 def test_a_start_without_a_lease_or_off_the_card_is_refused(made: Bench) -> None:
-    with pytest.raises(ProviderFailed, match="speed_cap_mps"):
+    with raises_saying(ProviderFailed, match="speed_cap_mps"):
         made.start("route-follower", {**along("A-B"), "speed_cap_mps": 3.0})
-    with pytest.raises(ProviderFailed, match="frame"):
+    with raises_saying(ProviderFailed, match="frame"):
         made.start("route-follower", {**along("A-B"), "frame": "odom"})
     assert made.robot.starts() == type(made.robot.starts())()
 

@@ -16,6 +16,7 @@ from harness.contracts.ids import Digest
 from harness.contracts.memory import FollowPosition
 from harness.contracts.ports import ReadModels
 from harness.contracts.read_models import MANY, Bookmark, ListOrder, ListQuery, ListRow
+from tests.saying import raises_saying
 
 
 @pytest.fixture(params=["file", "memory"])
@@ -209,7 +210,7 @@ def test_a_file_keeps_its_rows_and_one_of_another_schema_is_emptied(tmp_path: Pa
 
 def test_lists_that_cannot_be_used_say_what_to_do(tmp_path: Path) -> None:
     (tmp_path / "lists.db").write_bytes(b"not a database" * 100)
-    with pytest.raises(StoreUnavailable, match="delete this file"):
+    with raises_saying(StoreUnavailable, match="delete this file"):
         SqlReadModels(f"sqlite:///{tmp_path / 'lists.db'}")
 
 

@@ -12,6 +12,7 @@ from harness.contracts.errors import LogDamaged, StoreUnavailable, UnknownName
 from harness.contracts.ids import InvocationId, RequestId, sha256
 from harness.contracts.observations import AnySample, Battery, Image, Imu, Odometry, Pose, Scan
 from harness.contracts.ports import Spool
+from tests.saying import raises_saying
 from tests.unit.stores.processes import kill, lines, running
 
 FIRST, SECOND = InvocationId("inv_1"), InvocationId("inv_2")
@@ -117,7 +118,7 @@ def test_a_whole_line_that_is_no_sample_is_damage(tmp_path: Path, line: bytes) -
     spool.add(FIRST, [battery(1)])
     with (tmp_path / "inv_1.jsonl").open("ab") as file:
         file.write(line)
-    with pytest.raises(LogDamaged, match="inv_1"):
+    with raises_saying(LogDamaged, match="inv_1"):
         spool.samples(FIRST)
 
 
@@ -136,5 +137,5 @@ def test_what_is_no_invocation_id_names_no_file(tmp_path: Path, name: str) -> No
 
 def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
-    with pytest.raises(StoreUnavailable, match=r"cannot be used.*file"):
+    with raises_saying(StoreUnavailable, match=r"cannot be used.*file"):
         FileSpool(tmp_path / "file" / "spool")

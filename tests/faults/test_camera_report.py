@@ -71,7 +71,7 @@ MODEL = proposing(
 def test_a_planned_picture_is_taken_kept_and_described_without_any_motion() -> None:
     with reported(MODEL) as ran:
         mission, runtime = ran.mission, ran.harness.runtime
-        assert mission.status == "succeeded", mission.reason
+        assert mission.status == "partly_verified", mission.reason
         assert (mission.labels["planner"], "plan_refused" in mission.labels) == ("language-model", False)
         plan = decode(runtime.blob(Digest(mission.labels["plan"])), StagePlan)
         assert [step.stage for step in plan.steps] == [CAPTURE, PERSIST, DESCRIBE] == [*mission.nodes]
@@ -79,7 +79,7 @@ def test_a_planned_picture_is_taken_kept_and_described_without_any_motion() -> N
         assert [start.node_id for start in starts] == [CAPTURE] and not any(start.moves for start in starts)
         assert not any(event.moves for event in ran.events if isinstance(event, DispatchIntended))
         images = {fact.node_id: fact.arguments["images"] for fact in mission.facts}
-        assert set(images) == {CAPTURE, PERSIST, DESCRIBE}
+        assert set(images) == {CAPTURE, PERSIST}, "the description is declared"
         ((checksum,),) = {tuple(found) for found in images.values()}
         assert sha256(runtime.blob(checksum)) == checksum
         assert replay_mission(runtime, mission.mission_id).differences == ()
@@ -113,7 +113,7 @@ def test_a_plan_that_moves_leaves_out_or_reorders_is_refused_and_the_harness_tak
 ) -> None:
     with reported(planner) as ran:
         assert ran.mission.labels["plan_refused"].startswith(f"{rule}: ")
-        assert ran.mission.status == "succeeded"
+        assert ran.mission.status == "partly_verified"
         assert not any(start.moves for start in ran.harness.starts(ran.mission.mission_id))
 
 
@@ -123,7 +123,7 @@ def test_a_planner_that_breaks_stops_nothing() -> None:
 
     with reported(StagePlanner(name="language-model", propose=broken)) as ran:
         assert "ConnectionError: no model here" in ran.mission.labels["plan_refused"]
-        assert "plan" not in ran.mission.labels and ran.mission.status == "succeeded"
+        assert "plan" not in ran.mission.labels and ran.mission.status == "partly_verified"
 
 
 class Exchanging(Wrapped):
@@ -142,7 +142,7 @@ class Exchanging(Wrapped):
 def test_a_keeper_that_names_another_picture_is_not_accepted() -> None:
     with staged(wrap=only("keep_evidence", Exchanging)) as stage:
         ran = stage.run(stage.begin(by_name("camera-report", further())))
-        assert ran.mission.status != "succeeded"
+        assert ran.mission.status not in ("succeeded", "partly_verified")
         assert ran.verdicts("persist")[0] == "violated"
         assert "not the accepted picture" in sentence(ran.mission.of(PERSIST).verdicts[0].reason)
         assert replay_mission(rewritten(stage.parts), ran.mission.mission_id).differences == ()

@@ -2,6 +2,7 @@
 
 import msgspec
 import pytest
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from app.background.mission_history import Histories
@@ -12,21 +13,28 @@ from experiments.campaigns.ledgers import read_books
 from harness.auditing.replay import replay_mission
 from harness.bootstrap import simulated
 from harness.contracts import events
+from harness.contracts.contexts import Blobs, Context
 from harness.contracts.decisions import Accepted
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ports import StoredEvent
+from harness.contracts.protocol import InvocationReport
 from harness.contracts.rules import RulesVersion
 from harness.contracts.stored_commands import without_command
+from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import encode
+from harness.contracts.verdicts import NodeVerdict
 from harness.extra_templates import begin
 from harness.projections.mission import declared_goals
 from harness.runtime import Start
 from harness.settings import HarnessSettings
+from harness.verification.verdict import verify
 from simulator.in_process import SIMULATOR
-from tests.builders.connections import Stage
+from tests.builders.connections import Stage, Wrapped, only, staged, with_node
 from tests.builders.declared import DESCRIBE, DESCRIBED, FIRST, ORDER, SECOND, strict, two_pictures
 from tests.builders.missions_run import OPERATOR, ROBOT, Ran
+from tests.builders.waiting import ADA, waiting
+from tests.saying import raises_saying
 
 
 def run(stage: Stage, **changes: object) -> Ran:
@@ -84,7 +92,7 @@ def test_an_order_that_holds_only_by_the_provider_s_word_is_named_too() -> None:
 
 
 def test_a_goal_of_which_nothing_would_be_verified_is_refused_before_anything_moves() -> None:
-    with strict() as stage, pytest.raises(ContractInvalid, match="nothing of the goal would be verified"):
+    with strict() as stage, raises_saying(ContractInvalid, match="nothing of the goal would be verified"):
         stage.begin(two_pictures(goals=(DESCRIBED,)))
 
 
@@ -152,3 +160,125 @@ def test_the_camera_task_ends_in_part_under_the_rules_that_want_another_source(
         others = [one for one in outcome["goal_conditions"] if one["condition_id"] not in declared]
         assert others and all(one["verdict"] == "satisfied" and one["independence"] >= rules - 1 for one in others)
         assert replay_mission(harness.runtime, mission.mission_id).differences == ()
+
+
+@pytest.mark.ledger("R108", symbol="harness.gate.rules:on_its_own_word")
+@pytest.mark.ledger("R108", symbol="harness.contracts.rules:required_independence")
+@pytest.mark.parametrize("risk", ["low", "medium", "high"])
+def test_a_provider_s_word_alone_is_never_satisfied_whatever_the_risk(risk: str) -> None:
+    base = two_pictures(declared=False)
+    with strict() as stage:
+        ran = stage.run(stage.begin(with_node(base, DESCRIBE, risk=risk)))
+        assert "satisfied" not in ran.verdicts(DESCRIBE)
+        assert not any(fact.node_id == DESCRIBE for fact in ran.mission.facts)
+        assert ran.mission.status != "succeeded"
+
+
+def test_a_verifier_that_calls_a_word_enough_is_overruled_by_the_gate() -> None:
+    def generous(context: Context, blobs: Blobs) -> NodeVerdict:
+        found = verify(context, blobs)
+        results = tuple(
+            replace(one, verdict="satisfied", required_independence=0, short=UNSET) for one in found.results
+        )
+        return replace(found, verdict="satisfied", results=results)
+
+    with staged(verifier=generous, rules=2) as stage:
+        ran = stage.run(stage.begin(two_pictures(declared=False)))
+        assert "on_its_own_word" in ran.mission.of(DESCRIBE).rejections
+        assert not any(fact.node_id == DESCRIBE for fact in ran.mission.facts)
+
+
+class Silent(Wrapped):
+    """Says that it described the picture, and leaves no report of it."""
+
+    def report(self, handle: str) -> InvocationReport:
+        return replace(self.inner.report(handle), receipts=())
+
+
+def test_consent_covers_a_word_and_nothing_less() -> None:
+    with strict(only("describe_image", Silent)) as stage:
+        ran = run(stage)
+        assert not any(isinstance(event, events.EffectDeclared) for event in ran.events)
+        assert ran.mission.status not in ("succeeded", "partly_verified")
+
+
+def waiting_for_words() -> TaskTemplate:
+    """The second picture waits for the description: a dependency that only a declared effect ends."""
+    base = two_pictures()
+    first, second, describe = base.nodes
+    return replace(base, nodes=(first, describe, second | {"depends_on": [FIRST, DESCRIBE]}))
+
+
+def test_a_declared_stage_ends_a_dependency_and_survives_a_restart() -> None:
+    with waiting(rules=2) as made:
+        start = Start(actor=ADA, robot_id=ROBOT, template="two-pictures", seed=3)
+        assert isinstance(made.runtime.start(start, template=waiting_for_words()), Accepted)
+        mission_id = made.runtime.missions()[0].mission_id
+        while made.runtime.mission(mission_id).of(DESCRIBE).status != "declared":
+            wake_s = made.supervisor.step(mission_id)
+            assert wake_s is not None
+            made.harness.clock.wait_until(wake_s)
+        before = made.runtime.mission(mission_id)
+        assert before.of(SECOND).status == "pending"
+        made.restart()
+        assert made.runtime.mission(mission_id) == before
+        mission = made.supervisor.run(mission_id)
+        assert mission.status == "partly_verified" and mission.of(SECOND).status == "committed"
+        assert [effect.node_id for effect in mission.declared] == [DESCRIBE]
+        assert replay_mission(made.runtime, mission_id).differences == ()
+
+
+def test_a_declared_stage_gives_no_fact_to_a_condition_that_needs_one() -> None:
+    """A stage whose condition reads the description's fact cannot be accepted on a declared one."""
+    base = two_pictures()
+    copy = dict(base.nodes[2]) | {"node_id": "again", "depends_on": [DESCRIBE], "evidence": {"mandatory": ["receipts"]}}
+    copy["success_conditions"] = [
+        {
+            "condition_id": "again.of_description",
+            "text": "It is about what was described",
+            "effect": {
+                "type": "relational",
+                "predicate": "same_image",
+                "relation": "same_image",
+                "subject": "again",
+                "object": DESCRIBE,
+            },
+        }
+    ]
+    with strict() as stage:
+        ran = stage.run(stage.begin(replace(base, nodes=(*base.nodes, copy))))
+        assert ran.mission.of(DESCRIBE).status == "declared"
+        assert set(ran.verdicts("again")) == {"ambiguous"} and ran.mission.status == "awaiting_human"
+
+
+def test_what_people_are_told_names_what_is_only_declared() -> None:
+    base = two_pictures()
+    told = {
+        "node_id": "tell",
+        "subgoal": "Say what was done",
+        "capabilities": ["speak"],
+        "depends_on": [DESCRIBE],
+        "parameters": {"text_from": "Pictures that were described: @{describe.pictures}."},
+        "resources": [],
+        "evidence": {"mandatory": ["receipts"], "declared": ["tell.played"]},
+        "timeout_s": 60.0,
+        "required": False,
+        "recovery": {"re_perceive": 0, "adjust_view": 0, "retry": 0, "local_replan": 0, "switch_skill": 0, "total": 0},
+        "success_conditions": [
+            {
+                "condition_id": "tell.played",
+                "text": "The words were played",
+                "effect": {"type": "symbolic", "predicate": "played", "arguments": {}},
+            }
+        ],
+    }
+    speaking = replace(
+        base, nodes=(*base.nodes, told), constraints=base.constraints | {"resources": ["camera", "speaker"]}
+    )
+    with strict() as stage:
+        ran = stage.run(stage.begin(speaking))
+        sent = [event for event in ran.events if isinstance(event, events.DispatchIntended) and event.node_id == "tell"]
+        assert str(sent[0].parameters["text"]).endswith(
+            "Declared, not verified: The description is of the accepted picture."
+        )
+        assert ran.mission.status == "partly_verified"

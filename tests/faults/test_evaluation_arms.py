@@ -21,6 +21,7 @@ from rsi_reviews.evaluation.roles import RoleReport
 from rsi_reviews.evaluation.rules import BINDING, BOUND, EVIDENCE
 from rsi_reviews.evaluation.suites import checks
 from simulator.in_process import SIMULATOR
+from tests.saying import raises_saying
 
 GATED, UNSEEN = "evidence-gated", ("biased-localiser", "place-aliasing")
 
@@ -158,7 +159,7 @@ def test_finished_missions_of_another_seed_are_not_mixed_in(tmp_path: Path) -> N
         processes=1,
         kept=kept,
     )
-    with pytest.raises(ContractInvalid, match="another seed"):
+    with raises_saying(ContractInvalid, match="another seed"):
         rows(
             ProtocolRequest(missions=1, seed=4, arms=("always-hands-off",), conditions=("nominal",)),
             SIMULATOR,

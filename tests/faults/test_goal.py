@@ -134,7 +134,7 @@ def greeted() -> TaskTemplate:
         "depends_on": ["request"],
         "parameters": {"text": "Hello, I begin my round."},
         "resources": [],
-        "evidence": {"mandatory": ["receipts"]},
+        "evidence": {"mandatory": ["receipts"], "declared": ["hello.played"]},
         "timeout_s": 60.0,
         "required": False,
         "recovery": {"re_perceive": 1, "adjust_view": 0, "retry": 1, "local_replan": 0, "switch_skill": 0, "total": 2},
@@ -154,8 +154,8 @@ def greeted() -> TaskTemplate:
 def test_an_optional_stage_really_runs() -> None:
     with staged() as stage:
         ran = stage.run(stage.begin(greeted()))
-        assert ran.mission.status == "succeeded"
-        assert ran.mission.of(NodeId("hello")).status == "committed"
+        assert ran.mission.status == "partly_verified", "nobody heard the greeting"
+        assert ran.mission.of(NodeId("hello")).status == "declared"
 
 
 @pytest.mark.ledger("R12", symbol="harness.projections.mission:all_required_settled")
@@ -177,16 +177,16 @@ def test_a_disputed_completion_is_marked_with_what_builds_on_it_and_nothing_is_d
     with staged() as stage:
         ran = stage.run(stage.begin(INSPECTION))
         assert ran.mission.status == "succeeded" and ran.mission.false_completions == 0
-        assert isinstance(dispute(stage, ran.mission.mission_id, "analysis.of_panorama"), Accepted)
+        assert isinstance(dispute(stage, ran.mission.mission_id, "analysis.checked"), Accepted)
         after = stage.runtime.mission(ran.mission.mission_id)
         assert after.facts == ran.mission.facts and after.status == "succeeded"
         assert after.false_completions == 1
         marked = {fact.condition_id for fact in after.disputed}
-        assert {"analysis.of_panorama", "delivery.acknowledged", "return.arrival", "report.played"} <= marked
+        assert {"analysis.checked", "delivery.stored", "return.arrival", "report.heard"} <= marked
         assert "panorama.frames" not in marked and "go.arrival" not in marked
         (event,) = told(ran, CompletionDisputed)
         assert (event.actor, event.reason) == (OPERATOR, "it was another room")
-        again = dispute(stage, ran.mission.mission_id, "analysis.of_panorama")
+        again = dispute(stage, ran.mission.mission_id, "analysis.checked")
         assert isinstance(again, Accepted) and again.events == ()
         refused = dispute(stage, ran.mission.mission_id, "goal.home")
         assert isinstance(refused, Refused) and refused.rule == "no_such_fact"
@@ -197,10 +197,10 @@ def test_a_completion_that_is_disputed_while_the_mission_runs_keeps_it_from_succ
     with staged() as stage:
         mission_id = stage.begin(INSPECTION)
         stage.until(mission_id, lambda mission: mission.of(DELIVERY).status == "committed")
-        assert isinstance(dispute(stage, mission_id, "delivery.acknowledged"), Accepted)
+        assert isinstance(dispute(stage, mission_id, "delivery.stored"), Accepted)
         ran = stage.run(mission_id)
         (revised,) = told(ran, GraphRevised)
-        assert revised.responsible == DELIVERY and revised.condition_id == "delivery.acknowledged"
+        assert revised.responsible == DELIVERY and revised.condition_id == "delivery.stored"
         assert ran.mission.status == "succeeded" and ran.mission.disputed == ()
         assert ran.mission.false_completions == 1
         kinds = order_of(ran, GraphRevised, CompletionReported, MissionEnded)

@@ -7,7 +7,8 @@ import pytest
 from experiments.campaigns.planted import BUGS, Bug, Edit, edited, planted_bugs
 from experiments.campaigns.regen import ROOT
 
-QUICK = ("no cycle check at the handoff", "planner text let into C3", "lease without fencing", "outbox not atomic")
+QUICK = ("no cycle check at the handoff", "planner text let into C3", "lease without fencing", "outbox not atomic",
+         "declared effect committed")  # fmt: skip
 
 
 @pytest.mark.parametrize("bug", BUGS, ids=lambda bug: bug.name)

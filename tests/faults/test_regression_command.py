@@ -23,6 +23,8 @@ from rsi_reviews.trial import HeldOut, Means, Trial, carried_out, judged_on, pre
 from simulator.in_process import SIMULATOR
 from tests.builders.evaluations import BASELINE, Saying, candidate, suite
 from tests.builders.releases import LAUNCHER, bench, say
+from tests.saying import raises_saying
+from tests.saying import said as said_by
 
 
 @pytest.fixture
@@ -97,14 +99,14 @@ def test_a_run_that_is_broken_off_keeps_what_is_finished(proposed: Path) -> None
 def test_an_unknown_candidate_is_a_sentence(proposed: Path) -> None:
     answered = said("evaluate", "ffff", "--cases", "1", data=proposed)
     assert answered.exit_code == 1
-    assert "There is no candidate ffff" in str(answered.exception)
+    assert "There is no candidate ffff" in said_by(answered)
 
 
 def test_the_executor_is_what_was_asked_for() -> None:
     assert isinstance(executor("", 0), Here)
     assert isinstance(executor("", 2), Processes)
     assert isinstance(executor("local", 2), RayCluster)
-    with pytest.raises(HarnessError, match="-1 processes"):
+    with raises_saying(HarnessError, match="-1 processes"):
         executor("", -1)
 
 

@@ -15,8 +15,8 @@ from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.views.contexts import ranked
 from harness.contracts.ids import MissionId, NodeId, ProviderId
+from harness.contracts.proposals import RoutingExplanation
 from harness.contracts.reasons import Reason
-from harness.routing.explanation import RoutingExplanation
 from tests.builders.connections import Stage, staged
 from tests.builders.consoles import Stand
 
@@ -39,7 +39,7 @@ class Walked:
         """The first decision about the newest mission's circuit."""
         records = RoutingRecords(self.stage.runtime)
         entries = Histories(self.stage.runtime).of(self.missions[-1])
-        choices = ranked(entries, node_id="circuit", candidates=records.candidates, question=records.question)
+        choices = ranked(entries, node_id="circuit", candidates=records.candidates, explain=records.explained)
         assert choices[0].why is not None
         return choices[0].why
 

@@ -16,6 +16,7 @@ from app.main import bind
 from app.settings import ConsoleSettings
 from harness.adapters.stores.owner import OwnerLock
 from tests.builders.consoles import OWNER, Stand, console_stand
+from tests.saying import said
 
 ADMIN = Principal(name="ana", roles=("admin",), source="terminal")
 
@@ -69,4 +70,4 @@ def test_with_accounts_there_is_no_link_and_it_is_said_what_to_do(owned: Stand, 
 def test_without_a_console_it_is_said_how_to_start_one(tmp_path: Path) -> None:
     told = linked(tmp_path)
     assert told.exit_code != 0
-    assert "No console runs on this data folder" in str(told.exception)
+    assert "No console runs on this data folder" in said(told)

@@ -94,8 +94,10 @@ def test_an_unknown_robot_or_template_starts_nothing(stand: Stand, owner: TestCl
     for body in ({"robot_id": "vbot-9", "template": "circuit"}, {"template": "juggling"}, {"goal": "x", "extra": 1}):
         answer = owner.post("/api/v1/missions", json=body)
         assert answer.status_code in (404, 422)
-        assert set(answer.json()) == {"type", "title", "status", "detail", "code", "do"}
+        assert set(answer.json()) - {"reason"} == {"type", "title", "status", "detail", "code", "do"}
     assert stand.harness.runtime.missions() == []
+    answer = owner.post("/api/v1/missions", json={"robot_id": "vbot-9", "template": "circuit"}).json()
+    assert answer["reason"] == {"code": "unknown_robot", "facts": {"robot_id": "vbot-9", "known": ["vbot-1"]}}
 
 
 # handoffs ------------------------------------------------------------------------------------------------------------

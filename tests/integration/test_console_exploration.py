@@ -129,7 +129,7 @@ def test_what_became_of_a_target_is_declared_measured_and_accepted_or_given_up(e
     reached = row_of(text, ">2. (")
     distance = explored.mission.of(second.leg).verdicts[-1].results[0].measured["distance_m"]
     assert f"distance {distance:.3f} m" in reached
-    accepted = re.findall(r'<a\s+data-tone="good"\s+href="(/missions/[^"]+/events/\d+)">\s*k \d+\s*</a>', reached)
+    accepted = re.findall(r'<a\s+data-tone="good"\s+href="(/missions/[^"]+/events/\d+)"\s*>\s*k \d+\s*</a>', reached)
     assert explored.client.get(accepted[0]).status_code == 200
     assert f"({first.target_m[0]:.1f}, {first.target_m[1]:.1f}) was given up: no progress." in explored.page("leg-2")
 

@@ -97,10 +97,10 @@ CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/api/v1/missions/{mission_id}/withdraw"): "stop",
     **{("POST", f"{door}/candidates"): "propose" for door in ("", "/api/v1")},
     **{
-        ("POST", f"{door}/candidates/{{candidate}}/{verb}"): required_permission(kind.becomes)
-        for door in ("", "/api/v1")
+        ("POST", f"/api/v1/candidates/{{candidate}}/{verb}"): required_permission(kind.becomes)
         for verb, kind in releases.ACTS.items()
     },
+    ("POST", "/candidates/{candidate}/{verb}"): "propose",
     ("POST", "/api/v1/candidates/{candidate}/request_changes"): "review",
     **{("POST", f"{door}/releases/policy"): "people" for door in ("", "/api/v1")},
 }

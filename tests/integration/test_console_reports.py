@@ -20,6 +20,7 @@ from harness.contracts.actors import Actor
 from harness.dossiers import verify_dossier
 from harness.projections.mission import Mission
 from tests.builders.consoles import BASE, OWN, Stand, console_stand
+from tests.saying import raises_saying
 
 ADA = Actor(name="ada", role="operator")
 FONTS = ConsoleSettings().static / "vendor"
@@ -63,7 +64,7 @@ def test_a_picture_that_does_not_verify_is_not_printed(page: ReportPage, stand: 
     left = {blob: body for blob, body in whole.items() if blob != rotten}
     pdf = report_pdf(page, left, fonts=FONTS, made_s=0.0)
     assert pdf.body.count(b"/Subtype /Image") == len(whole) - 1
-    with pytest.raises(PictureUnreadable, match=rotten[:12]):
+    with raises_saying(PictureUnreadable, match=rotten[:12]):
         report_pdf(page, {**left, rotten: b"no picture"}, fonts=FONTS, made_s=0.0)
 
 

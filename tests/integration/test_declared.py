@@ -2,11 +2,14 @@
 
 import json
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
+from click.testing import Result
 from fastapi.testclient import TestClient
+from typer.testing import CliRunner
 
-from app.cli.output import exit_code
+from app.cli.main import app
 from app.i18n.reasons.rendering import sentence
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted
@@ -73,8 +76,23 @@ def test_the_api_and_the_report_name_the_conditions(operator: TestClient, ran: M
         assert stages["describe"] == ("declared", None)
 
 
-def test_the_command_line_has_an_exit_code_for_it() -> None:
-    assert exit_code("partly_verified") == 4
+@pytest.mark.ledger("R108", entry="command line", symbol="harness.gate.completion:declarable")
+@pytest.mark.ledger("R108", entry="command line", symbol="harness.verification.independence:derived_independence")
+def test_a_providers_word_is_never_satisfied_from_the_command_line(tmp_path: Path) -> None:
+    run = regen(tmp_path, "mission", "run", "camera-report", "--speed", "0", "--fidelity", "kinematic")
+    assert run.exit_code == 4, run.output
+    outcome = json.loads(run.stdout)
+    assert [one["condition_id"] for one in outcome["declared_conditions"]] == ["describe.of_picture", "goal.in_order"]
+    stages = {one["node_id"]: (one["status"], one["verdict"]) for one in outcome["stages"]}
+    assert stages["describe"] == ("declared", "ambiguous") and stages["persist"] == ("committed", "satisfied")
+    told = [run, *(regen(tmp_path, "mission", *words) for words in (("show", outcome["mission_id"]), ("list",)))]
+    assert not any("Goal met" in one.output for one in told)
+    replayed = json.loads(regen(tmp_path, "audit", "replay", "--all").stdout)["missions"]
+    assert [one["differences"] for one in replayed] == [[]]
+
+
+def regen(data: Path, *words: str) -> Result:
+    return CliRunner().invoke(app, [*words, "--data", str(data / "data"), "--json"])
 
 
 def test_it_raises_a_low_alert_of_its_own(operator: TestClient, stand: Stand, ran: Mission) -> None:
@@ -90,4 +108,4 @@ def test_the_report_as_pdf_is_made(operator: TestClient, ran: Mission) -> None:
 
 
 def test_its_report_is_no_completion(ran: Mission) -> None:
-    assert sentence(ran.report).startswith("Partly verified: Take two pictures and describe the first.")
+    assert sentence(ran.report).startswith("Partly verified: ") and WHAT in sentence(ran.report)

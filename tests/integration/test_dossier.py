@@ -26,6 +26,7 @@ from harness.dossiers import export_dossier, verify_dossier
 from harness.gate.places import DECIDER as PLACES
 from tests.builders.consoles import console_stand
 from tests.builders.missions_run import ran
+from tests.saying import raises_saying
 
 Members = dict[str, bytes]
 
@@ -76,7 +77,7 @@ def test_a_dossier_carries_the_commands_that_its_events_name(exported: Path) -> 
 
 def test_a_dossier_signed_by_another_key_is_not_taken_for_one_of_the_named_key(exported: Path) -> None:
     assert verify_dossier(exported, key=verify_dossier(exported).public_key).trusted
-    with pytest.raises(DossierInvalid, match="not by the key you named"):
+    with raises_saying(DossierInvalid, match="not by the key you named"):
         verify_dossier(exported, key="ab" * 32)
 
 
@@ -85,7 +86,7 @@ def test_changed_evidence_is_named(exported: Path, tmp_path: Path) -> None:
         name = next(name for name in inside if name.startswith("blobs/"))
         inside[name] = inside[name][:-1] + bytes([inside[name][-1] ^ 1])
 
-    with pytest.raises(DossierInvalid, match=r"blobs/[0-9a-f]{64} does not match its signed digest"):
+    with raises_saying(DossierInvalid, match=r"blobs/[0-9a-f]{64} does not match its signed digest"):
         verify_dossier(rewritten(exported, tmp_path, change))
 
 
@@ -93,12 +94,12 @@ def test_a_contents_list_with_another_ending_does_not_match_the_signature(export
     def change(inside: Members) -> None:
         inside[CONTENTS] = inside[CONTENTS].replace(b'"succeeded"', b'"failed"')
 
-    with pytest.raises(DossierInvalid, match="signature"):
+    with raises_saying(DossierInvalid, match="signature"):
         verify_dossier(rewritten(exported, tmp_path, change))
 
 
 def test_a_file_that_nobody_signed_is_refused(exported: Path, tmp_path: Path) -> None:
-    with pytest.raises(DossierInvalid, match="was not signed"):
+    with raises_saying(DossierInvalid, match="was not signed"):
         verify_dossier(rewritten(exported, tmp_path, lambda inside: inside.update({"blobs/extra": b"x"})))
 
 
@@ -169,7 +170,7 @@ def test_a_dossier_without_place_changes_as_older_ones_are_still_verifies(replac
 @pytest.mark.parametrize("cut", [0, 10, 2000])
 def test_a_truncated_dossier_is_no_dossier(exported: Path, tmp_path: Path, cut: int) -> None:
     (tmp_path / "cut.zip").write_bytes(exported.read_bytes()[:cut])
-    with pytest.raises(DossierInvalid, match="no dossier"):
+    with raises_saying(DossierInvalid, match="no dossier"):
         verify_dossier(tmp_path / "cut.zip")
 
 
@@ -180,7 +181,7 @@ def test_events_forged_and_signed_anew_break_their_own_chain(exported: Path, tmp
     files = {name: inside[name] for name in contents.files} | {EVENTS: forged}
     signed = replace(contents, files={**contents.files, EVENTS: sha256(forged)})
     write_dossier(tmp_path / "forged.zip", signed, files, signing_key(tmp_path))
-    with pytest.raises(LogDamaged, match="digest does not match"):
+    with raises_saying(LogDamaged, match="digest does not match"):
         verify_dossier(tmp_path / "forged.zip")
 
 
@@ -199,7 +200,7 @@ def test_the_signing_key_is_its_owners_alone_and_stays_the_same(tmp_path: Path) 
 
 
 def test_a_folder_that_cannot_be_written_gives_a_typed_error(exported: Path, tmp_path: Path) -> None:
-    with ran("circuit", seed=5) as run, pytest.raises(HarnessError, match="cannot be written"):
+    with ran("circuit", seed=5) as run, raises_saying(HarnessError, match="cannot be written"):
         export_dossier(
             run.harness.runtime, run.mission.mission_id, tmp_path / "none" / "x.zip", data=tmp_path, exported_by="ana"
         )

@@ -10,6 +10,7 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from app.cli.main import app
+from app.i18n.reasons.rendering import explained
 from harness.bootstrap import open_harness
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, HarnessError, UnknownName
 from harness.settings import HarnessSettings
@@ -42,7 +43,7 @@ def answer(done: Result) -> dict[str, Any]:
 def refused(done: Result, kind: type[HarnessError]) -> str:
     """What it says to a person."""
     assert isinstance(done.exception, kind), done.output
-    return str(done.exception)
+    return explained(done.exception)
 
 
 def environment(issuer: str, **more: str) -> dict[str, str]:

@@ -60,9 +60,13 @@ def test_a_quarantined_base_is_listed_and_freed_by_name_on_measured_rest(setting
     assert isinstance(last, LeaseFreed)
     assert (last.actor.name, last.actor.role) == ("ada", "operator")
     assert 0.0 <= last.static["displacement_m"] < 0.02
-    again = regen("lease", "free", "vbot-1/mobile_base", "--reason", "again", *data, REGEN_FIDELITY="kinematic")
+    again = regen(
+        "lease", "free", "vbot-1/mobile_base", "--reason", "again", *data, "--json", REGEN_FIDELITY="kinematic"
+    )
     assert again.returncode == 1
     assert "not quarantined" in again.stderr
+    told = answer(again)["refused"]
+    assert (told["rule"], told["reason"]["code"]) == ("not_quarantined", "not_quarantined"), "what the API answers too"
 
 
 def test_the_console_that_owns_the_folder_frees_it_in_the_name_of_who_asks() -> None:

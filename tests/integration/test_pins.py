@@ -33,6 +33,7 @@ from tests.builders.gate import POLICY, contract
 from tests.builders.missions_run import OPERATOR, ROBOT, begin
 from tests.builders.pointers import DECIDERS, POINTER, RELEASER, Point, release, select, sterner
 from tests.builders.tampering import DoctoredStore
+from tests.saying import raises_saying
 
 H_0 = baseline().configuration_id
 
@@ -178,7 +179,7 @@ def test_a_mission_whose_configuration_cannot_be_read_is_listed_and_not_run(capl
         (unreadable,) = later.runtime.unreadable()
         assert (unreadable.mission_id, unreadable.configuration) == (mission_id, version)
         assert "fifth_section" in sentence(unreadable.reason)
-        with pytest.raises(ConfigurationMissing, match="cannot be read by this release"):
+        with raises_saying(ConfigurationMissing, match="cannot be read by this release"):
             later.supervisor.run(mission_id)
         assert later.supervisor.unfinished(ROBOT) == []
         assert later.runtime.mission(mission_id).status == "compiled"

@@ -13,6 +13,7 @@ from tests.builders.connections import only, staged
 from tests.builders.missions_run import OPERATOR
 from tests.builders.walking import BASE, base, starts, walking
 from tests.fakes.supervised import Deaf, Runaway
+from tests.saying import raises_saying
 
 
 @pytest.mark.ledger("R85", "R90", symbol="harness.gate.leases:_acquire")
@@ -57,7 +58,7 @@ def test_freeing_a_lease_is_refused_while_the_body_moves_and_never_stops_or_star
 @pytest.mark.ledger("R86", symbol="harness.supervisor.supervisor:Supervisor.free")
 def test_a_resource_that_nobody_had_and_a_robot_that_is_not_there_cannot_be_freed() -> None:
     with staged() as stage:
-        with pytest.raises(UnknownName, match="never leased"):
+        with raises_saying(UnknownName, match="never leased"):
             stage.supervisor.free(ResourceId("arm"), actor=OPERATOR, reason="why not")
         elsewhere = Start(actor=OPERATOR, robot_id=RobotId("vbot-9"), template="circuit")
         assert isinstance(stage.runtime.start(elsewhere), Accepted)

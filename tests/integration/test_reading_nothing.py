@@ -7,6 +7,7 @@ from typer.testing import CliRunner
 
 from app.cli.main import app
 from harness.contracts.errors import StoreUnavailable
+from tests.saying import said
 
 COMMANDS = ("audit verify", "audit anchor", "audit replay --all", "mission list", "mission show msn_1", "rsi list")
 
@@ -16,7 +17,7 @@ def test_a_command_that_reads_refuses_a_folder_without_a_log_and_leaves_it_alone
     missing = tmp_path / "typo"
     answer = CliRunner().invoke(app, [*command.split(), "--data", str(missing)])
     assert isinstance(answer.exception, StoreUnavailable)
-    assert "There is no data folder with a log here" in str(answer.exception) and "--data" in str(answer.exception)
+    assert "There is no data folder with a log here" in said(answer) and "--data" in said(answer)
     assert not missing.exists()
 
 

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from app.cli.main import app
+from app.i18n.reasons.rendering import explained
 from harness.bootstrap import edit_harness
 from harness.contracts.actors import Actor
 from harness.contracts.errors import HarnessError
@@ -46,7 +47,7 @@ class Terminal:
     def refused(self, person: str, *words: str) -> str:
         result = self.raw(person, *words)
         assert isinstance(result.exception, HarnessError), result.output
-        return str(result.exception)
+        return explained(result.exception)
 
     def propose(self, person: str) -> dict[str, Any]:
         return self.said(
@@ -102,7 +103,7 @@ def test_a_refused_proposal_says_by_which_rules_and_leaves_nothing(terminal: Ter
     words = ("propose", "--file", str(terminal.files["file"]), "--manifest", str(terminal.files["manifest"]))
     assert "approval_requirement: recovery.approval_share" in terminal.refused("lea", *words)
     terminal.files["file"].write_bytes(b'{"gate": "off"}')
-    assert "'gate'" in terminal.refused("lea", *words)
+    assert "“gate”" in terminal.refused("lea", *words)
     assert terminal.said("lea", "list") == {"candidates": []}
     assert "cannot be read" in terminal.refused("lea", "propose", "--file", "/nowhere", "--manifest", "/nowhere")
 

@@ -13,6 +13,7 @@ from harness.contracts.events import DispatchIntended, HandoffRequested
 from harness.contracts.ids import MissionId, RequestId, RobotId, leased
 from harness.gate.decide import DECIDER
 from tests.builders.fleets import ADA, ONE, TWO, moving, run_together, started, two_robots
+from tests.saying import raises_saying
 
 BEN = ADA.__class__(name="ben", role="operator")
 
@@ -113,7 +114,7 @@ def test_a_person_drives_a_robot_that_nothing_else_moves_and_returns_it_at_rest(
         returned = next(event for event in back.events if isinstance(event, WheelReturned))
         assert returned.measured["displacement_m"] < 0.02
         assert harness.runtime.lease(leased(ONE, "mobile_base")).status == "free"
-        with pytest.raises(ProviderFailed, match="does not drive"):
+        with raises_saying(ProviderFailed, match="does not drive"):
             harness.teleoperation.turn(ONE, session, v_mps=0.3, w_radps=0.0)
 
 
@@ -136,7 +137,7 @@ def test_nobody_drives_a_robot_while_a_mission_acts_and_no_mission_acts_while_so
                 break
             harness.clocks[ONE].wait_until(wake_s)
         assert [one for one in harness.robots[ONE].starts()[before:] if one.moves] == []
-        with pytest.raises(UnknownName, match="no robot vbot-9"):
+        with raises_saying(UnknownName, match="no robot vbot-9"):
             harness.teleoperation.take(RobotId("vbot-9"), actor=ADA, device="tablet", reason="where is it")
 
 

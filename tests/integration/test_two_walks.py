@@ -33,6 +33,13 @@ PACKET = "One evidence packet, from the provider's end to the commit"
 MOST_HOPS = {APPROVAL: 12, PACKET: 16}
 NAMED = re.compile(r"\[`([\w/]+\.py):([\w.]+)`\]\(([^)]+)\)")
 FIELDS = ("cycle", "subject", "evidence", "key", "shown")
+ONCE = {
+    "harness/supervisor/handoffs.py:HandoffService.answer": 1,
+    "harness/supervisor/dispatch.py:Dispatcher.prepare": 1,
+    "harness/gate/handoffs.py:decide": 2,
+    "harness/supervisor/approvals.py:clear_to_send": 1,
+}
+"""How often one approval prepares and decides: once to commit, and the handoff once more just before it is sent."""
 
 
 @dataclass(frozen=True)
@@ -156,6 +163,7 @@ def test_an_approval_and_an_evidence_packet_go_the_way_that_is_described(tmp_pat
         told = walk(title)
         assert first_missing(told.named, calls) is None, title
         assert unentered(told.mentioned, calls) == set(), title
+    assert {name: calls_of[APPROVAL].count(name) for name in ONCE} == ONCE
 
 
 def test_a_hop_in_another_order_or_never_entered_is_found() -> None:

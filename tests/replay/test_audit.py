@@ -24,6 +24,7 @@ from harness.settings import HarnessSettings
 from tests.builders.connections import Failing, Stage, only, staged, template
 from tests.builders.missions_run import OPERATOR
 from tests.builders.tampering import Body, rewritten
+from tests.saying import raises_saying
 
 FIRST_RELEASE = Path(__file__).parents[1] / "fixtures" / "logs" / "schema-1.db.gz"
 """A warehouse inspection that the first schema wrote; its blobs are not carried along, so no verdict can be derived."""
@@ -297,7 +298,7 @@ def test_verification_names_an_event_whose_command_is_not_stored(told: Told) -> 
     position = told.stored("GoalVerified").position
     assert told.stage.parts.store.verify().position > position
     doctored = rewritten(told.stage.parts, events={position: lambda body: body | {"command": "0" * 64}})
-    with pytest.raises(LogDamaged, match="command 000000000000 that it names is not stored") as damaged:
+    with raises_saying(LogDamaged, match="command 000000000000 that it names is not stored") as damaged:
         doctored.verify()
     assert f"position {position}" in str(damaged.value)
 

@@ -9,6 +9,7 @@ from harness.adapters.providers.recording.robot import RecordedRobot
 from harness.contracts.errors import RecordingInvalid
 from harness.contracts.observations import Odometry, Pose
 from harness.verification.geometry import path_length
+from tests.saying import raises_saying
 
 pytestmark = pytest.mark.real_data
 HUSKY = ("derived/husky_test1.mcap", "bags/test1.bag")
@@ -91,7 +92,7 @@ def test_a_simulated_clock_is_mission_time(real_data):
     ],
 )
 def test_what_cannot_be_replayed_is_refused_with_what_where_and_what_to_do(real_data, name, said):
-    with pytest.raises(RecordingInvalid, match=said) as refusal:
+    with raises_saying(RecordingInvalid, match=said) as refusal:
         open_recording(real_data / name)
     assert name in refusal.value.where
     assert refusal.value.do
@@ -103,7 +104,7 @@ def test_half_a_drive_is_never_presented_as_whole(real_data, tmp_path, name, sha
     whole = (real_data / name).read_bytes()
     cut = tmp_path / f"cut.{name[-4:]}"
     cut.write_bytes(whole[: int(len(whole) * share)])
-    with pytest.raises(RecordingInvalid, match="truncated"):
+    with raises_saying(RecordingInvalid, match="truncated"):
         open_recording(cut)
     with open_recording(cut, recover=True) as recording:
         assert "truncated" in recording.summary().incomplete
@@ -114,5 +115,5 @@ def test_a_flipped_bit_in_a_block_is_found(real_data, tmp_path):
     body[len(body) // 2] ^= 1
     bad = tmp_path / "flipped.mcap"
     bad.write_bytes(bytes(body))
-    with pytest.raises(RecordingInvalid, match="damaged"):
+    with raises_saying(RecordingInvalid, match="damaged"):
         open_recording(bad)

@@ -30,10 +30,6 @@ SENTENCES: Mapping[str, str] = {
     "deadline_too_late": N_("The deadline exceeds the node's timeout of {timeout_s:g} s."),
     "driven_from_other_window": N_("The robot is driven from another window. Hand it back there first."),
     "effect_changed": N_("An attempt keeps the node's effect; changed: {parameters}."),
-    "effects_not_proposed": N_(
-        "{provider_id} did not propose what was to become true: {conditions}. "
-        "Only what a provider proposes is accepted."
-    ),
     "execution_ended": N_("The execution ended {terminal:word}, without a reason."),
     "execution_failed": N_("The execution ended {terminal:word} ({failure:word})."),
     "failure_open": N_("Node {node_id} already has a failure to answer."),
@@ -41,8 +37,8 @@ SENTENCES: Mapping[str, str] = {
     "goal_not_ready": N_("The mission is {status:word}; the goal is tested once all work is done."),
     "goal_of_another_mission": N_("The verdict is about {mission_id}."),
     "hand_back_not_a_look": N_("A hand-back opens one free look without motion, and nothing else."),
-    "handoff_claimed": N_("{actor} has claimed it until {until}. Ask them, or wait."),
-    "handoff_decided": N_("{actor} {decision:word} it before you, at {at}: “{reason}”."),
+    "handoff_claimed": N_("{actor} has claimed it until {until_s:clock}. Ask them, or wait."),
+    "handoff_decided": N_("{actor} {decision:word} it before you, at {at_s:clock}: “{reason}”."),
     "handoff_exists": N_("Handoff {handoff_id} exists."),
     "handoff_is": N_("The handoff is {status:word}."),
     "handoff_over": N_("The handoff is {status:word}; nothing is left to decide."),
@@ -75,6 +71,10 @@ SENTENCES: Mapping[str, str] = {
     "not_authorised": N_("A further attempt needs an authorised recovery action or an operator."),
     "not_due": N_("The handoff is {status:word}, or its time is not over."),
     "not_its_veto": N_("{layer} raised no veto; only the layer that did may clear it."),
+    "not_proposed": N_(
+        "{provider_id} did not propose what was to become true: {conditions}. "
+        "Only what a provider proposes is accepted."
+    ),
     "not_put_away": N_("It is neither shelved nor suppressed."),
     "not_quarantined": N_("{resource} is not quarantined."),
     "not_retreating": N_("{robot_id} is not on the way to a safe place."),

@@ -28,6 +28,7 @@ SENTENCES: Mapping[str, str] = {
     "node_not_startable": N_("{node_id} may not start now; eligible: {eligible}."),
     "nothing_to_recover": N_("Node {node_id} has no open failure, so there is nothing to recover from."),
     "obsolete_target": N_("The target was chosen at state version {k}; this is {mission_k}."),
+    "reopened_without_follower": N_("{node_id} rests on a stage that begins again, so it cannot stay accepted."),
     "repeated_without_news": N_(
         "{action:word} by {provider_id} with these parameters answered {failure:word} before, and no sensor "
         "has said anything since the failure."

@@ -5,6 +5,14 @@ from collections.abc import Mapping
 from app.i18n.catalogues import N_
 
 SENTENCES: Mapping[str, str] = {
+    "frames_taken_anew": N_("{stage} takes its frames anew, from where the robot stands"),
+    "seen_from_elsewhere": N_(
+        "{stage} takes its frames from ({x_m:.1f}, {y_m:.1f}), {way_m:.1f} m from here, where {percent:.0f} % of the "
+        "region can be seen on the map"
+    ),
+    "route_revised": N_(
+        "{stage} drives another route, planned on the map of this mission: {length_m:.1f} m, {corners} corners"
+    ),
     "action": N_("{action:word}"),
     "action_by_provider": N_("{action:word} by {provider_id}"),
     "action_impossible": N_("{action:word}: {why}"),

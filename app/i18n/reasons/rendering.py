@@ -1,21 +1,27 @@
 """The one place where a reason becomes a sentence, in the reader's language; what it rests on stays code and facts.
 
 A message has named holes with Python's format specifications, and a few of our own: `{x:word}` is a term of the
-vocabulary, `{x:words}` several of them, `{x:or}` the same with "or" before the last, `{x:capital}` begins a sentence.
+vocabulary, `{x:words}` several of them, `{x:or}` the same with "or" before the last, `{x:capital}` begins a sentence,
+`{x:instant}` is an instant with its date and `{x:clock}` its time of day.
 """
 
 import warnings
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from string import Formatter
 from typing import Any
 
+from babel.dates import format_datetime
 from msgspec import Struct, structs, to_builtins
 
-from app.i18n.catalogues import ENGLISH, N_, translated
+from app.i18n.catalogues import ENGLISH, LOCALES, N_, translated
 from app.i18n.reasons import (
+    access,
     alerts,
+    candidates,
     console,
     contexts,
+    contracts,
     execution,
     gate,
     goals,
@@ -23,20 +29,26 @@ from app.i18n.reasons import (
     planning,
     proposals,
     recovery,
+    requests,
     restrictions,
     reviews,
     routing,
+    stores,
     supervision,
     verification,
 )
+from harness.contracts.errors import HarnessError
 from harness.contracts.reasons import RECORDED, SEVERAL, Explanation, Reason, plain
 
 SENTENCES: Mapping[str, str] = {
     RECORDED: "{text}",
     SEVERAL: "{reasons}",
+    **access.SENTENCES,
     **alerts.SENTENCES,
+    **candidates.SENTENCES,
     **console.SENTENCES,
     **contexts.SENTENCES,
+    **contracts.SENTENCES,
     **execution.SENTENCES,
     **gate.SENTENCES,
     **goals.SENTENCES,
@@ -46,11 +58,21 @@ SENTENCES: Mapping[str, str] = {
     **recovery.SENTENCES,
     **restrictions.SENTENCES,
     **reviews.SENTENCES,
+    **requests.SENTENCES,
     **routing.SENTENCES,
+    **stores.SENTENCES,
     **supervision.SENTENCES,
     **verification.SENTENCES,
 }
 """Every code of the project and its message."""
+REMEDIES: Mapping[str, str] = {
+    **access.REMEDIES,
+    **candidates.REMEDIES,
+    **contracts.REMEDIES,
+    **requests.REMEDIES,
+    **stores.REMEDIES,
+}
+"""What to do about an error, by the code of what happened."""
 VARIANTS: Mapping[str, tuple[str, Any, str]] = {
     "all_conditions_hold": ("count", 1, N_("the condition holds")),
     "handoff_was_answered": ("decision", "expired", N_("The handoff expired unanswered")),
@@ -60,6 +82,11 @@ VARIANTS: Mapping[str, tuple[str, Any, str]] = {
 """Codes with a second message, for one value of one fact: the fact, the value, the message."""
 BETWEEN: Mapping[str, tuple[str, str, str]] = {"en": (", ", "; ", " or "), "zh-Hans": ("、", "；", "或")}
 """What stands between names, between sentences, and before the last of several that are offered."""
+ENDS: Mapping[str, str] = {"en": ". ", "zh-Hans": "。"}
+"""What ends a sentence before the next."""
+WHERE = N_("Where: {where}")
+INSTANTS: Mapping[str, str] = {"instant": "yyyy-MM-dd HH:mm:ss", "clock": "HH:mm:ss"}
+"""How an instant, in seconds since the Unix epoch, is written: with its date, or by its time of day."""
 WORDS = frozenset({"word", "words", "or", "capital"})
 """Format specifications that are ours."""
 
@@ -82,6 +109,22 @@ def sentence(reason: Explanation, language: str = ENGLISH) -> str:
 def _message(reason: Reason) -> str | None:
     fact, value, variant = VARIANTS.get(reason.code, ("", None, ""))
     return variant if fact and reason.facts.get(fact) == value else SENTENCES.get(reason.code)
+
+
+def remedy(error: HarnessError, language: str = ENGLISH) -> str:
+    """What to do about an error: what it says itself, else what follows from its code; empty where nothing does."""
+    if error.do or isinstance(error.what, str):
+        return sentence(error.do, language)
+    message = translated(REMEDIES.get(error.what.code, ""), language)
+    return _Formatter(language).vformat(message, (), error.what.facts)
+
+
+def explained(error: HarnessError, language: str = ENGLISH) -> str:
+    """An error in one line: what happened, where, and what to do."""
+    where = translated(WHERE, language).format(where=error.where) if error.where else ""
+    said = (sentence(error.what, language), where, remedy(error, language))
+    end = ENDS[language]
+    return end.join(part.rstrip(".。") for part in said if part) + end.rstrip()
 
 
 def sentences(reasons: tuple[Explanation, ...], language: str = ENGLISH) -> str:
@@ -148,8 +191,14 @@ class _Formatter(Formatter):
                     return alternatives.join((commas.join(listed[:-1]), listed[-1]))
                 return commas.join(listed)
             case str() if format_spec == "capital":
-                return f"{value[:1].upper()}{value[1:]}"
+                text = translated(str(value), self._language)
+                return f"{text[:1].upper()}{text[1:]}"
+            case int() | float() if format_spec in INSTANTS:
+                at = datetime.fromtimestamp(value, UTC)
+                return format_datetime(at, INSTANTS[format_spec], locale=LOCALES[self._language]) + " UTC"
             case str() if format_spec in WORDS:
                 return word(value, self._language)
+            case str() if not format_spec:
+                return translated(str(value), self._language)
             case _:
                 return str(super().format_field(value, format_spec))

@@ -36,6 +36,9 @@ SENTENCES: Mapping[str, str] = {
     "no_supervisor_observes": N_("No supervisor runs on this data folder, so nothing can be observed."),
     "nobody_can_serve": N_("Nobody can serve {node_id}. {why}"),
     "nobody_drives": N_("Nobody drives {robot_id} by hand."),
+    "not_compiled_under_current": N_(
+        "It cannot be compiled under the configuration {configuration}, which is current now: {error}"
+    ),
     "not_drivable": N_("{robot_id} cannot be driven by hand."),
     "not_localised": N_("No pose says where the robot stands."),
     "not_shown_at_rest": N_("It is not shown at rest: {why}"),

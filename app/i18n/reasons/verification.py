@@ -78,6 +78,7 @@ SENTENCES: Mapping[str, str] = {
     "no_samples_of_execution": N_("no samples of this execution are known"),
     "no_transcript_receipt": N_("no transcript receipt names a text"),
     "no_wav": N_("the blob is no WAV"),
+    "picture_read_back": N_("the picture {image} was read back from the archive"),
     "stages_not_accepted": N_("not accepted: {stages}"),
     "not_accepted_yet": N_("not accepted yet: {stages}"),
     "not_at_look": N_("{held}; {ago_s:.2f} s before the end: {reason}"),
@@ -153,6 +154,14 @@ SENTENCES: Mapping[str, str] = {
     "transcript_of_another_goal": N_("the transcript is not of this goal"),
     "transcript_of_goal": N_("the transcript's checksum {checksum} is that of the goal"),
     "verifier_did_not_answer": N_("the verifier did not answer: {kind}: {error}"),
+    "faces_elsewhere": N_(
+        "the body is turned {off_deg:.1f}° away from the heading, at most {bound_deg:.1f}° allowed; {percent:.0f} % of "
+        "the lidar sweep lie on the walls"
+    ),
+    "faces_heading": N_(
+        "turned within {off_deg:.1f}° of the heading; {percent:.0f} % of the lidar sweep lie on the walls"
+    ),
+    "sweep_fits_no_heading": N_("the lidar sweep fits no heading clearly: at best {percent:.0f} % of it lie on walls"),
     "floor_not_seen": N_(
         "{percent:.0f} % of the floor that can be reached was seen, {wanted:.0f} % wanted: {unseen_m2:.1f} m² were not "
         "seen, {seen_m2:.1f} m² were; {closed_m2:.1f} m² are closed off"

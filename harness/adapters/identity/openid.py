@@ -18,6 +18,7 @@ from harness.adapters.identity.person import person_of
 from harness.adapters.identity.wire import HttpTransport, secure
 from harness.contracts import identity
 from harness.contracts.errors import ContractInvalid
+from harness.contracts.reasons import because
 
 KNOWN_S, KEYS_AGAIN_S, AWAY_S = 3600.0, 60.0, 5.0
 MOST_GROUPS, LONGEST_SECRET = 1000, 4096
@@ -53,16 +54,10 @@ class OpenIdProvider:
     def __init__(self, registration: Registration, *, secret: str, clock: Callable[[], float]) -> None:
         """Sends no request yet. Raises ContractInvalid for an issuer that is no https address, or no client id."""
         if not secure(registration.issuer) or urlsplit(registration.issuer).query:
-            raise ContractInvalid(
-                "The identity provider's address is none that can be trusted",
-                where="REGEN_OIDC_ISSUER",
-                do="give its https address as the provider writes it itself, without query",
-            )
+            raise ContractInvalid(because("issuer_address_untrusted"), where="REGEN_OIDC_ISSUER")
         if not registration.client_id:
             raise ContractInvalid(
-                "The identity provider does not know this console",
-                where="REGEN_OIDC_CLIENT_ID",
-                do=f"register {registration.back} there, and set the client id that it gives",
+                because("client_unregistered", address=registration.back), where="REGEN_OIDC_CLIENT_ID"
             )
         self._registration, self._secret, self._clock = registration, secret, clock
         own = urlsplit(registration.issuer).netloc
@@ -99,11 +94,7 @@ class OpenIdProvider:
         document = self._document()
         announced = document.body.get("authorization_response_iss_parameter_supported") is True
         if issuer != self.issuer and (issuer or announced):
-            raise identity.IssuerWrong(
-                "The answer comes from another issuer than the one that was asked",
-                where=issuer[:200],
-                do="close this page and sign in again from the console's own",
-            )
+            raise identity.IssuerWrong(because("answer_of_other_issuer"), where=issuer[:200])
         answer = self._exchange(document, code=code, verifier=attempt.verifier)
         token = answer.get("id_token")
         tokens.algorithm_of(token)
@@ -161,16 +152,8 @@ class OpenIdProvider:
         if status == 200:
             return answer
         if status == 401 or answer.get("error") in CLIENT_ERRORS:
-            raise identity.ClientRefused(
-                "The identity provider does not take this console's own credentials",
-                where=self.issuer,
-                do="an admin checks REGEN_OIDC_CLIENT_ID and the client secret",
-            )
-        raise identity.CodeRefused(
-            "The identity provider does not take the code that it gave: it is good once, for a short while",
-            where=self.issuer,
-            do="sign in again",
-        )
+            raise identity.ClientRefused(because("client_credentials_refused"), where=self.issuer)
+        raise identity.CodeRefused(because("sign_in_code_refused"), where=self.issuer)
 
     def _document(self) -> _Document:
         """The document, cached for an hour. After a failure the issuer is not asked again at once."""
@@ -190,20 +173,12 @@ class OpenIdProvider:
     def _fetched(self) -> _Document:
         status, body = self._wire.ask("GET", get_well_known_url(self.issuer, external=True), headers=FORM)
         if status != 200:
-            raise identity.IssuerUnreachable(
-                f"The identity provider answers {status} where it should describe itself",
-                where=self.issuer,
-                do="an admin checks REGEN_OIDC_ISSUER",
-            )
+            raise identity.IssuerUnreachable(because("issuer_undescribed", status=status), where=self.issuer)
         if body.get("issuer") != self.issuer:
-            raise identity.IssuerWrong(
-                "The identity provider calls itself something else than what is configured",
-                where=str(body.get("issuer", ""))[:200],
-                do="an admin sets REGEN_OIDC_ISSUER to exactly what the provider calls itself",
-            )
+            raise identity.IssuerWrong(because("issuer_misnamed"), where=str(body.get("issuer", ""))[:200])
         status, keys = self._wire.ask("GET", body.get("jwks_uri"), headers=FORM)
         if status != 200:
-            raise identity.IssuerUnreachable(f"The identity provider answers {status} for its keys", where=self.issuer)
+            raise identity.IssuerUnreachable(because("issuer_keys_unavailable", status=status), where=self.issuer)
         read = _Document(body, tokens.keys_of(keys), self._clock())
         with self._lock:
             self._read = read
@@ -216,20 +191,17 @@ def secret_of(value: str, file: Path | None) -> str:
         return value
     if value:
         raise ContractInvalid(
-            "The client secret is given twice",
-            where="REGEN_OIDC_CLIENT_SECRET and REGEN_OIDC_CLIENT_SECRET_FILE",
-            do="keep one of them",
+            because("client_secret_twice"), where="REGEN_OIDC_CLIENT_SECRET and REGEN_OIDC_CLIENT_SECRET_FILE"
         )
     try:
         read = file.read_text(encoding="utf-8")[:LONGEST_SECRET].strip()
     except (OSError, UnicodeError) as error:
         raise ContractInvalid(
-            f"The client secret cannot be read ({type(error).__name__})",
+            because("client_secret_unreadable", kind=type(error).__name__),
             where=f"REGEN_OIDC_CLIENT_SECRET_FILE {file}",
-            do="name a file of one line that this user may read",
         ) from error
     if not read:
-        raise ContractInvalid("The file of the client secret is empty", where=f"REGEN_OIDC_CLIENT_SECRET_FILE {file}")
+        raise ContractInvalid(because("client_secret_empty"), where=f"REGEN_OIDC_CLIENT_SECRET_FILE {file}")
     return read
 
 

@@ -7,9 +7,9 @@ from authlib.oauth2.auth import TokenAuth
 
 from harness.adapters.identity.wire import HttpTransport
 from harness.contracts.identity import IssuerUnreachable, PersonMismatch, TokenInvalid
+from harness.contracts.reasons import because
 
 LONGEST_TOKEN = 16384
-AGAIN = "sign in again; if it stays so, an admin looks at the settings of the identity provider"
 
 
 def person_of(wire: HttpTransport, endpoint: object, answer: Mapping[str, Any], *, subject: str) -> dict[str, Any]:
@@ -20,17 +20,14 @@ def person_of(wire: HttpTransport, endpoint: object, answer: Mapping[str, Any], 
     """
     token, kind = answer.get("access_token"), answer.get("token_type", "Bearer")
     if not isinstance(token, str) or not 0 < len(token) <= LONGEST_TOKEN or not token.isascii():
-        raise TokenInvalid("The identity provider gave no access token to ask it for groups with", do=AGAIN)
+        raise TokenInvalid(because("access_token_missing"))
     if not token.isprintable() or str(kind).lower() != "bearer":
-        raise TokenInvalid("The identity provider's access token is of no kind that is known here", do=AGAIN)
+        raise TokenInvalid(because("access_token_unknown_kind"))
     auth = TokenAuth({"access_token": token, "token_type": "Bearer"})
     url, headers, _ = auth.prepare(wire.allowed(endpoint), {"Accept": "application/json"}, "")
     status, claims = wire.ask("GET", url, headers=headers)
     if status != 200:
-        raise IssuerUnreachable(
-            f"The identity provider answers {status} where it should say which groups somebody is in",
-            do="an admin checks REGEN_OIDC_SCOPES and what this console may ask there",
-        )
+        raise IssuerUnreachable(because("groups_unavailable", status=status))
     if claims.get("sub") != subject:
-        raise PersonMismatch("The identity provider speaks of somebody else than who signed in", do=AGAIN)
+        raise PersonMismatch(because("person_mismatch"))
     return claims

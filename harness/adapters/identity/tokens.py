@@ -9,12 +9,12 @@ from joserfc.errors import ClaimError, ExpiredTokenError, InvalidKeyIdError, Jos
 from joserfc.jwk import JWKRegistry, KeySet
 
 from harness.contracts import identity
+from harness.contracts.reasons import because
 
 LEEWAY_S = 60
 ASYMMETRIC = (
     "RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "ES256", "ES384", "ES512", "EdDSA", "Ed25519",
 )  # fmt: skip
-AGAIN = "sign in again; if it stays so, an admin looks at the settings of the identity provider"
 
 
 class KeyUnknown(identity.SignatureBad):
@@ -49,11 +49,7 @@ def algorithm_of(token: object) -> str:
         raise _invalid(type(error).__name__) from None
     algorithm = header.get("alg")
     if not isinstance(algorithm, str) or algorithm not in ASYMMETRIC:
-        raise identity.TokenUnsigned(
-            "The identity token is not signed with a key of the identity provider's own",
-            where=f"alg {str(algorithm)[:20]!r}",
-            do="an admin has the provider sign with RS256, ES256 or another of the asymmetric algorithms",
-        )
+        raise identity.TokenUnsigned(because("identity_token_unsigned"), where=f"alg {str(algorithm)[:20]!r}")
     return algorithm
 
 
@@ -64,18 +60,16 @@ def verified(token: object, keys: KeySet, *, algorithms: Iterable[str]) -> jwt.T
     try:
         return jwt.decode(str(token), keys, registry=registry)
     except InvalidKeyIdError:
-        raise KeyUnknown("The identity token names a key that the issuer does not publish", do=AGAIN) from None
+        raise KeyUnknown(because("identity_token_key_unpublished")) from None
     except (JoseError, ValueError, TypeError, RecursionError) as error:
-        raise identity.SignatureBad(
-            "The identity token is not signed by the identity provider", where=type(error).__name__, do=AGAIN
-        ) from None
+        raise identity.SignatureBad(because("identity_token_signature_bad"), where=type(error).__name__) from None
 
 
 def accepted(token: jwt.Token, *, issuer: str, client_id: str, nonce: str, access_token: object, now_s: float) -> Any:
     """The claims, if they name this issuer, this client, this sign-in and the present. Raises TokenInvalid."""
     if token.claims.get("iss") != issuer:
         raise identity.IssuerWrong(
-            "The identity token comes from another issuer", where=str(token.claims.get("iss", ""))[:200], do=AGAIN
+            because("identity_token_of_other_issuer"), where=str(token.claims.get("iss", ""))[:200]
         )
     claims = CodeIDToken(
         token.claims,
@@ -86,10 +80,10 @@ def accepted(token: jwt.Token, *, issuer: str, client_id: str, nonce: str, acces
     try:
         claims.validate(now=lambda: int(now_s), leeway=LEEWAY_S)
     except ExpiredTokenError:
-        raise identity.TokenExpired("The identity token is no longer good", do=AGAIN) from None
+        raise identity.TokenExpired(because("identity_token_expired")) from None
     except ClaimError as error:
         if error.claim == "nonce":
-            raise identity.NonceMismatch("The identity token was made for another sign-in", do=AGAIN) from None
+            raise identity.NonceMismatch(because("identity_token_of_other_sign_in")) from None
         raise _invalid(f"claim {error.claim}") from None
     except (JoseError, ValueError, TypeError, AttributeError) as error:
         raise _invalid(type(error).__name__) from None
@@ -100,4 +94,4 @@ def accepted(token: jwt.Token, *, issuer: str, client_id: str, nonce: str, acces
 
 
 def _invalid(where: str) -> identity.TokenInvalid:
-    return identity.TokenInvalid("The identity token cannot be believed", where=where, do=AGAIN)
+    return identity.TokenInvalid(because("identity_token_unbelievable"), where=where)

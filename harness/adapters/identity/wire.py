@@ -13,9 +13,9 @@ import httpx
 
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.identity import IssuerUnreachable, IssuerWrong
+from harness.contracts.reasons import because
 
 TIMEOUT_S, WHOLE_S, LARGEST_ANSWER = 5.0, 10.0, 1024 * 1024
-ASK = "ask an admin whether the identity provider runs and can be reached from this machine; a password works meanwhile"
 
 
 class HttpTransport:
@@ -32,11 +32,7 @@ class HttpTransport:
     def allowed(self, url: object) -> str:
         """The address, if requests and browsers may be sent there. Raises IssuerWrong."""
         if not isinstance(url, str) or not self.permits(url):
-            raise IssuerWrong(
-                "The identity provider names an address outside of what is configured",
-                where=_place(url),
-                do="an admin checks REGEN_OIDC_ISSUER, or adds the host to REGEN_OIDC_HOSTS",
-            )
+            raise IssuerWrong(because("issuer_address_outside"), where=_place(url))
         return url
 
     def ask(
@@ -54,16 +50,14 @@ class HttpTransport:
                 status, read = answer.status_code, _bounded(answer)
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             raise IssuerUnreachable(
-                f"The identity provider does not answer ({type(error).__name__})", where=_place(address), do=ASK
+                because("issuer_unreachable", kind=type(error).__name__), where=_place(address)
             ) from None
         try:
             found = json.loads(read)
         except (ValueError, RecursionError):
             found = None
         if status >= 500 or not isinstance(found, dict):
-            raise IssuerUnreachable(
-                f"The identity provider answers {status} with nothing that can be read", where=_place(address), do=ASK
-            )
+            raise IssuerUnreachable(because("issuer_answer_unreadable", status=status), where=_place(address))
         return status, found
 
 
@@ -91,7 +85,7 @@ def _bounded(answer: httpx.Response) -> bytes:
     for piece in answer.iter_bytes():
         read += piece
         if len(read) > LARGEST_ANSWER or time.monotonic() > until_s:
-            raise IssuerUnreachable("The identity provider's answer is too large or too slow", do=ASK)
+            raise IssuerUnreachable(because("issuer_answer_excessive"))
     return read
 
 
@@ -109,7 +103,6 @@ def _trusted(authority: Path | None) -> ssl.SSLContext:
         return ssl.create_default_context(cafile=authority)
     except OSError as error:
         raise ContractInvalid(
-            f"The certificates to trust cannot be read: {error.strerror or type(error).__name__}",
+            because("authority_unreadable", error=error.strerror or type(error).__name__),
             where=f"REGEN_OIDC_AUTHORITY {authority}",
-            do="name a file of PEM certificates that this user may read",
         ) from error

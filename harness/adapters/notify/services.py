@@ -12,6 +12,7 @@ import apprise
 
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.notification import Notification
+from harness.contracts.reasons import because
 
 logging.getLogger("apprise").setLevel(logging.CRITICAL)
 
@@ -27,11 +28,7 @@ class AppriseNotifier:
         for name, address in addresses.items():
             built = apprise.Apprise(asset=asset)
             if not urlsplit(address).scheme or not _added(built, address):
-                raise ContractInvalid(
-                    f"The address of the service {name[:40]!r} is none that Apprise knows",
-                    where="REGEN_NOTIFY",
-                    do='give {"NAME": "SCHEME://..."} as in the documentation of Apprise; it is not shown here',
-                )
+                raise ContractInvalid(because("notify_address_unknown", name=name[:40]), where="REGEN_NOTIFY")
             self._services[name] = built
 
     @property

@@ -20,6 +20,7 @@ from harness.adapters.stores import accounts_rows, accounts_schema
 from harness.adapters.stores.query_cache import QueryCache
 from harness.contracts.errors import ConcurrencyConflict, LogDamaged, StoreNewer, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
+from harness.contracts.reasons import because
 from harness.contracts.values import Value, encode
 
 BUSY_S = 5.0
@@ -48,11 +49,7 @@ class SqlAccounts:
             connection.exec_driver_sql("PRAGMA synchronous=FULL")
             found = int(connection.exec_driver_sql("PRAGMA user_version").scalar_one())
             if found > accounts_schema.VERSION:
-                raise StoreNewer(
-                    "The accounts were written by a later release",
-                    where=str(file),
-                    do="install the newer version of the program",
-                )
+                raise StoreNewer(because("accounts_newer"), where=str(file))
             accounts_schema.METADATA.create_all(connection, checkfirst=True)
             connection.exec_driver_sql(f"PRAGMA user_version={accounts_schema.VERSION}")
             driver = connection.connection.driver_connection
@@ -92,9 +89,7 @@ class SqlAccounts:
         try:
             self._write(insert(accounts_schema.ACCOUNTS).values(_columns(account, roles=" ".join(account.roles))))
         except IntegrityError as error:
-            raise ConcurrencyConflict(
-                f"There is an account {account.name} already", do="choose another name"
-            ) from error
+            raise ConcurrencyConflict(because("account_exists", name=account.name)) from error
 
     def change_account(self, account: accounts_rows.Account) -> None:
         row = _columns(account, roles=" ".join(account.roles))
@@ -126,9 +121,7 @@ class SqlAccounts:
                     )
                 connection.execute(insert(accounts_schema.IDENTITIES).values(_columns(identity)))
         except IntegrityError as error:
-            raise ConcurrencyConflict(
-                f"The account {identity.name}, or who it is for, is known already", do="sign in again, or unlink it"
-            ) from error
+            raise ConcurrencyConflict(because("identity_known", name=identity.name)) from error
 
     def unlink(self, issuer: str, subject: str) -> bool:
         """Whether it was linked."""
@@ -284,11 +277,7 @@ class SqlAccounts:
             entry = _entry(row)
             bare = msgspec.structs.replace(entry, digest="")
             if (entry.number, entry.previous, entry.digest) != (index, previous, sha256(encode(bare))):
-                raise LogDamaged(
-                    f"Entry {entry.number} of the access trail does not verify",
-                    where=str(self._file or "memory"),
-                    do="keep a copy of the file and find out who changed it; the trail is sound before this entry",
-                )
+                raise LogDamaged(because("trail_damaged", number=entry.number), where=str(self._file or "memory"))
             previous = entry.digest
             entries = index
         return entries
@@ -349,11 +338,7 @@ class SqlAccounts:
             raise self._unavailable(getattr(error, "orig", None) or error) from error
 
     def _unavailable(self, cause: object) -> StoreUnavailable:
-        return StoreUnavailable(
-            f"The accounts cannot be used: {cause}",
-            where=str(self._file or "memory"),
-            do="check that the file is a database of this program and that its folder can be written",
-        )
+        return StoreUnavailable(because("accounts_unusable", error=str(cause)), where=str(self._file or "memory"))
 
     def _answer(self, question: tuple[str, str], ask: Callable[[], Answer]) -> Answer:
         """Caches a query that every request makes; the database is read again after any write."""
@@ -378,9 +363,7 @@ def _private(file: Path) -> None:
         file.chmod(0o600)
     except OSError as error:
         raise StoreUnavailable(
-            f"The accounts cannot be opened: {error.strerror or error}",
-            where=str(file),
-            do="name a folder that can be written with --data",
+            because("accounts_unopened", error=error.strerror or str(error)), where=str(file)
         ) from error
 
 

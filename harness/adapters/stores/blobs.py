@@ -12,6 +12,7 @@ from pathlib import Path
 
 from harness.contracts.errors import BlobDamaged, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
+from harness.contracts.reasons import because
 
 LOG = getLogger(__name__)
 _DIGEST = re.compile("[0-9a-f]{64}")
@@ -51,16 +52,10 @@ class FileBlobStore:
             body = path.read_bytes()
         except OSError as error:
             raise BlobDamaged(
-                f"Blob {digest} cannot be read: {error.strerror or error}",
-                where=str(path),
-                do="restore it from a copy of the data folder",
+                because("blob_not_readable", digest=digest, error=error.strerror or str(error)), where=str(path)
             ) from error
         if sha256(body) != digest:
-            raise BlobDamaged(
-                f"Blob {digest} does not match its digest",
-                where=str(path),
-                do="restore it from a copy of the data folder; do not trust what cites it",
-            )
+            raise BlobDamaged(because("blob_differs", digest=digest), where=str(path))
         return body
 
     def has(self, digest: Digest) -> bool:
@@ -106,14 +101,12 @@ class FileBlobStore:
 
     def _path(self, digest: Digest) -> Path:
         if not _DIGEST.fullmatch(digest):
-            raise BlobDamaged(f"{digest[:80]!r} is no digest", where=str(self._folder), do="use 64 hexadecimal digits")
+            raise BlobDamaged(because("digest_invalid", digest=digest[:80]), where=str(self._folder))
         return self._folder / digest[:2] / digest[2:4] / digest
 
     def _unavailable(self, error: OSError) -> StoreUnavailable:
         return StoreUnavailable(
-            f"The blob store cannot be written: {error.strerror or error}",
-            where=str(self._folder),
-            do="free some space or make the folder writable, then try again",
+            because("blob_store_unwritable", error=error.strerror or str(error)), where=str(self._folder)
         )
 
 

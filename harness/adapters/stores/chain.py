@@ -16,12 +16,12 @@ import msgspec
 from harness.contracts import ports
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, LogDamaged
 from harness.contracts.ids import Digest, StreamId, sha256
+from harness.contracts.reasons import because
 from harness.contracts.stored_commands import command_of
 from harness.contracts.values import Moment
 
 GENESIS = ports.LogHead(position=0, digest=Digest("0" * 64))
 
-_RESTORE = "everything before it can still be read; restore the data folder from a copy to get the rest back"
 _UNKEPT = re.compile("[\0\ud800-\udfff]")
 _FRONT = struct.Struct(">32sQQddII")
 
@@ -51,16 +51,15 @@ def link(
     Raises ConcurrencyConflict; ContractInvalid if `now` is not finite.
     """
     if not (math.isfinite(now.mission_s) and math.isfinite(now.wall_s)):
-        raise ContractInvalid(f"An event cannot be recorded at {now}", where="clock", do="check the mission's clock")
+        raise ContractInvalid(because("clock_invalid", mission_s=now.mission_s, wall_s=now.wall_s), where="clock")
     at = dict(versions)
     events: list[ports.StoredEvent] = []
     for batch in batches:
         actual = at.get(batch.stream, 0)
         if actual != batch.expected_version:
             raise ConcurrencyConflict(
-                f"Stream {batch.stream} is at version {actual}, not at the expected version {batch.expected_version}",
+                because("stream_moved_on", stream=batch.stream, actual=actual, expected_version=batch.expected_version),
                 where=batch.stream,
-                do="load the stream again and decide anew",
             )
         for version, new in enumerate(batch.events, start=actual + 1):
             event = _sealed(batch.stream, version, new, head, now)
@@ -118,9 +117,7 @@ def _check_stored(waiting: Mapping[Digest, int], stored: Callable[[Sequence[Dige
 def check_record(record: ports.Record) -> None:
     """Raises LogDamaged unless the record's digest is the SHA-256 of its body."""
     if sha256(record.body) != record.digest:
-        raise LogDamaged(
-            f"The {record.kind} record does not match its digest", where=f"record {record.digest}", do=_RESTORE
-        )
+        raise LogDamaged(because("record_damaged", kind=record.kind), where=f"record {record.digest}")
 
 
 def admit(batches: Sequence[ports.Batch], records: Sequence[ports.Record]) -> None:
@@ -131,23 +128,15 @@ def admit(batches: Sequence[ports.Batch], records: Sequence[ports.Record]) -> No
     for batch in batches:
         for name in (batch.stream, *(event.kind for event in batch.events)):
             if _UNKEPT.search(name):
-                raise ContractInvalid(
-                    f"The name {name[:80]!r} holds characters that not every database keeps",
-                    where="append",
-                    do="leave NUL and unpaired surrogates out of streams and kinds",
-                )
+                raise ContractInvalid(because("name_unstorable", name=name[:80]), where="append")
     for record in records:
         if sha256(record.body) != record.digest:
-            raise ContractInvalid(
-                f"A {record.kind} record comes with a digest that is not its body's",
-                where=f"record {record.digest}",
-                do="take the digest of the canonical JSON that is stored",
-            )
+            raise ContractInvalid(because("record_misnamed", kind=record.kind), where=f"record {record.digest}")
 
 
 def damaged(position: int, why: str) -> LogDamaged:
     """The error for the event at `position`."""
-    return LogDamaged(f"The log is damaged: {why}", where=f"position {position}", do=_RESTORE)
+    return LogDamaged(because("log_damaged", why=why), where=f"position {position}")
 
 
 def _sealed(stream: StreamId, version: int, new: ports.NewEvent, head: ports.LogHead, now: Moment) -> ports.StoredEvent:

@@ -8,6 +8,7 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.errors import ConfigurationMissing, LogDamaged, UnknownName
 from harness.contracts.ids import Digest, RobotId
 from harness.contracts.ports import EventStore, Record
+from harness.contracts.reasons import because
 from harness.contracts.values import decode
 from harness.contracts.versions import configuration_record
 
@@ -74,15 +75,13 @@ class StoredConfigurations:
             return self._store.record(configuration_id)
         except UnknownName as error:
             raise ConfigurationMissing(
-                f"Configuration {configuration_id[:12]} is not in this log",
+                because("configuration_missing", configuration_id=configuration_id[:12]),
                 where=f"record {configuration_id}",
-                do="install the release that shipped it, or stop the missions that are pinned to it",
             ) from error
         except LogDamaged as error:
             raise ConfigurationMissing(
-                f"Configuration {configuration_id[:12]} was changed after it was stored: {error}",
+                because("configuration_damaged", configuration_id=configuration_id[:12], error=error.reason),
                 where=f"record {configuration_id}",
-                do="run `regen audit verify` and restore the log from a copy",
             ) from error
 
 
@@ -91,7 +90,6 @@ def _readable(record: Record) -> Configuration:
         return decode(record.body, Configuration)
     except msgspec.DecodeError as error:
         raise ConfigurationMissing(
-            f"Configuration {record.digest[:12]} cannot be read by this release: {error}",
+            because("configuration_unreadable", digest=record.digest[:12], error=str(error)),
             where=f"record {record.digest} of kind {record.kind}",
-            do="install the release that wrote it, or stop the missions that are pinned to it",
         ) from error

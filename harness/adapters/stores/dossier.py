@@ -15,6 +15,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey,
 from harness.adapters.stores.chain import check_record, damaged, event_digest
 from harness.contracts import dossier, errors, ports
 from harness.contracts.ids import Digest, StreamId, sha256
+from harness.contracts.reasons import because
 from harness.contracts.stored_commands import command_of
 from harness.contracts.values import Moment, decode, encode
 
@@ -35,9 +36,7 @@ def signing_key(folder: Path) -> Ed25519PrivateKey:
                 file.write(Ed25519PrivateKey.generate().private_bytes_raw())
         return Ed25519PrivateKey.from_private_bytes(path.read_bytes())
     except (OSError, ValueError) as error:
-        raise errors.StoreUnavailable(
-            f"The signing key cannot be used: {error}", where=str(path), do="make the data folder writable"
-        ) from error
+        raise errors.StoreUnavailable(because("signing_key_unusable", error=str(error)), where=str(path)) from error
 
 
 def public_key(key: Ed25519PrivateKey) -> str:
@@ -66,7 +65,7 @@ def write_dossier(
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise errors.StoreUnavailable(
-            f"The dossier cannot be written: {error.strerror or error}", where=str(path), do="name another file"
+            because("dossier_unwritable", error=error.strerror or str(error)), where=str(path)
         ) from error
 
 
@@ -78,14 +77,12 @@ class DossierBlobs:
         self._names = {name.removeprefix("blobs/") for name in contents.files if name.startswith("blobs/")}
 
     def put(self, body: bytes) -> Digest:
-        raise errors.ContractInvalid(
-            "A dossier is never written to", where="blobs", do="work on the data folder itself"
-        )
+        raise errors.ContractInvalid(because("dossier_read_only"), where="blobs")
 
     def get(self, digest: Digest) -> bytes:
         """Raises BlobDamaged if it is not in the dossier."""
         if digest not in self._names:
-            raise errors.BlobDamaged(f"Blob {digest} is not in the dossier", where="blobs", do="ask who exported it")
+            raise errors.BlobDamaged(because("blob_not_in_dossier", digest=digest), where="blobs")
         return self._archive.read(f"blobs/{digest}")
 
     def has(self, digest: Digest) -> bool:
@@ -110,7 +107,7 @@ class DossierLog:
             self._by_stream.setdefault(event.stream, []).append(event)
 
     def append(self, batches: Sequence[ports.Batch], records: Sequence[ports.Record], now: Moment) -> ports.LogHead:
-        raise errors.ContractInvalid("A dossier is never written to", where="log", do="work on the data folder itself")
+        raise errors.ContractInvalid(because("dossier_read_only"), where="log")
 
     def load(self, stream: StreamId, after: int = 0) -> list[ports.StoredEvent]:
         return self._by_stream.get(stream, [])[after:]
@@ -131,7 +128,7 @@ class DossierLog:
     def record(self, digest: Digest) -> ports.Record:
         """Raises UnknownName."""
         if digest not in self._records:
-            raise errors.UnknownName(f"The dossier holds no record {digest}", where="records")
+            raise errors.UnknownName(because("record_not_in_dossier", digest=digest), where="records")
         return self._records[digest]
 
     def head(self) -> ports.LogHead:
@@ -240,6 +237,4 @@ def _lines(body: bytes, kind: type[T]) -> list[T]:
 
 
 def _invalid(why: str, where: str) -> errors.DossierInvalid:
-    return errors.DossierInvalid(
-        f"The dossier does not verify: {why}", where=where, do="ask who exported it for a new one"
-    )
+    return errors.DossierInvalid(because("dossier_unverified", why=why), where=where)

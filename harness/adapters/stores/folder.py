@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.contracts.errors import StoreUnavailable
+from harness.contracts.reasons import because
 
 FLOOR_BYTES = 64 * 1024 * 1024
 """A mission is not begun with less free space than this."""
@@ -44,11 +45,7 @@ def existing(root: Path) -> DataFolder:
     """A folder that already holds a log; nothing is created. Raises StoreUnavailable where there is none."""
     folder = DataFolder(root.absolute())
     if not folder.log.is_file():
-        raise StoreUnavailable(
-            "There is no data folder with a log here",
-            where=str(folder.root),
-            do="name the right one with --data, or run a mission first: regen mission run warehouse-inspection",
-        )
+        raise StoreUnavailable(because("no_log_here"), where=str(folder.root))
     return folder
 
 
@@ -67,14 +64,10 @@ def prepare(root: Path, *, floor_bytes: int = FLOOR_BYTES) -> DataFolder:
         free = shutil.disk_usage(root).free
     except OSError as error:
         raise StoreUnavailable(
-            f"The data folder cannot be used: {error.strerror or error}",
-            where=str(root),
-            do="name a folder that can be written with --data",
+            because("data_folder_unusable", error=error.strerror or str(error)), where=str(root)
         ) from error
     if free < floor_bytes:
         raise StoreUnavailable(
-            f"The disk has {free // 2**20} MiB free, a mission needs {floor_bytes // 2**20} MiB",
-            where=str(root),
-            do="free some space, or name a folder on another disk with --data",
+            because("disk_full", free_mib=free // 2**20, needed_mib=floor_bytes // 2**20), where=str(root)
         )
     return DataFolder(root)

@@ -8,6 +8,7 @@ from harness.contracts import ports
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ids import Digest, InvocationId, StreamId, sha256
 from harness.contracts.observations import AnySample
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment
 
 
@@ -63,7 +64,7 @@ class MemoryEventStore:
         """Raises UnknownName."""
         with self._lock:
             if digest not in self._records:
-                raise UnknownName(f"The log holds no record {digest}", where="records")
+                raise UnknownName(because("record_missing", digest=digest), where="records")
             return self._records[digest]
 
     def head(self) -> ports.LogHead:
@@ -105,7 +106,7 @@ class MemoryBlobStore:
     def get(self, digest: Digest) -> bytes:
         """Raises BlobDamaged if there is no such blob."""
         if digest not in self._bodies:
-            raise BlobDamaged(f"Blob {digest} is missing", where="memory", do="check where the digest came from")
+            raise BlobDamaged(because("blob_missing", digest=digest), where="memory")
         return self._bodies[digest]
 
     def has(self, digest: Digest) -> bool:

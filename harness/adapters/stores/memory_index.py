@@ -8,6 +8,7 @@ from threading import Lock
 from harness.contracts import memory
 from harness.contracts.errors import ConcurrencyConflict, UnknownName
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import because
 
 EMPTY = memory.FollowPosition(fold="", position=0, digest=Digest(""))
 
@@ -74,7 +75,7 @@ class VolatileMemoryIndex:
         """Raises UnknownName."""
         with self._lock:
             if record_id not in self._by_id:
-                raise UnknownName(f"Memory holds no record {record_id}", where="memory index")
+                raise UnknownName(because("memory_record_missing", record_id=record_id), where="memory index")
             return self._by_id[record_id].remembered()
 
     def current(self, kind: str, subject: str) -> list[memory.Remembered]:
@@ -129,9 +130,7 @@ class VolatileMemoryIndex:
 def moved(mark: memory.FollowPosition, after: memory.FollowPosition) -> ConcurrencyConflict:
     """The error for an index that another process advanced."""
     return ConcurrencyConflict(
-        f"The memory index is at position {mark.position}, not at {after.position}",
-        where="memory index",
-        do="read its mark again and fold from there",
+        because("memory_index_moved_on", position=mark.position, expected=after.position), where="memory index"
     )
 
 

@@ -21,6 +21,7 @@ from harness.adapters.stores.sql_engine import aside_engine, enter_wal, file_url
 from harness.adapters.stores.sqlite_driver import AnyRow, ReaderPool, driver_of, immediately
 from harness.contracts import memory
 from harness.contracts.errors import StoreUnavailable, UnknownName
+from harness.contracts.reasons import because
 from harness.contracts.values import encode
 
 _decoder = msgspec.json.Decoder(memory.MemoryRecord)
@@ -96,7 +97,7 @@ class SqlMemoryIndex:
         """Raises UnknownName."""
         rows = self._rows(memory_index_schema.GET, (record_id,))
         if not rows:
-            raise UnknownName(f"Memory holds no record {record_id}", where=str(self._url.database))
+            raise UnknownName(because("memory_record_missing", record_id=record_id), where=str(self._url.database))
         return _remembered(rows[0], None)
 
     def current(self, kind: str, subject: str) -> list[memory.Remembered]:
@@ -122,7 +123,7 @@ class SqlMemoryIndex:
 
     def _opened(self) -> sqlite3.Connection:
         if self._writer is None:
-            raise StoreUnavailable("The memory index is closed", where=str(self._url.database), do="open it again")
+            raise StoreUnavailable(because("memory_index_closed"), where=str(self._url.database))
         return driver_of(self._writer)
 
     @contextmanager
@@ -132,9 +133,7 @@ class SqlMemoryIndex:
         except (SQLAlchemyError, sqlite3.Error) as error:
             cause = error.orig if isinstance(error, DBAPIError) else error
             raise StoreUnavailable(
-                f"The memory index cannot be used: {cause}",
-                where=str(self._url.database),
-                do="delete this file, and those beside it that begin with its name: it is built again from the log",
+                because("memory_index_unusable", error=str(cause)), where=str(self._url.database)
             ) from error
 
 

@@ -13,6 +13,7 @@ from harness.adapters.stores.sql_engine import file_url
 from harness.adapters.stores.sql_log import SqlLog
 from harness.contracts.errors import LogDamaged, StoreUnavailable
 from harness.contracts.ports import LogHead
+from harness.contracts.reasons import because
 
 
 def move_log(source: str, target: str) -> LogHead:
@@ -22,20 +23,16 @@ def move_log(source: str, target: str) -> LogHead:
     source is not there, the target is not empty, or somebody appends meanwhile. The target then stays empty.
     """
     if source == target:
-        raise StoreUnavailable("The log would be moved onto itself", where="--to", do="name another database")
+        raise StoreUnavailable(because("log_moved_onto_itself"), where="--to")
     if not is_server(source) and not Path(file_url(source).database or "").is_file():
-        raise StoreUnavailable(
-            "There is no log to move", where=str(file_url(source).database), do="name the data folder's events.db"
-        )
+        raise StoreUnavailable(because("no_log_to_move"), where=str(file_url(source).database))
     with ExitStack() as stack:
         old, new = (stack.enter_context(_owned(url)) for url in (source, target))
         head = new.fill_from(old)
         verified = new.verify()
         if verified != head:
             raise LogDamaged(
-                f"The copy ends at position {verified.position}, the log at {head.position}",
-                where=new.where,
-                do="go on with the log that was moved from: it is untouched",
+                because("copy_incomplete", position=verified.position, expected=head.position), where=new.where
             )
     return head
 

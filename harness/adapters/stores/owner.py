@@ -13,6 +13,7 @@ from types import TracebackType
 import msgspec
 
 from harness.contracts.errors import StoreOwned, StoreUnavailable
+from harness.contracts.reasons import because
 from harness.contracts.values import Value, decode, encode
 
 _NAME = "owner.lock"
@@ -104,9 +105,7 @@ def read_owner(folder: Path) -> Owner | None:
                 time.sleep(_PAUSE_S)
     finally:
         os.close(file)
-    raise StoreUnavailable(
-        "The owner of the data folder does not say who it is", where=str(path), do="it may be starting: try again"
-    )
+    raise StoreUnavailable(because("owner_unknown"), where=str(path))
 
 
 def _locked(file: int, kind: int) -> bool:
@@ -120,17 +119,9 @@ def _locked(file: int, kind: int) -> bool:
 def _owned(folder: Path) -> StoreOwned:
     owner = read_owner(folder)
     if owner is None:
-        return StoreOwned("Another supervisor has just given the data folder back", where=str(folder), do="try again")
-    return StoreOwned(
-        f"Another supervisor owns the data folder: process {owner.pid} at {owner.url or 'no address yet'}",
-        where=str(folder),
-        do="use that one, stop it, or choose another data folder",
-    )
+        return StoreOwned(because("folder_just_returned"), where=str(folder))
+    return StoreOwned(because("folder_owned", pid=owner.pid, url=owner.url or "no address yet"), where=str(folder))
 
 
 def _unusable(path: Path, error: OSError) -> StoreUnavailable:
-    return StoreUnavailable(
-        f"The data folder cannot be owned: {error.strerror or error}",
-        where=str(path),
-        do="name a folder that can be written with --data",
-    )
+    return StoreUnavailable(because("folder_unownable", error=error.strerror or str(error)), where=str(path))

@@ -16,6 +16,7 @@ from harness.adapters.stores.sql_schema import migrate, needs_migration
 from harness.adapters.stores.sql_statements import statements
 from harness.contracts.errors import LogDamaged, StoreUnavailable
 from harness.contracts.ports import LogHead, Record, StoredEvent
+from harness.contracts.reasons import because
 
 _POSTGRESQL = statements("%s")
 _WRITERS = 0x726567656E  # "regen": the advisory lock at which writers queue
@@ -60,11 +61,7 @@ class PostgresEventStore(SqlLog):
     def _prepare(self, writer: Connection) -> None:
         encoding = writer.exec_driver_sql("SHOW server_encoding").scalar_one()
         if encoding != "UTF8":
-            raise StoreUnavailable(
-                f"The database keeps text as {encoding}, the event log needs UTF8",
-                where=self.where,
-                do="create it with ENCODING 'UTF8' TEMPLATE template0",
-            )
+            raise StoreUnavailable(because("database_encoding", encoding=encoding), where=self.where)
         if needs_migration(writer, where=self.where):
             with self._alone() as alone:
                 if needs_migration(alone, where=self.where):
@@ -109,10 +106,7 @@ class PostgresEventStore(SqlLog):
                 writer.exec_driver_sql("ROLLBACK")
         except SQLAlchemyError:
             raise StoreUnavailable(
-                f"The connection was lost while an append was committed, and whether it is stored is not known yet: "
-                f"{postgres_engine.unavailable(self._url, error.orig).what}",
-                where=self.where,
-                do="load the stream again once the database answers, then decide anew",
+                because("append_unknown", why=postgres_engine.unavailable(self._url, error.orig).what), where=self.where
             ) from error
         return found
 
@@ -131,11 +125,7 @@ class PostgresEventStore(SqlLog):
             connection.exec_driver_sql(_BY_ROWS)
             held = connection.exec_driver_sql("SELECT count(*) FROM event").scalar_one()
         if held != head.position:
-            raise LogDamaged(
-                f"The table holds {held} events, its index finds {head.position} of them",
-                where=self.where,
-                do="rebuild the index (REINDEX TABLE event), then verify again",
-            )
+            raise LogDamaged(because("database_index_damaged", held=held, found=head.position), where=self.where)
 
     def _begun(self) -> Connection:
         """The writer inside its transaction; opened again, once, if the connection was lost while it was idle."""

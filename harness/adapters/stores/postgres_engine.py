@@ -17,6 +17,7 @@ from sqlalchemy.exc import ArgumentError, DBAPIError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
 from harness.contracts.errors import LogDamaged, StoreUnavailable
+from harness.contracts.reasons import because
 
 SILENCE_S = 10
 """A transaction in which nothing is said for this long is ended by the server."""
@@ -34,16 +35,16 @@ _NETWORK: Mapping[str, Any] = MappingProxyType(
     }
 )
 _REMEDIES = {
-    "08": "start the database server, wait until it is up again, or correct its address (REGEN_DATABASE)",
-    "28": "correct user and password in REGEN_DATABASE",
-    "3D": "create that database, or correct its name in REGEN_DATABASE",
-    "3F": "let the user's search_path name a schema that is there",
-    "25": "connect to the primary server: this one only reads",
-    "42": "let the user own the database: it must create and read the log's tables",
-    "53": "free space, memory or connections on the database server; everything acknowledged before is intact",
-    "55": "another process is writing for too long; stop it and try again",
-    "57": "wait until the database server is up again, then try again",
-    "58": "look at the database server's disk; everything acknowledged before is intact",
+    "08": because("database_unreached"),
+    "28": because("database_login_refused"),
+    "3D": because("database_absent"),
+    "3F": because("schema_absent"),
+    "25": because("database_read_only"),
+    "42": because("database_rights_missing"),
+    "53": because("database_server_full"),
+    "55": because("database_busy"),
+    "57": because("database_restarting"),
+    "58": because("database_disk_failing"),
 }
 _UNREACHED = "08"
 _CORRUPT = "XX"
@@ -51,13 +52,12 @@ _CORRUPT = "XX"
 
 def server_url(url: str) -> URL:
     """The parsed URL of a PostgreSQL database; raises StoreUnavailable for anything else."""
-    how = "write postgresql://USER:PASSWORD@HOST:PORT/DATABASE"
     try:
         parsed = make_url(url)
     except ArgumentError as error:
-        raise StoreUnavailable("That is no database address", where="REGEN_DATABASE", do=how) from error
+        raise StoreUnavailable(because("database_address_missing"), where="REGEN_DATABASE") from error
     if parsed.get_backend_name() not in ("postgresql", "postgres"):
-        raise StoreUnavailable("The event log is kept in a PostgreSQL database", where=shown(parsed), do=how)
+        raise StoreUnavailable(because("log_kept_in_postgres"), where=shown(parsed))
     return parsed.set(drivername=_DIALECT)
 
 
@@ -108,18 +108,16 @@ def examined(url: URL) -> Iterator[None]:
     except StoreUnavailable as error:
         cause = error.__cause__
         if isinstance(cause, DBAPIError) and (sqlstate(cause.orig) or "").startswith(_CORRUPT):
-            raise LogDamaged(
-                f"The database is damaged: {_said(cause.orig)}", where=shown(url), do="restore it from a backup"
-            ) from cause
+            raise LogDamaged(because("database_damaged", error=_said(cause.orig)), where=shown(url)) from cause
         raise
 
 
 def unavailable(url: URL, cause: BaseException | None) -> StoreUnavailable:
     """What a database failure means for a person."""
     return StoreUnavailable(
-        f"The event log cannot be used: {_said(cause)}",
+        because("log_unusable", error=_said(cause)),
         where=shown(url),
-        do=_REMEDIES.get((sqlstate(cause) or _UNREACHED)[:2], "run `regen doctor`, and read the database server's log"),
+        do=_REMEDIES.get((sqlstate(cause) or _UNREACHED)[:2], because("database_failing")),
     )
 
 

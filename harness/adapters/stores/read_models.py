@@ -21,6 +21,7 @@ from harness.adapters.stores.sql_engine import aside_engine, enter_wal, file_url
 from harness.contracts import read_models
 from harness.contracts.errors import StoreUnavailable
 from harness.contracts.memory import FollowPosition
+from harness.contracts.reasons import because
 
 MEMORY = "sqlite://"
 LAST_SIGN = "\U0010ffff"
@@ -133,7 +134,7 @@ class SqlReadModels:
 
     def _opened(self) -> Connection:
         if self._writer is None:
-            raise StoreUnavailable("The lists are closed", where=str(self._url.database), do="open them again")
+            raise StoreUnavailable(because("lists_closed"), where=str(self._url.database))
         return self._writer
 
     @contextmanager
@@ -143,9 +144,7 @@ class SqlReadModels:
         except SQLAlchemyError as error:
             cause = error.orig if isinstance(error, DBAPIError) else error
             raise StoreUnavailable(
-                f"The lists cannot be used: {cause}",
-                where=str(self._url.database),
-                do="delete this file, and those beside it that begin with its name: it is built again from the log",
+                because("lists_unusable", error=str(cause)), where=str(self._url.database)
             ) from error
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 from harness.contracts.read_models import LISTINGS, ListQuery, ListRow
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 LONGEST_WORD = 64
 SPELLINGS = 200
 """A typed word stands for at most so many words that begin with it; one that stands for more is looked up slowly."""

@@ -13,6 +13,7 @@ import msgspec
 from harness.contracts.errors import LogDamaged, StoreUnavailable, UnknownName
 from harness.contracts.ids import InvocationId
 from harness.contracts.observations import AnySample
+from harness.contracts.reasons import because
 from harness.contracts.values import encode
 
 _INVOCATION = re.compile("[A-Za-z0-9_-]{1,100}")
@@ -66,9 +67,7 @@ class FileSpool:
             return _lines.decode_lines(whole)
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise LogDamaged(
-                f"The samples of {invocation} cannot be read: {error}",
-                where=str(path),
-                do="remove the file; the invocation then counts as unobserved",
+                because("samples_unreadable", invocation=invocation, error=str(error)), where=str(path)
             ) from error
 
     def drop(self, invocation: InvocationId) -> None:
@@ -78,15 +77,11 @@ class FileSpool:
 
     def _path(self, invocation: InvocationId) -> Path:
         if not _INVOCATION.fullmatch(invocation):
-            raise UnknownName(f"{invocation[:80]!r} is no invocation id", where=str(self._folder))
+            raise UnknownName(because("invocation_id_invalid", invocation=invocation[:80]), where=str(self._folder))
         return self._folder / f"{invocation}.jsonl"
 
     def _unavailable(self, error: OSError) -> StoreUnavailable:
-        return StoreUnavailable(
-            f"The sample spool cannot be used: {error.strerror or error}",
-            where=str(self._folder),
-            do="free some space or make the folder writable, then try again",
-        )
+        return StoreUnavailable(because("spool_unusable", error=error.strerror or str(error)), where=str(self._folder))
 
 
 def _cut_torn_line(path: Path) -> None:

@@ -21,6 +21,7 @@ from harness.adapters.stores.unchanged import Unchanged
 from harness.contracts.errors import LogDamaged, StoreUnavailable
 from harness.contracts.ids import StreamId
 from harness.contracts.ports import LogHead, Record, StoredEvent
+from harness.contracts.reasons import because
 
 _SQLITE = statements("?")
 _IN_FORCE = ("journal_mode", "synchronous", "foreign_keys", "busy_timeout")
@@ -101,9 +102,7 @@ class SqlEventStore(SqlLog):
             raise self._file_damaged(found)
 
     def _file_damaged(self, why: str) -> LogDamaged:
-        return LogDamaged(
-            f"The database file is damaged: {why}", where=self.where, do="restore the data folder from a copy"
-        )
+        return LogDamaged(because("database_file_damaged", why=why), where=self.where)
 
     @contextmanager
     def _examined(self) -> Iterator[None]:
@@ -159,11 +158,7 @@ def _prepare(writer: Connection, url: URL, *, busy_s: float) -> None:
             writer.exec_driver_sql("COMMIT")
     mode = sql_engine.enter_wal(writer, busy_s=busy_s)
     if mode != "wal":
-        raise StoreUnavailable(
-            f"The file system allows journal mode {mode} only, the event log needs wal",
-            where=where,
-            do="put the data folder on a local disk",
-        )
+        raise StoreUnavailable(because("journal_mode_unsupported", mode=mode), where=where)
 
 
 def _readable(connection: Connection, position: int) -> Sequence[AnyRow]:

@@ -15,21 +15,22 @@ from sqlalchemy.exc import ArgumentError, DBAPIError, OperationalError, SQLAlche
 from sqlalchemy.pool import NullPool
 
 from harness.contracts.errors import StoreUnavailable
+from harness.contracts.reasons import because
 
 _WRITER = ("PRAGMA synchronous=FULL", "PRAGMA foreign_keys=ON")
 _ASIDE = ("PRAGMA synchronous=NORMAL",)
 _READER = ("PRAGMA query_only=ON",)
 
 _REMEDIES = {
-    sqlite3.SQLITE_FULL: "free some space on that disk; everything acknowledged before is intact",
-    sqlite3.SQLITE_IOERR: "check that disk, its space and its quota; everything acknowledged before is intact",
-    sqlite3.SQLITE_READONLY: "make the file and its folder writable, or choose another data folder",
-    sqlite3.SQLITE_PERM: "make the file and its folder writable, or choose another data folder",
-    sqlite3.SQLITE_CANTOPEN: "make sure the folder exists and is writable, or choose another data folder",
-    sqlite3.SQLITE_BUSY: "another process is writing for too long; stop it and try again",
-    sqlite3.SQLITE_LOCKED: "another process is writing for too long; stop it and try again",
-    sqlite3.SQLITE_NOTADB: "the file is not an event log: move it away or choose another data folder",
-    sqlite3.SQLITE_CORRUPT: "restore the file from a copy, or move it away to start a new log",
+    sqlite3.SQLITE_FULL: because("log_disk_full"),
+    sqlite3.SQLITE_IOERR: because("log_disk_failing"),
+    sqlite3.SQLITE_READONLY: because("log_unwritable"),
+    sqlite3.SQLITE_PERM: because("log_unwritable"),
+    sqlite3.SQLITE_CANTOPEN: because("log_folder_unopened"),
+    sqlite3.SQLITE_BUSY: because("database_busy"),
+    sqlite3.SQLITE_LOCKED: because("database_busy"),
+    sqlite3.SQLITE_NOTADB: because("log_of_other_kind"),
+    sqlite3.SQLITE_CORRUPT: because("log_file_damaged"),
 }
 _PRIMARY = 0xFF
 _PAUSE_S = 0.01
@@ -55,13 +56,9 @@ def file_url(url: str) -> URL:
     try:
         parsed = make_url(url)
     except ArgumentError as error:
-        raise StoreUnavailable(f"{url!r} is no database address", do="write sqlite:///FILE") from error
+        raise StoreUnavailable(because("database_address_invalid", url=url)) from error
     if parsed.get_backend_name() != "sqlite" or parsed.database in (None, "", ":memory:"):
-        raise StoreUnavailable(
-            "The event log is kept in an SQLite file",
-            where=parsed.render_as_string(hide_password=True),
-            do="write sqlite:///FILE",
-        )
+        raise StoreUnavailable(because("log_kept_in_sqlite"), where=parsed.render_as_string(hide_password=True))
     return parsed
 
 
@@ -95,9 +92,9 @@ def unavailable(url: URL, error: SQLAlchemyError | sqlite3.Error) -> StoreUnavai
     """What a database failure means for a person."""
     cause = error.orig if isinstance(error, DBAPIError) else error
     return StoreUnavailable(
-        f"The event log cannot be used: {cause}",
+        because("log_unusable", error=str(cause)),
         where=str(url.database),
-        do=_REMEDIES.get(_code(error), "run `regen doctor` to see what is wrong with the data folder"),
+        do=_REMEDIES.get(_code(error), because("data_folder_failing")),
     )
 
 

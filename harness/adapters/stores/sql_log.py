@@ -21,6 +21,7 @@ from harness.adapters.stores.sql_statements import Statements
 from harness.contracts import ports
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, StoreUnavailable, UnknownName
 from harness.contracts.ids import Digest, StreamId
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment
 
 T = TypeVar("T")
@@ -101,7 +102,7 @@ class SqlLog(ABC):
         """Raises UnknownName; LogDamaged if the stored body does not match."""
         rows = self._rows(self._sql.record, (digest,))
         if not rows:
-            raise UnknownName(f"The log holds no record {digest}", where=self.where)
+            raise UnknownName(because("record_missing", digest=digest), where=self.where)
         found = _record(rows[0])
         chain.check_record(found)
         return found
@@ -163,11 +164,7 @@ class SqlLog(ABC):
                     self._insert(writer, (), records)
                 self._verified(writer)
                 if source.head() != head:
-                    raise StoreUnavailable(
-                        "Somebody appended to the log while it was copied; nothing was moved",
-                        where=source.where,
-                        do="stop what runs on it, then move it again",
-                    )
+                    raise StoreUnavailable(because("log_moved_on"), where=source.where)
                 self._commit(writer, (), ())
         return head
 
@@ -301,11 +298,7 @@ class SqlLog(ABC):
 
     def _check_empty(self, writer: Connection) -> None:
         if self._ends(writer, ())[0] != chain.GENESIS or writer.exec_driver_sql(self._sql.records, ("", 1)).first():
-            raise StoreUnavailable(
-                "The log to move to is not empty; nothing was moved",
-                where=self.where,
-                do="name an empty database, or a file that is not there yet",
-            )
+            raise StoreUnavailable(because("log_not_empty"), where=self.where)
 
     def _rows(self, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
         """Reads again, once, if the connection turns out to have been lost since it was last used."""
@@ -328,7 +321,7 @@ class SqlLog(ABC):
 
     def _check_open(self) -> None:
         if self._closed:
-            raise StoreUnavailable("The event log is closed", where=self.where, do="open it again")
+            raise StoreUnavailable(because("log_closed"), where=self.where)
 
 
 def event_of(row: AnyRow) -> ports.StoredEvent:

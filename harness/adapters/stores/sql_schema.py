@@ -10,6 +10,7 @@ from alembic.config import Config
 from sqlalchemy import Connection, inspect
 
 from harness.contracts.errors import StoreNewer, StoreUnavailable
+from harness.contracts.reasons import because
 
 SCHEMA_VERSION = 4
 MIGRATIONS = Path(__file__).parent / "migrations"
@@ -27,18 +28,10 @@ def needs_migration(connection: Connection, *, where: str) -> bool:
     if not found:
         return True
     if not found >= _OF_THE_LOG:
-        raise StoreUnavailable(
-            f"It is the database of another program: it holds {', '.join(sorted(found))}",
-            where=where,
-            do="choose another data folder or database",
-        )
+        raise StoreUnavailable(because("database_of_other_program", tables=tuple(sorted(found))), where=where)
     version = connection.exec_driver_sql("SELECT value FROM meta WHERE name = 'schema_version'").scalar_one()
     if int(version) > SCHEMA_VERSION:
-        raise StoreNewer(
-            f"The event log has schema version {version}; this program reads up to {SCHEMA_VERSION}",
-            where=where,
-            do="install the newer version of the program, or choose another data folder or database",
-        )
+        raise StoreNewer(because("log_newer", version=version, readable_version=SCHEMA_VERSION), where=where)
     return int(version) < SCHEMA_VERSION
 
 

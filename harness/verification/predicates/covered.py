@@ -25,7 +25,7 @@ def covered(effect: AnyEffect, evidence: Evidence) -> Finding:
         reason=because(
             "floor_seen" if enough else "floor_not_seen",
             percent=100.0 * found.share,
-            wanted=100.0 * wanted,
+            **({} if enough else {"wanted": 100.0 * wanted}),
             seen_m2=found.seen_m2,
             unseen_m2=found.unseen_m2,
             closed_m2=found.closed_m2,

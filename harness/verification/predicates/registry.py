@@ -11,7 +11,7 @@ from harness.verification.predicates.circuit import circuit
 from harness.verification.predicates.covered import covered
 from harness.verification.predicates.delivery import delivered
 from harness.verification.predicates.explored import explored
-from harness.verification.predicates.heard import heard
+from harness.verification.predicates.facing import facing
 from harness.verification.predicates.inside import inside
 from harness.verification.predicates.kept_picture import kept_picture
 from harness.verification.predicates.message_stored import message_stored
@@ -24,6 +24,7 @@ from harness.verification.predicates.playback import played
 from harness.verification.predicates.recorded_request import recorded_request
 from harness.verification.predicates.relations import in_order, linked, reported
 from harness.verification.predicates.sighted import sighted
+from harness.verification.predicates.speech import heard
 from harness.verification.predicates.stable import stable
 from harness.verification.predicates.static_body import static_body
 from harness.verification.predicates.stayed_out import stayed_out
@@ -41,6 +42,7 @@ def _stable(effect: AnyEffect, evidence: Evidence) -> Finding:
 PREDICATES: dict[tuple[str, str], Predicate] = {
     ("metric", "arrival"): arrival,
     ("metric", "circuit"): circuit,
+    ("metric", "facing"): facing,
     ("relational", "analysis_of"): analysis_of,
     ("relational", "inside"): inside,
     ("relational", "kept_picture"): kept_picture,

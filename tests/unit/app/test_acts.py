@@ -14,6 +14,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.errors import ContractInvalid
 from rsi_reviews import commands as review_commands
 from rsi_reviews.suite_growth import AddCase
+from tests.saying import raises_saying
 
 ADA = Actor(name="ada", role="operator")
 SEEN = {"cycle": 2, "subject": "a" * 64, "evidence": "b" * 64}
@@ -110,7 +111,7 @@ def test_a_decision_in_the_api_is_one_of_two_acts() -> None:
 @pytest.mark.parametrize("missing", ["key", "cycle", "subject", "evidence", "decision"])
 def test_a_form_that_lost_what_binds_it_is_not_ours(missing: str) -> None:
     typed = {name: str(value) for name, value in BODIES["approve"].items() if name != missing}
-    with pytest.raises(ContractInvalid, match="not bound"):
+    with raises_saying(ContractInvalid, match="not bound"):
         handoffs.ApproveHandoffAct.from_form(typed)
 
 
@@ -149,7 +150,7 @@ def test_a_form_about_a_candidate_is_the_act_of_the_api_with_a_key_of_its_own(ve
     assert kind.model_validate(said.body()) == said
     assert isinstance(kind.from_form(typed | {"reason": " "}), tuple)
     for bound in set(body) - {"reason"}:
-        with pytest.raises(ContractInvalid, match="not bound"):
+        with raises_saying(ContractInvalid, match="not bound"):
             kind.from_form({name: text for name, text in typed.items() if name != bound})
 
 

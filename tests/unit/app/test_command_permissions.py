@@ -25,6 +25,7 @@ from harness.contracts.actors import Actor, Command
 from harness.contracts.decisions import Refused
 from rsi_reviews import commands as review_commands
 from rsi_reviews import suite_growth
+from tests.saying import raises_saying
 
 ADMIN = Principal(name="setup", roles=("admin",), source="test")
 PASSWORD = "seven green bottles"
@@ -70,7 +71,7 @@ def test_every_command_class_is_listed_once() -> None:
 
 
 def test_a_command_that_nobody_listed_is_refused_when_asked_and_inside_the_commit(accounts: Accounts) -> None:
-    with pytest.raises(NoPermissionDeclared, match="OpenEveryDoor"):
+    with raises_saying(NoPermissionDeclared, match="OpenEveryDoor"):
         required_permission(OpenEveryDoor)
     refused = authority(accounts)(OpenEveryDoor(actor=Actor(name="ada", role="operator")))
     assert isinstance(refused, Refused) and refused.rule == "no_permission_declared"
@@ -78,10 +79,10 @@ def test_a_command_that_nobody_listed_is_refused_when_asked_and_inside_the_commi
 
 def test_nobody_asks_for_the_harness_own_commands_or_for_what_it_builds_from_an_answer() -> None:
     for kind in HARNESS_COMMANDS:
-        with pytest.raises(NotPermitted, match=kind.__name__):
+        with raises_saying(NotPermitted, match=kind.__name__):
             asked_permission(kind)
     for kind in CARRIED:
-        with pytest.raises(NotPermitted, match=kind.__name__):
+        with raises_saying(NotPermitted, match=kind.__name__):
             asked_permission(kind)
     assert all(asked_permission(kind) == permission for kind, permission in ASKED.items())
 

@@ -1,7 +1,5 @@
 """What the console keeps of its robots: bounded, aged, and honest about silence."""
 
-import pytest
-
 from app.background.presence import Presence
 from app.background.robot_reports import KEPT_S, MOST_BYTES, MOST_SHOTS, PICTURE_EVERY_S, Fleet
 from app.views.robots import camera_view, robot_word
@@ -10,6 +8,7 @@ from harness.contracts.ids import RobotId
 from harness.contracts.protocol import Picture, RobotStatus
 from simulator.robot import SimulatedRobot
 from simulator.world import WorldSettings
+from tests.saying import raises_saying
 
 ONE = RobotId("vbot-1")
 
@@ -66,7 +65,7 @@ def test_the_ring_holds_the_last_twenty_seconds_and_no_more() -> None:
     kept = watch.shots(ONE).kept
     assert eye.taken >= 60 and clock.now_s - kept[0].taken_s <= KEPT_S
     assert 8 <= len(kept) <= MOST_SHOTS and [one.number for one in kept] == sorted(one.number for one in kept)
-    with pytest.raises(UnknownName, match="not kept any more"):
+    with raises_saying(UnknownName, match="not kept any more"):
         watch.shot(ONE, 1)
 
 
@@ -104,7 +103,7 @@ def test_an_unknown_robot_and_one_without_a_camera_are_told_apart() -> None:
     clock = Clock()
     blind = Fleet({ONE: SimulatedRobot(WorldSettings(seed=1))}, {}, clock)
     assert "no camera" in blind.shots(ONE).trouble
-    with pytest.raises(UnknownName, match="choose from: vbot-1"):
+    with raises_saying(UnknownName, match="choose from vbot-1"):
         blind.word("vbot-7")
 
 

@@ -20,6 +20,7 @@ from harness.adapters.identity.wire import LARGEST_ANSWER, HttpTransport, secure
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, UnknownName
 from harness.contracts.identity import Claims, IssuerUnreachable, IssuerWrong, RoleMissing
+from tests.saying import raises_saying
 
 CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
 ADMIN = Principal(name="root", roles=("admin",), source="10.0.0.9")
@@ -76,9 +77,9 @@ def test_an_account_that_a_group_made_has_no_other_way_in(accounts: Accounts) ->
     identities = Identities(accounts, roles={"operators": ("operator",)}, clock=now)
     made = identities.account_of(claims(groups=("operators",)), source="10.0.0.1")
     assert (made.name, made.roles, made.secret) == ("ada", ("operator",), "")
-    with pytest.raises(ContractInvalid, match="disable"):
+    with raises_saying(ContractInvalid, match="disable"):
         identities.unlink("ada", by=ADMIN)
-    with pytest.raises(ContractInvalid, match="identity provider"):
+    with raises_saying(ContractInvalid, match="identity provider"):
         accounts.reset_password("ada", new=PASSWORD, by=ADMIN)
     accounts.change("ada", disabled=True, by=ADMIN)
 
@@ -99,7 +100,7 @@ def test_a_new_account_is_called_as_far_as_the_wish_fits(accounts: Accounts, cal
 def test_a_mapping_to_a_role_that_does_not_exist_is_refused(
     accounts: Accounts, roles: dict[str, tuple[str, ...]]
 ) -> None:
-    with pytest.raises(ContractInvalid, match="REGEN_OIDC_ROLES"):
+    with raises_saying(ContractInvalid, match="REGEN_OIDC_ROLES"):
         Identities(accounts, roles=roles, clock=now)
 
 
@@ -128,16 +129,16 @@ def registration(issuer: str = ISSUER, client_id: str = "console", **more: objec
      "https://id.example/#x", "https://id.example?x=1", "http://127.0.0.1.evil.example", "https://id.example\\@x"],
 )  # fmt: skip
 def test_an_issuer_is_an_https_address_or_this_machine(issuer: str) -> None:
-    with pytest.raises(ContractInvalid, match="REGEN_OIDC_ISSUER"):
+    with raises_saying(ContractInvalid, match="REGEN_OIDC_ISSUER"):
         OpenIdProvider(registration(issuer), secret="", clock=now)
     assert secure("http://127.0.0.1:9000/realms/a")
     assert secure("https://id.example/realms/a")
 
 
 def test_a_client_without_a_name_or_certificates_that_are_not_there_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ContractInvalid, match="REGEN_OIDC_CLIENT_ID"):
+    with raises_saying(ContractInvalid, match="REGEN_OIDC_CLIENT_ID"):
         OpenIdProvider(registration(client_id=""), secret="", clock=now)
-    with pytest.raises(ContractInvalid, match="REGEN_OIDC_AUTHORITY"):
+    with raises_saying(ContractInvalid, match="REGEN_OIDC_AUTHORITY"):
         OpenIdProvider(registration(authority=tmp_path / "none.pem"), secret="", clock=now)
 
 
@@ -148,7 +149,7 @@ def test_the_secret_is_given_once_by_the_environment_or_by_a_file(tmp_path: Path
     assert secret_of("", tmp_path / "secret") == "from a file"
     assert secret_of("", None) == ""
     for value, file in (("unguessable", tmp_path / "secret"), ("", tmp_path / "empty"), ("", tmp_path / "none")):
-        with pytest.raises(ContractInvalid, match="REGEN_OIDC_CLIENT_SECRET") as refused:
+        with raises_saying(ContractInvalid, match="REGEN_OIDC_CLIENT_SECRET") as refused:
             secret_of(value, file)
         assert "unguessable" not in str(refused.value)
 
@@ -160,7 +161,7 @@ def test_a_setting_that_cannot_be_read_is_named_and_not_shown(
     monkeypatch: pytest.MonkeyPatch, name: str, value: str
 ) -> None:
     monkeypatch.setenv(f"REGEN_OIDC_{name}", value)
-    with pytest.raises(ContractInvalid, match=f"REGEN_OIDC_{name}") as refused:
+    with raises_saying(ContractInvalid, match=f"REGEN_OIDC_{name}") as refused:
         ConsoleSettings()
     assert value not in str(refused.value)
 

@@ -7,6 +7,7 @@ import pytest
 from harness.adapters.identity.openid import AWAY_S, KEYS_AGAIN_S, KNOWN_S, OpenIdProvider, Registration
 from harness.contracts.identity import IssuerUnreachable, SignatureBad, SignInAttempt
 from tests.fakes.issuer import CLIENT_ID, CLIENT_SECRET, Issuer, issuing, new_key
+from tests.saying import raises_saying
 
 ATTEMPT = SignInAttempt(state="s" * 43, nonce="n" * 43, verifier="v" * 43)
 BACK = "http://127.0.0.1:8000/account/oidc/back"
@@ -59,7 +60,7 @@ def test_what_it_says_of_itself_counts_for_an_hour(provider: OpenIdProvider, iss
 def test_one_that_is_away_is_asked_again_after_a_while(provider: OpenIdProvider, issuer: Issuer, watch: Watch) -> None:
     issuer.broken = True
     for _ in range(3):
-        with pytest.raises(IssuerUnreachable, match="503"):
+        with raises_saying(IssuerUnreachable, match="503"):
             provider.begin(ATTEMPT)
     assert issuer.asked == ["discovery"]
     issuer.broken = False

@@ -16,6 +16,7 @@ from app.auth.rate_limits import Buckets
 from app.settings import ConsoleSettings
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, LogDamaged, StoreNewer
+from tests.saying import raises_saying
 
 CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
 ADMIN = Principal(name="root", roles=("admin",), source="10.0.0.9")
@@ -84,15 +85,15 @@ def test_a_name_is_given_once(accounts: Accounts) -> None:
 
 def test_there_is_always_an_admin(accounts: Accounts, watch: Watch) -> None:
     empty = Accounts(SqlAccounts(), clock=watch, fresh=numbered(), hasher=CHEAP)
-    with pytest.raises(ContractInvalid, match="must be an admin"):
+    with raises_saying(ContractInvalid, match="must be an admin"):
         empty.add("eve", roles=["viewer"], password=PASSWORD, by=ADMIN)
     for change in ({"disabled": True}, {"roles": ["operator"]}):
-        with pytest.raises(ContractInvalid, match="last admin"):
+        with raises_saying(ContractInvalid, match="last admin"):
             accounts.change("root", by=ADMIN, **change)  # type: ignore[arg-type]
     accounts.add("eve", roles=["admin"], password=PASSWORD, by=ADMIN)
     accounts.change("root", disabled=True, by=ADMIN)
     assert accounts.check("root", PASSWORD, source="") is None
-    with pytest.raises(ContractInvalid, match="last admin"):
+    with raises_saying(ContractInvalid, match="last admin"):
         accounts.change("eve", disabled=True, by=ADMIN)
 
 
@@ -146,7 +147,7 @@ def test_a_token_is_shown_once_kept_as_a_digest_scoped_and_revocable(accounts: A
     assert holder is not None
     assert (holder.name, holder.may("stop"), holder.may("drive")) == ("dock", True, False)
     assert (holder.acting("stop").role, holder.acting("stop").channel) == ("integration", "policy")
-    with pytest.raises(NotPermitted, match="may not start"):
+    with raises_saying(NotPermitted, match="may not start"):
         holder.acting("drive")
     watch.now_s += 86400
     assert accounts.holder(issued.secret, source="") is None
@@ -182,7 +183,7 @@ def test_a_person_acts_in_the_one_role_that_allows_it() -> None:
     assert both.acting("drive").role == "operator"
     assert both.acting("people").role == "admin"
     assert both.actor.role == "operator+admin"
-    with pytest.raises(NotPermitted, match="operator"):
+    with raises_saying(NotPermitted, match="operator"):
         Principal(name="eve", roles=("viewer",)).acting("decide")
 
 
@@ -197,7 +198,7 @@ def test_the_trail_is_a_chain_that_shows_a_change(tmp_path: Path, watch: Watch) 
     with engine.begin() as connection:
         connection.execute(text("UPDATE trail SET source = '10.0.0.2' WHERE number = 2"))
     engine.dispose()
-    with pytest.raises(LogDamaged, match="Entry 2"):
+    with raises_saying(LogDamaged, match="Entry 2"):
         SqlAccounts(tmp_path / "accounts.db").verify_trail()
 
 

@@ -20,6 +20,7 @@ from harness.planning.planner import plan
 from harness.planning.skill import propose_skill
 from harness.projections.mission import Failure, Mission, NodeState, Spend
 from harness.recovery.ladder import recover
+from tests.saying import raises_saying
 from tests.unit.verification.building import Bench, card, contract, fact, mission, node, retained, view
 from tests.unit.verification.drives import BEGAN_S, Drive
 
@@ -82,14 +83,12 @@ def test_the_planner_sees_goal_frontier_facts_places_and_coarse_failures() -> No
         for kind in ("timeout", "timeout", "violated")
     )
     nodes = state.nodes | {NodeId("look"): replace(state.nodes[NodeId("look")], failures=failures)}
-    history = {"navigate": {"timeout": 3.0}}
-    c1 = planner_context(view(replace(state, nodes=nodes), status=status(), history=history))
+    c1 = planner_context(view(replace(state, nodes=nodes), status=status()))
     assert {"goal", "frontier", "facts", "place", "map", "robot", "failures"} <= kinds(c1)
-    assert held(c1, "history") == history
     assert mandatory(c1) == {"goal", "frontier"}
     assert [one["node_id"] for one in held(c1, "frontier")] == ["look", "wait"]
     assert held(c1, "failures") == {"node_id": "look", "failures": {"timeout": 2, "violated": 1}}
-    assert {"failures", "history"}.isdisjoint(kinds(planner_context(view(three()))))
+    assert "failures" not in kinds(planner_context(view(three())))
 
 
 @pytest.mark.ledger("R67", "R70", symbol="harness.contexts.planner:frontier")
@@ -243,7 +242,7 @@ def test_another_state_makes_another_recovery() -> None:
 
 
 def test_a_node_without_an_open_failure_has_nothing_to_recover_from() -> None:
-    with pytest.raises(ContractInvalid, match="no failure to recover from"):
+    with raises_saying(ContractInvalid, match="no failure to recover from"):
         recovery_context(recovering(three()), NodeId("go"), ())
 
 

@@ -8,6 +8,7 @@ from harness.contexts.selection import Selection, SelectionItem, budgeted, compi
 from harness.contracts.contexts import Context, ContextRecord, Role
 from harness.contracts.errors import ContextOverflow
 from harness.contracts.ids import NodeId
+from tests.saying import raises_saying
 from tests.unit.verification.building import mission, view
 
 COMPILE = "harness.contexts.selection:compile_context"
@@ -102,7 +103,7 @@ def test_over_budget_the_oldest_that_is_not_mandatory_goes() -> None:
 @pytest.mark.ledger("R67", "R68", symbol="harness.contexts.selection:_within_budget")
 def test_a_mandatory_overflow_is_an_error_that_says_what_to_do() -> None:
     items = [SelectionItem(record(source=str(n), mandatory=True)) for n in range(3)]
-    with pytest.raises(ContextOverflow, match=r"3 mandatory records do not fit .* budget of 2"):
+    with raises_saying(ContextOverflow, match=r"3 mandatory records do not fit .* budget of 2"):
         compiled(*items, budget=2)
 
 

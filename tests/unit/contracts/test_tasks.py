@@ -9,11 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from app.i18n.reasons.rendering import remedy
 from harness.contracts.effects import Metric
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import NodeId
 from harness.contracts.tasks import Node, TaskContract, check, order
 from harness.projections.mission import all_required_settled, failed
+from tests.saying import raises_saying
 from tests.unit.planning.building import contract, mission
 
 NAMES = [NodeId(name) for name in "abcdef"]
@@ -39,26 +41,26 @@ def only(node_id: str, **changes: Any) -> TaskContract:
 @pytest.mark.ledger("R3", symbol="harness.contracts.tasks:order")
 @pytest.mark.parametrize("depends_on", [{"a": "a"}, {"a": "b", "b": "a"}, {"a": "", "b": "ad", "c": "b", "d": "c"}])
 def test_a_cycle_is_refused_and_named(depends_on: dict[str, str]) -> None:
-    with pytest.raises(ContractInvalid, match="The graph has a cycle through"):
+    with raises_saying(ContractInvalid, match="The graph has a cycle through"):
         check(graph(**depends_on))
 
 
 @pytest.mark.ledger("R3", symbol="harness.contracts.tasks:check")
 def test_a_dependency_on_an_unknown_node_is_refused_with_the_names_that_exist() -> None:
-    with pytest.raises(ContractInvalid, match="Node b depends on z, which the graph does not have") as error:
+    with raises_saying(ContractInvalid, match="Node b depends on z, which the graph does not have") as error:
         check(graph(a="", b="z"))
-    assert (error.value.where, error.value.do) == ("nodes.b.depends_on", "name one of a, b")
+    assert (error.value.where, remedy(error.value)) == ("nodes.b.depends_on", "name one of a, b")
 
 
 def test_two_nodes_of_one_name_are_refused() -> None:
     task = graph(a="")
-    with pytest.raises(ContractInvalid, match="Two nodes are called a"):
+    with raises_saying(ContractInvalid, match="Two nodes are called a"):
         check(replace(task, nodes=task.nodes * 2))
 
 
 def test_a_graph_in_which_nothing_is_required_is_refused() -> None:
     task = contract()
-    with pytest.raises(ContractInvalid, match="No node is required"):
+    with raises_saying(ContractInvalid, match="No node is required"):
         check(replace(task, nodes=tuple(replace(node, required=False) for node in task.nodes)))
 
 
@@ -68,10 +70,10 @@ def test_a_target_in_another_frame_or_map_is_refused(change: dict[str, str]) -> 
     condition = contract().node(NodeId("go")).success_conditions[0]
     assert isinstance(condition.effect, Metric)
     moved = replace(condition, effect=replace(condition.effect, **change))
-    with pytest.raises(ContractInvalid, match="is stated in") as error:
+    with raises_saying(ContractInvalid, match="is stated in") as error:
         check(only("go", success_conditions=(moved,)))
     assert error.value.where == "nodes.go.success_conditions"
-    with pytest.raises(ContractInvalid, match="is stated in"):
+    with raises_saying(ContractInvalid, match="is stated in"):
         check(replace(contract(), completion_conditions=(moved,)))
 
 
@@ -79,7 +81,7 @@ def test_an_order_over_unknown_nodes_is_refused() -> None:
     task = contract()
     conditions = [c for c in task.completion_conditions if c.condition_id == "goal.in_order"]
     strange = replace(conditions[0], effect=replace(conditions[0].effect, nodes=("request", "lunch")))
-    with pytest.raises(ContractInvalid, match="names unknown nodes"):
+    with raises_saying(ContractInvalid, match="names unknown nodes"):
         check(replace(task, completion_conditions=(strange,)))
 
 

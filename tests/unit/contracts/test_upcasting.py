@@ -13,6 +13,7 @@ from harness.contracts.ids import Digest, StreamId
 from harness.contracts.ports import StoredEvent
 from harness.contracts.upcasting import UPCASTERS, Upcaster, Upcasting, name_of
 from harness.contracts.values import encode
+from tests.saying import raises_saying
 
 ZERO = Digest("0" * 64)
 
@@ -88,14 +89,14 @@ def test_only_the_newest_shape_is_written_and_it_is_read_back() -> None:
 
 
 def test_the_old_shape_under_the_new_kind_is_damage_and_the_new_one_under_the_old_kind_too() -> None:
-    with pytest.raises(LogDamaged, match="position 7"):
+    with raises_saying(LogDamaged, match="position 7"):
         CODEC.decode(stored("LegMeasured@3", {"kind": "LegMeasured", "distance": 1762.0}))
-    with pytest.raises(LogDamaged, match="position 7"):
+    with raises_saying(LogDamaged, match="position 7"):
         CODEC.decode(stored("LegMeasured", {"kind": "LegMeasured", "distance_m": 17.62, "source": "localiser"}))
 
 
 def test_a_shape_of_a_later_release_says_so() -> None:
-    with pytest.raises(StoreNewer, match=r"LegMeasured@4 was written by a later release.*install the newer version"):
+    with raises_saying(StoreNewer, match=r"LegMeasured@4 was written by a later release.*install the newer version"):
         CODEC.decode(stored("LegMeasured@4", {"kind": "LegMeasured", "distance_m": 17.62, "source": "localiser"}))
 
 

@@ -16,9 +16,9 @@ from harness.contracts.values import Point
 from harness.exploration.frontiers import frontiers
 from harness.exploration.grid import area_m2, cell_of, changed_m2, merged, unexplored, usable
 from harness.exploration.paths import CLEARANCE_M, Ways
-from harness.exploration.region import contains
 from harness.exploration.targets import NEAREST_EDGE, Proposer, answered, nearest_edge, target_refusal
 from harness.projections.floor import cells_of
+from harness.projections.region import contains
 
 HERE: Point = (1.0, 1.0)
 ROOM = ((0.0, 0.0), (10.0, 0.0), (10.0, 6.0), (0.0, 6.0))

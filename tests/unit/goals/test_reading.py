@@ -9,6 +9,7 @@ from harness.contracts.places import Site
 from harness.contracts.readings import Clause, Reading, TextSpan
 from harness.goals.names import check_names
 from harness.goals.reader import GoalReader, admitted, check_reading, read_goal, uncovered
+from tests.saying import raises_saying
 
 SITE = site()
 
@@ -109,9 +110,9 @@ def test_every_character_is_accounted_for_whatever_the_text(text: str) -> None:
 def test_a_name_that_stands_for_two_places_is_an_error_of_the_site() -> None:
     first, second = SITE.places
     torn = replace(SITE, places=(first, replace(second, aliases=(*second.aliases, "The Dock"))))
-    with pytest.raises(ContractInvalid, match="names two things: place anchor_a and place office_storage"):
+    with raises_saying(ContractInvalid, match="names two things: place anchor_a and place office_storage"):
         check_names(torn)
-    with pytest.raises(ContractInvalid, match="names two things"):
+    with raises_saying(ContractInvalid, match="names two things"):
         read_goal("go to the dock", site=torn)
 
 

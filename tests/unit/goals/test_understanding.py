@@ -8,6 +8,7 @@ from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, Reading
 from harness.contracts.tasks import TaskContract
 from harness.goals.understanding import GoalRequest, compiled, read_again, understand
 from harness.planning.compile import Argument
+from tests.saying import raises_saying
 
 SITE = site()
 TEMPLATES = (*baseline().templates, *further())
@@ -66,7 +67,7 @@ def test_a_forbidden_region_is_a_constraint_and_a_condition_over_the_whole_missi
 
 
 def test_a_region_that_the_only_way_crosses_is_refused_before_anything_moves() -> None:
-    with pytest.raises(Unsatisfiable, match="leads through corridor"):
+    with raises_saying(Unsatisfiable, match="leads through corridor"):
         contract("Check the storage area, but stay out of the corridor")
 
 
@@ -119,11 +120,11 @@ def test_a_stale_digest_is_refused(text: str) -> None:
 
 
 def test_an_argument_that_breaks_the_tie_with_the_text_is_refused() -> None:
-    with pytest.raises(ContractInvalid, match="The goal is about office_storage"):
+    with raises_saying(ContractInvalid, match="The goal is about office_storage"):
         contract("Check the storage area", template="warehouse-inspection", destination="the dock")
-    with pytest.raises(UnknownName, match="No passage lies within anchor_a"):
+    with raises_saying(UnknownName, match="No passage lies within anchor_a"):
         contract(template="warehouse-inspection", destination="the dock")
-    with pytest.raises(ContractInvalid, match="takes no parameter"):
+    with raises_saying(ContractInvalid, match="takes no parameter"):
         contract("Check the storage area", speed="9")
 
 
@@ -146,5 +147,5 @@ def test_a_condition_that_no_stage_can_show_to_hold_is_named() -> None:
     condition = {"condition_id": "goal.told", "text": "It was told", "effect": told}
     extra = replace(whole, completion_conditions=(*whole.completion_conditions, condition))
     found = understand(GoalRequest(template=extra.name), templates=(extra,), site=SITE)
-    with pytest.raises(Unsatisfiable, match=r"goal\.told needs: speak"):
+    with raises_saying(Unsatisfiable, match=r"goal\.told needs: speak"):
         compiled(found, templates=(extra,), site=SITE, arguments={})

@@ -20,6 +20,7 @@ from harness.contracts.values import Moment, decode, encode
 from harness.followers import BATCH
 from harness.memory.fabric import BEHIND, MemoryFabric
 from tests.builders.gate import CONFIGURATION, GO
+from tests.saying import raises_saying
 from tests.unit.memory.building import EVERY_STANDING, EVERYTHING, Log
 from tests.unit.planning.building import card
 
@@ -185,7 +186,7 @@ def test_an_event_that_cannot_be_read_is_named_and_nothing_is_remembered_of_it()
     broken = Batch(stream=stream, expected_version=3, events=(NewEvent(kind="x", body=b'{"kind":"Surprise"}'),))
     log.store.append([broken], [], Moment(mission_s=0.0, wall_s=0.0))
     before = log.index.mark()
-    with pytest.raises(LogDamaged, match="position 7"):
+    with raises_saying(LogDamaged, match="position 7"):
         log.memory.catch_up()
     assert log.index.mark() == before
 
@@ -195,7 +196,7 @@ def test_a_record_is_found_by_its_name_and_an_unknown_name_is_an_error() -> None
     log.dispatched(log.begin(), GO)
     record = log.found()[0].record
     assert log.memory.get(record.record_id).record == record
-    with pytest.raises(UnknownName, match="mem_none"):
+    with raises_saying(UnknownName, match="mem_none"):
         log.memory.get("mem_none")
 
 

@@ -13,6 +13,7 @@ from harness.contracts.errors import ProviderFailed, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.ports import MessageOutbox
 from harness.contracts.values import encode
+from tests.saying import raises_saying
 from tests.unit.observations.builders import Blobs, StillClock, request_to
 
 FRAMES = tuple(Digest(letter * 64) for letter in "01234567")
@@ -83,7 +84,7 @@ def test_a_message_key_is_used_for_one_content_only(outbox: MessageOutbox) -> No
     assert first
     assert outbox.send("key-1", "text", []) == first
     assert outbox.send("key-2", "text", []) != first
-    with pytest.raises(ProviderFailed, match="other contents"):
+    with raises_saying(ProviderFailed, match="other contents"):
         outbox.send("key-1", "another text", [])
 
 
@@ -95,5 +96,5 @@ def test_a_message_key_cannot_leave_the_outbox(tmp_path: Path, key: str) -> None
 
 def test_an_outbox_that_cannot_be_written_says_where(tmp_path: Path) -> None:
     (tmp_path / "outbox").write_text("a file stands where the folder should be")
-    with pytest.raises(StoreUnavailable, match="outbox"):
+    with raises_saying(StoreUnavailable, match="outbox"):
         FolderOutbox(tmp_path / "outbox", blobs=Blobs()).send("key", "text", [])

@@ -11,6 +11,7 @@ from harness.adapters.providers.models.description import CARD, Description, Ope
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest
 from harness.contracts.protocol import InvocationReport
+from tests.saying import raises_saying
 from tests.unit.observations.builders import Blobs, StillClock, request_to
 
 ANY = Digest("a" * 64)
@@ -87,7 +88,7 @@ def test_no_picture_two_pictures_and_what_is_no_picture_fail_with_a_word(
     provider = kind(clock=StillClock(), blobs=blobs, journal=None)
     image = stored(blobs, chequered())
     for images in ((), (image, image)):
-        with pytest.raises(ProviderFailed, match="not one"):
+        with raises_saying(ProviderFailed, match="not one"):
             ended(provider, *images)
     text = ended(provider, blobs.put(b"not a picture"))
     missing = ended(kind(clock=StillClock(), blobs=blobs, journal=None), ANY)

@@ -12,6 +12,7 @@ from harness.adapters.providers.speech.speaker import PacedSpeaker
 from harness.adapters.providers.speech.voice import CARD, EspeakVoice
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import sha256
+from tests.saying import raises_saying
 from tests.unit.observations.builders import EPOCH_S, Blobs, StillClock, request_to
 
 REPORT = "Two boxes obstruct the storage passage."
@@ -43,7 +44,7 @@ def test_synthesis_gives_audible_and_repeatable_samples() -> None:
 
 
 def test_an_unknown_voice_is_refused() -> None:
-    with pytest.raises(ProviderFailed, match="no-such-voice"):
+    with raises_saying(ProviderFailed, match="no-such-voice"):
         synthesise(REPORT, voice="no-such-voice")
 
 
@@ -119,7 +120,7 @@ def test_a_second_text_waits_for_the_speaker() -> None:
     clock = StillClock()
     provider = voice(clock, Blobs(), None)
     provider.start(request_to(CARD, parameters={"text": REPORT}))
-    with pytest.raises(ProviderFailed, match="playing"):
+    with raises_saying(ProviderFailed, match="playing"):
         provider.start(request_to(CARD, parameters={"text": REPORT}, attempt=1, token=2))
     clock.now_s += 30.0
     assert provider.start(request_to(CARD, parameters={"text": REPORT}, attempt=1, token=2)).status == "accepted"

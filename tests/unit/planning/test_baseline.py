@@ -8,6 +8,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.places import Site
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import decode, digest, encode
+from tests.saying import raises_saying
 
 RULES = """
 c1_items: 24
@@ -75,12 +76,12 @@ def test_yaml_of_a_contract_value_becomes_that_value() -> None:
     ],
 )
 def test_yaml_that_is_not_what_it_should_be_says_where_it_stands(text: str, says: str) -> None:
-    with pytest.raises(ContractInvalid, match=says) as error:
+    with raises_saying(ContractInvalid, match=says) as error:
         read_yaml(text, ContextRules, where="a file")
     assert error.value.where.startswith("a file")
     assert len(str(error.value)) < 500
 
 
 def test_a_template_is_not_read_as_something_else() -> None:
-    with pytest.raises(ContractInvalid, match=r"missing required field|unknown field"):
+    with raises_saying(ContractInvalid, match=r"missing required field|unknown field"):
         read_yaml(RULES, TaskTemplate, where="a file")

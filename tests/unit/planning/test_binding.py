@@ -6,6 +6,7 @@ from msgspec.structs import replace
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import PlaceId
 from harness.planning.binding import bind_passage, bind_place, bind_route, names_in, substitute
+from tests.saying import raises_saying
 from tests.unit.planning.building import SITE
 
 BOUND = {"goal": {"digest": "ab"}, "destination": {"approach_m": [1.0, 2.0], "name": "Storage"}, "count": 4.0}
@@ -30,14 +31,14 @@ def test_an_unknown_place_is_named_with_the_nearest_one_and_all_that_exist() -> 
 
 def test_a_name_that_two_places_share_is_refused_with_their_ids() -> None:
     twin = replace(SITE.places[1], place_id=PlaceId("cellar"))
-    with pytest.raises(ContractInvalid, match="2 places are called") as error:
+    with raises_saying(ContractInvalid, match="2 places are called") as error:
         bind_place("the storage", site=replace(SITE, places=(*SITE.places, twin)))
     assert "office_storage, cellar" in error.value.do
 
 
 def test_a_disputed_place_is_no_target() -> None:
     disputed = replace(SITE.places[0], verification="disputed")
-    with pytest.raises(ContractInvalid, match="disputed"):
+    with raises_saying(ContractInvalid, match="disputed"):
         bind_place("anchor_a", site=replace(SITE, places=(disputed,)))
 
 
@@ -45,7 +46,7 @@ def test_a_route_is_bound_by_its_ends_and_a_missing_one_lists_those_that_exist()
     home, storage = (bind_place(name, site=SITE) for name in ("A", "B"))
     assert bind_route(home, storage, site=SITE).name == "A-B"
     assert bind_route(storage, home, site=SITE).name == "B-A"
-    with pytest.raises(UnknownName, match="No route leads from office_storage to office_storage") as error:
+    with raises_saying(UnknownName, match="No route leads from office_storage to office_storage") as error:
         bind_route(storage, storage, site=SITE)
     assert "A-B (anchor_a to office_storage)" in error.value.do
 
@@ -55,9 +56,9 @@ def test_a_passage_belongs_to_the_place_whose_region_holds_it_and_to_no_other() 
     far = replace(SITE.passages[0], passage_id=PlaceId("far"), floor_m=((90.0, 0.0), (91.0, 0.0), (91.0, 1.0)))
     near = bind_passage(storage, site=replace(SITE, passages=(far, *SITE.passages)))
     assert near.passage_id == "storage_passage"
-    with pytest.raises(UnknownName, match="No passage lies within office_storage"):
+    with raises_saying(UnknownName, match="No passage lies within office_storage"):
         bind_passage(storage, site=replace(SITE, passages=(far,)))
-    with pytest.raises(UnknownName, match="No passage lies within anchor_a"):
+    with raises_saying(UnknownName, match="No passage lies within anchor_a"):
         bind_passage(bind_place("dock", site=SITE), site=SITE)
 
 
@@ -90,5 +91,5 @@ def test_the_two_kinds_of_spot_do_not_mix() -> None:
     ],
 )
 def test_a_spot_that_cannot_be_filled_names_its_path(value: str, says: str) -> None:
-    with pytest.raises(ContractInvalid, match=says):
+    with raises_saying(ContractInvalid, match=says):
         substitute({"nodes": [value]}, bindings=BOUND)

@@ -21,6 +21,7 @@ from harness.planning.restrictions import loosened, tightest
 from harness.planning.revision import reopened_with, revision_refusal
 from harness.projections.mission import Mission, NodeState, required_contract
 from harness.projections.mission_fold import apply
+from tests.saying import raises_saying
 from tests.unit.planning.building import contract, failing, mission
 
 NOW = Moment(mission_s=1000.0, wall_s=2000.0)
@@ -71,7 +72,7 @@ def test_the_order_of_restrictions_makes_no_difference() -> None:
 
 def test_two_lists_that_allow_nothing_together_are_refused_and_not_read_as_no_limit() -> None:
     other = replace(BASE, resources=(ResourceId("gripper"),))
-    with pytest.raises(ContractInvalid, match="No resource is allowed by both"):
+    with raises_saying(ContractInvalid, match="No resource is allowed by both"):
         tightest(BASE, other)
     state = replace(active(), contract=replace(contract(), constraints=BASE))
     refused = decide(state, TightenConstraints(layer="plugin", constraints=other, reason="so"), NOW)
@@ -197,5 +198,5 @@ def test_with_a_stage_begins_anew_what_builds_on_it_and_who_must_bring_the_body_
 
 @pytest.mark.ledger("R12", symbol="harness.contracts.tasks:_check_required")
 def test_a_required_stage_cannot_wait_for_an_optional_one() -> None:
-    with pytest.raises(ContractInvalid, match="Required node panorama depends on the optional go"):
+    with raises_saying(ContractInvalid, match="Required node panorama depends on the optional go"):
         check(with_stage(contract(), GO, required=False))

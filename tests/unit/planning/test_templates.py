@@ -5,6 +5,7 @@ import pytest
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import sha256
 from harness.planning.templates import by_name, goal_of
+from tests.saying import raises_saying
 from tests.unit.planning.building import CONFIGURATION
 
 TEMPLATES = CONFIGURATION.templates
@@ -24,5 +25,5 @@ def test_the_goal_carries_the_checksum_of_its_own_bytes() -> None:
 
 def test_a_template_is_found_by_name_and_a_slip_is_answered_with_the_nearest() -> None:
     assert by_name("circuit", TEMPLATES).title == "Circuit"
-    with pytest.raises(UnknownName, match="did you mean 'warehouse-inspection'"):
+    with raises_saying(UnknownName, match="did you mean 'warehouse-inspection'"):
         by_name("warehouse-inspektion", TEMPLATES)

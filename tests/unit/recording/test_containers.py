@@ -17,6 +17,7 @@ from harness.adapters.providers.recording.topics import StaticTransform, TopicSe
 from harness.contracts.errors import RecordingInvalid
 from harness.contracts.observations import Odometry, Pose
 from tests.fixtures.recordings import ROS1, START_S, mcap_of, odometry_mcap, pose_at, ros1_odometry
+from tests.saying import raises_saying
 
 MESSAGES = 200
 
@@ -138,7 +139,7 @@ def test_positions_that_are_not_finite_are_left_out_and_counted(tmp_path):
 
 def test_several_odometry_topics_must_be_chosen(tmp_path):
     path = odometry_mcap(tmp_path / "two.mcap", topics=("/wheel", "/visual"))
-    with pytest.raises(RecordingInvalid, match="name one of /visual, /wheel"):
+    with raises_saying(RecordingInvalid, match="name one of /visual, /wheel"):
         open_recording(path)
     with open_recording(path, TopicSettings(odometry="/wheel")) as recording:
         assert recording.roles.position == "/wheel"
@@ -146,9 +147,9 @@ def test_several_odometry_topics_must_be_chosen(tmp_path):
 
 def test_a_topic_that_is_not_there_or_of_another_type_is_refused(tmp_path):
     path = odometry_mcap(tmp_path / "one.mcap")
-    with pytest.raises(RecordingInvalid, match=r"/other is not in the recording.*/odom \(nav_msgs"):
+    with raises_saying(RecordingInvalid, match=r"/other is not in the recording.*/odom \(nav_msgs"):
         open_recording(path, TopicSettings(odometry="/other"))
-    with pytest.raises(RecordingInvalid, match="camera topic /odom has the type nav_msgs/msg/Odometry"):
+    with raises_saying(RecordingInvalid, match="camera topic /odom has the type nav_msgs/msg/Odometry"):
         open_recording(path, TopicSettings(camera="/odom"))
 
 
@@ -167,7 +168,7 @@ def test_a_truncated_mcap_is_refused_and_recovered_only_on_request(tmp_path, sha
     whole = odometry_mcap(tmp_path / "whole.mcap").read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: int(len(whole) * share)])
-    with pytest.raises(RecordingInvalid, match="truncated"):
+    with raises_saying(RecordingInvalid, match="truncated"):
         open_recording(cut)
     if share > 0.3:
         with open_recording(cut, recover=True) as recording:
@@ -200,7 +201,7 @@ def test_a_truncated_bag_is_refused_and_recovered_only_on_request(tmp_path, shar
     whole = _bag(tmp_path / "whole.bag", None).read_bytes()
     cut = tmp_path / "cut.bag"
     cut.write_bytes(whole[: int(len(whole) * share)])
-    with pytest.raises(RecordingInvalid, match="truncated"):
+    with raises_saying(RecordingInvalid, match="truncated"):
         open_recording(cut)
 
 
@@ -208,7 +209,7 @@ def test_a_truncated_packed_file_is_refused(tmp_path):
     whole = zstandard.compress(odometry_mcap(tmp_path / "plain.mcap").read_bytes())
     cut = tmp_path / "cut.mcap.zstd"
     cut.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(RecordingInvalid, match=r"truncated|damaged"):
+    with raises_saying(RecordingInvalid, match=r"truncated|damaged"):
         open_recording(cut)
 
 
@@ -218,21 +219,21 @@ def test_a_folder_that_lacks_messages_its_metadata_declares_is_refused(tmp_path)
     database.execute("DELETE FROM messages WHERE id > 150")
     database.commit()
     database.close()
-    with pytest.raises(RecordingInvalid, match="declares 200 messages; its files hold 150"):
+    with raises_saying(RecordingInvalid, match="declares 200 messages; its files hold 150"):
         open_recording(folder)
 
 
 def test_a_database_with_an_unmerged_log_beside_it_is_refused(tmp_path):
     folder = _folder(tmp_path / "folder", StoragePlugin.SQLITE3, None)
     (folder / "folder.db3-wal").write_bytes(b"messages")
-    with pytest.raises(RecordingInvalid, match="was not closed"):
+    with raises_saying(RecordingInvalid, match="was not closed"):
         open_recording(folder)
 
 
 def test_a_missing_split_is_named(tmp_path):
     folder = _folder(tmp_path / "folder", StoragePlugin.MCAP, None)
     (folder / "folder.mcap").unlink()
-    with pytest.raises(RecordingInvalid, match=r"lacks 1: folder\.mcap"):
+    with raises_saying(RecordingInvalid, match=r"lacks 1: folder\.mcap"):
         open_recording(folder)
 
 
@@ -249,7 +250,7 @@ def test_a_missing_split_is_named(tmp_path):
     ids=["encoding", "unknown-type", "bad-definition", "short-bodies", "empty", "all-infinite"],
 )
 def test_what_cannot_be_used_is_refused(tmp_path, changes, said):
-    with pytest.raises(RecordingInvalid, match=said) as refusal:
+    with raises_saying(RecordingInvalid, match=said) as refusal:
         open_recording(odometry_mcap(tmp_path / "bad.mcap", **changes))
     assert refusal.value.do
     assert "bad.mcap" in refusal.value.where
@@ -258,11 +259,11 @@ def test_what_cannot_be_used_is_refused(tmp_path, changes, said):
 def test_what_is_no_recording_is_refused(tmp_path):
     for name, body, said in (("a.mcap", b"", "empty"), ("b.mcap", b"hello world", "not a recording")):
         (tmp_path / name).write_bytes(body)
-        with pytest.raises(RecordingInvalid, match=said):
+        with raises_saying(RecordingInvalid, match=said):
             open_recording(tmp_path / name)
-    with pytest.raises(RecordingInvalid, match=r"no metadata\.yaml"):
+    with raises_saying(RecordingInvalid, match=r"no metadata\.yaml"):
         open_recording(tmp_path)
-    with pytest.raises(RecordingInvalid, match="no such recording"):
+    with raises_saying(RecordingInvalid, match="no such recording"):
         open_recording(tmp_path / "absent.mcap")
 
 

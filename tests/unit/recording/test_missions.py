@@ -15,6 +15,7 @@ from harness.contracts.errors import RecordingInvalid
 from harness.contracts.observations import Image, Odometry, Pose, Scan
 from harness.verification.geometry import polyline_length
 from tests.fixtures.recordings import BACK, OUT, START_S, mcap_of, noisy_frame, pose_at, walk
+from tests.saying import raises_saying
 
 BODY_POSE = "/vbot_planner/body_pose"
 
@@ -144,20 +145,20 @@ def test_a_mission_with_large_pictures_is_thinned_to_four_mebibytes_but_keeps_ev
 
 def test_a_mission_that_cannot_fit_is_refused_and_leaves_no_file(mission, tmp_path):
     path = tmp_path / "mission.mcap"
-    with pytest.raises(RecordingInvalid, match="does not fit into 1000 bytes"):
+    with raises_saying(RecordingInvalid, match="does not fit into 1000 bytes"):
         record_mission(path, mission.mission, samples=mission.samples, blob=mission.blobs.__getitem__, limit_bytes=1000)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_that_is_not_there_is_refused(mission, tmp_path):
-    with pytest.raises(RecordingInvalid, match="cannot be written"):
+    with raises_saying(RecordingInvalid, match="cannot be written"):
         record_mission(
             tmp_path / "no" / "m.mcap", mission.mission, samples=mission.samples, blob=mission.blobs.__getitem__
         )
 
 
 def test_a_mission_without_poses_is_refused(mission, tmp_path):
-    with pytest.raises(RecordingInvalid, match="no poses"):
+    with raises_saying(RecordingInvalid, match="no poses"):
         record_mission(tmp_path / "m.mcap", mission.mission, samples=(), blob=mission.blobs.__getitem__)
 
 
@@ -197,7 +198,7 @@ def test_a_route_in_a_frame_that_nothing_joins_to_the_positions_is_refused(tmp_p
     messages.append(("/initial_path", PATH, 10.0, words.path(10.0, "elsewhere", list(OUT))))
     with (
         open_recording(mcap_of(tmp_path / "frames.mcap", messages)) as recording,
-        pytest.raises(RecordingInvalid, match="stated in elsewhere, positions in map"),
+        raises_saying(RecordingInvalid, match="stated in elsewhere, positions in map"),
     ):
         recording.paths()
 

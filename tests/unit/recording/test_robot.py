@@ -14,6 +14,7 @@ from harness.contracts.ids import Digest, MissionId, NodeId, ProviderId, Request
 from harness.contracts.observations import Image, Pose, Scan
 from harness.contracts.protocol import InvocationIdentity, StartRequest
 from tests.fixtures.recordings import START_S, odometry_mcap, walk
+from tests.saying import raises_saying
 
 A_KEPT_SAMPLE_BYTES = 550
 
@@ -94,7 +95,7 @@ def test_images_and_scans_can_be_fetched_by_their_digest(replay):
     assert {type(sample) for sample in bulk} == {Image, Scan}
     for sample in bulk:
         assert len(replay.blob(sample.blob)) > 100
-    with pytest.raises(BlobDamaged, match="has not shown"):
+    with raises_saying(BlobDamaged, match="has not shown"):
         replay.blob(Digest("0" * 64))
 
 
@@ -134,13 +135,13 @@ def test_a_repeated_request_starts_once_and_a_changed_one_is_refused(replay):
     (navigator,) = replay.providers()
     assert navigator.start(request()).handle == navigator.start(request()).handle
     assert len(replay.starts()) == 1
-    with pytest.raises(ProviderFailed, match="came again with other contents"):
+    with raises_saying(ProviderFailed, match="came again with other contents"):
         navigator.start(request(parameters={"target": (0.0, 0.0), "frame": "map"}))
 
 
 def test_a_start_after_the_last_segment_is_refused(replay):
     replay.advance_to(START_S + 1000.0)
-    with pytest.raises(ProviderFailed, match="No recorded segment is left"):
+    with raises_saying(ProviderFailed, match="No recorded segment is left"):
         replay.providers()[0].start(request())
 
 

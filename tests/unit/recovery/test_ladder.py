@@ -17,6 +17,7 @@ from harness.contracts.tasks import TaskContract
 from harness.projections.mission import Mission, NodeState
 from harness.recovery.ladder import exhausted, recover
 from harness.recovery.policy import check_policy
+from tests.saying import raises_saying
 from tests.unit.planning.building import CONFIGURATION, NOW_S, card, contract, failing, mission, sensed, spend, view
 
 OTHERS = (card("route-follower"), card("voice", capability="speak"), card("careful-local-planner"))
@@ -187,7 +188,7 @@ def test_a_ladder_without_a_rung_left_leaves_a_person_with_what_was_refused() ->
 def test_a_context_without_a_failure_is_refused() -> None:
     context = c4(failing("violated"))
     gutted = replace(context, records=tuple(record for record in context.records if record.kind != "failure"))
-    with pytest.raises(ContractInvalid, match="holds no failure"):
+    with raises_saying(ContractInvalid, match="holds no failure"):
         recover(gutted)
 
 
@@ -215,9 +216,9 @@ def test_the_shipped_policy_is_one() -> None:
 )
 def test_a_ladder_that_does_not_end_in_a_person_is_no_policy(ladder: tuple[RecoveryAction, ...], says: str) -> None:
     ladders = CONFIGURATION.recovery.ladders | {"violated": ladder}
-    with pytest.raises(ContractInvalid, match=says) as error:
+    with raises_saying(ContractInvalid, match=says) as error:
         check_policy(replace(CONFIGURATION.recovery, ladders=ladders))
     assert error.value.where == "recovery.ladders.violated"
     missing = {name: rungs for name, rungs in CONFIGURATION.recovery.ladders.items() if name != "timeout"}
-    with pytest.raises(ContractInvalid, match="timeout"):
+    with raises_saying(ContractInvalid, match="timeout"):
         check_policy(replace(CONFIGURATION.recovery, ladders=missing))

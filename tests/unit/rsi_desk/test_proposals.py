@@ -29,6 +29,7 @@ from tests.builders.releases import (
     terms_of,
     tried,
 )
+from tests.saying import raises_saying
 
 
 def widened() -> Configuration:
@@ -118,5 +119,5 @@ def test_a_candidate_is_found_by_the_beginning_of_its_name_if_only_one_has_it() 
         name = on.proposed(candidate())
         assert on.releases.review(name[:10]).candidate == name
         for unknown in ("", "zz"):
-            with pytest.raises(UnknownName, match="candidate"):
+            with raises_saying(UnknownName, match="candidate"):
                 on.releases.review(unknown)

@@ -19,6 +19,7 @@ from rsi_reviews.counterfactual import Counterfactual, MissionCounterfactual, co
 from rsi_reviews.generate.changes import with_items, with_ladder, with_timeout, with_wait, with_weight
 from rsi_reviews.generate.trace import MissionTrace, read_trace
 from simulator.in_process import SIMULATOR
+from tests.saying import raises_saying
 
 H0 = baseline()
 ADA = Actor(name="ada", role="operator")
@@ -145,7 +146,7 @@ def test_a_trace_says_nothing_of_the_truth_or_of_the_site(harness: Harness) -> N
 
 
 def test_a_mission_that_does_not_exist_is_named(harness: Harness) -> None:
-    with pytest.raises(UnknownName, match="mis_none"):
+    with raises_saying(UnknownName, match="mis_none"):
         read_trace(harness.runtime, [MissionId("mis_none")])
 
 

@@ -20,6 +20,7 @@ from rsi_reviews.generate.model import ModelGenerator, ModelSettings, shown
 from rsi_reviews.generate.trace import Failing, MissionTrace, Trace
 from rsi_reviews.manifest import unfounded
 from rsi_reviews.restrictions import loosened
+from tests.saying import raises_saying
 
 H0 = baseline()
 GOOD: dict[str, Any] = {
@@ -183,10 +184,10 @@ def test_the_key_comes_from_the_settings_or_from_a_file_and_stands_in_no_message
     generator(endpoint).propose(TRACE, H0, GenerationBudget())
     assert endpoint.keys == ["Bearer from-the-settings", "Bearer from-a-file", "Bearer none"]
     assert "from-the-settings" not in repr(ModelSettings(model_key=SecretStr("from-the-settings")))
-    with pytest.raises(StoreUnavailable, match="missing"):
+    with raises_saying(StoreUnavailable, match="missing"):
         generator(endpoint, model_key_file=tmp_path / "missing").propose(TRACE, H0, GenerationBudget())
 
 
 def test_without_an_endpoint_or_a_model_nothing_is_asked() -> None:
-    with pytest.raises(ContractInvalid, match="REGEN_MODEL_URL"):
+    with raises_saying(ContractInvalid, match="REGEN_MODEL_URL"):
         ModelGenerator(ModelSettings(model_url="", model=""))

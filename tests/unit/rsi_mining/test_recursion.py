@@ -24,6 +24,7 @@ from rsi_reviews.recursion.gating import GateJudgement, Scale, SiteGate
 from rsi_reviews.recursion.missions import Stop, everyday, suite_cases
 from rsi_reviews.recursion.run import blind_digest, blind_tasks, check_blind
 from rsi_reviews.regression.cases import Case
+from tests.saying import raises_saying
 
 H0 = baseline()
 CALM = HiddenSite(name="calm")
@@ -243,7 +244,7 @@ def test_a_site_differs_a_little_from_fleet_to_fleet_and_not_from_generation_to_
 
 @pytest.mark.parametrize("text", ["atlantis", "calm@x.1", "calm@1", "../secrets"])
 def test_a_site_that_is_not_there_is_named(text: str) -> None:
-    with pytest.raises(UnknownName, match="site"):
+    with raises_saying(UnknownName, match="site"):
         hidden_site(text)
 
 
@@ -274,5 +275,5 @@ def test_the_blind_sites_are_those_that_were_hashed(monkeypatch: pytest.MonkeyPa
         (copy / source.name).write_text(source.read_text() + "\n# easier now\n")
     (tmp_path / "sites" / "blind.sha256").write_text(f"{committed}\n")
     monkeypatch.setattr("rsi_reviews.recursion.run.FOLDER_PATH", tmp_path)
-    with pytest.raises(ContractInvalid, match="blind"):
+    with raises_saying(ContractInvalid, match="blind"):
         check_blind()

@@ -19,6 +19,7 @@ from rsi_reviews.recursion.publish import BEGIN, END, found, publish
 from rsi_reviews.recursion.report import answers, contrasts, rows
 from rsi_reviews.recursion.run import kept, outcomes, tasks
 from simulator.in_process import SIMULATOR
+from tests.saying import raises_saying
 
 H0 = baseline()
 
@@ -128,5 +129,5 @@ def test_a_published_run_stands_in_the_page_in_json_and_in_plots(tmp_path: Path)
     assert {row["arm"] for row in stored["rows"]} == set(ARMS) and stored["complete"]
     assert (tmp_path / "recursion" / "recovery-cost.svg").exists()
     (tmp_path / "recursion.md").write_text("# no place\n")
-    with pytest.raises(ContractInvalid, match="no place for figures"):
+    with raises_saying(ContractInvalid, match="no place for figures"):
         publish(found(done, (), Terms(seed=1), fleets=3), docs=tmp_path)

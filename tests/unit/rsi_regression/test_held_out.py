@@ -27,6 +27,7 @@ from rsi_reviews.regression.cases import Case
 from rsi_reviews.regression.errors import LookTaken, ResultsDamaged
 from simulator.in_process import SIMULATOR
 from tests.builders.evaluations import Numbers, finished, manifest
+from tests.saying import raises_saying
 
 ONE, TWO = digest("one"), digest("two")
 BEFORE, AFTER = manifest().baseline, digest("configuration")
@@ -68,7 +69,7 @@ def test_the_secret_is_made_once_and_only_its_owner_may_read_it(tmp_path: Path) 
 def test_a_secret_that_others_may_read_is_refused(tmp_path: Path) -> None:
     secret_in(tmp_path, fixed)
     (tmp_path / SECRET).chmod(0o640)
-    with pytest.raises(StoreUnavailable, match="Others may read"):
+    with raises_saying(StoreUnavailable, match="Others may read"):
         secret_in(tmp_path, fixed)
 
 

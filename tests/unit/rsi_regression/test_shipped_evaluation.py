@@ -6,7 +6,6 @@ from importlib.resources import files
 from pathlib import Path
 
 import msgspec
-import pytest
 
 from app.cli.rsi_shipped import put_in_review
 from harness.baseline.load import baseline
@@ -20,6 +19,7 @@ from rsi_reviews.regression.suite import shipped
 from rsi_reviews.release_service import ReleaseService
 from rsi_reviews.shipped_evaluation import SUMS, Shipped, shipped_evaluation
 from tests.builders.releases import bench, candidate
+from tests.saying import raises_saying
 
 
 @cache
@@ -50,14 +50,14 @@ def test_damaged_bytes_are_refused(tmp_path: Path) -> None:
     body = place.joinpath(name).read_bytes()
     (tmp_path / SUMS).write_text(place.joinpath(SUMS).read_text())
     (tmp_path / name).write_bytes(body[:-1])
-    with pytest.raises(ContractInvalid, match="not those that were kept"):
+    with raises_saying(ContractInvalid, match="not those that were kept"):
         shipped_evaluation(tmp_path)
     other = gzip.compress(b"{}")
     (tmp_path / name).write_bytes(other)
     (tmp_path / SUMS).write_text(f"{sha256(other)}  {name}\n")
-    with pytest.raises(ContractInvalid, match="cannot be read"):
+    with raises_saying(ContractInvalid, match="cannot be read"):
         shipped_evaluation(tmp_path)
-    with pytest.raises(ContractInvalid, match="No evaluation ships"):
+    with raises_saying(ContractInvalid, match="No evaluation ships"):
         shipped_evaluation(tmp_path / "nowhere")
 
 

@@ -17,6 +17,7 @@ from rsi_reviews.regression.results import evaluator_version
 from rsi_reviews.trial import HeldOut, Means, Trial, carried_out, prepared
 from simulator.in_process import SIMULATOR
 from tests.builders.evaluations import BASELINE, Saying, candidate, patient, suite
+from tests.saying import raises_saying
 
 SUITES = (suite("regression", 20), suite("safety", 600, 10_000))
 
@@ -77,7 +78,7 @@ def test_no_held_out_case_is_among_the_results(tmp_path: Path) -> None:
 @pytest.mark.ledger("R166", symbol="rsi_reviews.trial:prepared")
 def test_a_candidate_is_compared_with_the_baseline_it_was_made_against() -> None:
     other = patient(99.0)
-    with pytest.raises(ContractInvalid, match="made against"):
+    with raises_saying(ContractInvalid, match="made against"):
         prepared(candidate(), other, SUITES, launched_by=("ada",), simulator=SIMULATOR)
     stale = msgspec.structs.replace(candidate(), baseline=Digest("0" * 64))
     with pytest.raises(ContractInvalid):

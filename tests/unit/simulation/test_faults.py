@@ -8,6 +8,7 @@ from harness.contracts.errors import ProviderUnreachable, UnknownName
 from harness.contracts.ids import NodeId, request_id
 from harness.contracts.observations import Pose
 from simulator.faults import FAULT_NAMES, parse_faults
+from tests.saying import raises_saying
 from tests.unit.simulation.builders import MISSION, Bench, along, bench, route
 
 GOAL_B = route("A-B").waypoints_m[-1]
@@ -48,7 +49,7 @@ def test_without_faults_nothing_strikes() -> None:
 
 
 def test_an_unknown_fault_is_refused_with_the_names() -> None:
-    with pytest.raises(UnknownName, match="stale-pose"):
+    with raises_saying(UnknownName, match="stale-pose"):
         parse_faults(["stale-poses"])
     with pytest.raises(UnknownName):
         parse_faults(["stale-pose:always"])

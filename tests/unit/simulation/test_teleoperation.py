@@ -2,14 +2,13 @@
 
 import math
 
-import pytest
-
 from harness.contracts.errors import FencingRefused, ProviderFailed
 from harness.contracts.ids import RequestId
 from harness.contracts.protocol import DRIVE_DEAD_MAN_S, DriveOrder, PostureOrder
 from simulator.robot import SimulatedRobot
 from simulator.teleoperation import SPEED_CAP_MPS, SimulatedTeleoperation
 from simulator.world import WorldSettings
+from tests.saying import raises_saying
 
 SESSION = RequestId("s" * 64)
 
@@ -52,9 +51,9 @@ def test_an_older_token_drives_nothing_and_lays_nobody_down() -> None:
     hand.drive(order(robot, token=7))
     hand.release(SESSION)
     robot.advance_to(robot.at_s + 1.0)
-    with pytest.raises(FencingRefused, match="older than 7"):
+    with raises_saying(FencingRefused, match="older than 7"):
         hand.drive(order(robot, token=6, session=RequestId("t" * 64)))
-    with pytest.raises(FencingRefused, match="older than 7"):
+    with raises_saying(FencingRefused, match="older than 7"):
         hand.rest(PostureOrder(posture="lying", token=6))
 
 
@@ -64,7 +63,7 @@ def test_an_ended_session_never_drives_again() -> None:
     hand.release(SESSION)
     robot.advance_to(robot.at_s + 2.0)
     assert hand.release(SESSION).status == "ended"
-    with pytest.raises(ProviderFailed, match="has ended"):
+    with raises_saying(ProviderFailed, match="has ended"):
         hand.drive(order(robot))
 
 
@@ -80,5 +79,5 @@ def test_the_hardware_stop_holds_a_driven_robot_and_a_lying_one_does_not_drive()
     hand.release(SESSION)
     robot.advance_to(robot.at_s + 2.0)
     assert hand.rest(PostureOrder(posture="lying", token=2)).posture == "lying"
-    with pytest.raises(ProviderFailed, match="lies down"):
+    with raises_saying(ProviderFailed, match="lies down"):
         hand.drive(order(robot, token=3, session=RequestId("u" * 64)))

@@ -16,6 +16,7 @@ from itertools import count
 from pathlib import Path
 from typing import cast
 
+from app.i18n.reasons.rendering import explained
 from harness.adapters.failpoints import parse, provider_with_failpoint, with_failpoint
 from harness.adapters.stores.blobs import FileBlobStore
 from harness.adapters.stores.opening import open_log
@@ -60,7 +61,7 @@ def fill(url: str, limit: str) -> None:
         try:
             print(store.append([_batch("mission/a", version, "Filled", size=20_000)], [], NOW).position)
         except StoreUnavailable as error:
-            print(error)
+            print(explained(error))
             return
 
 

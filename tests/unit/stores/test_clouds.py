@@ -11,6 +11,7 @@ from pypcd4.pypcd4 import PointCloud
 from harness.adapters.cloud_levels import LEVELS_M, chunks, origin_of
 from harness.adapters.clouds import read_cloud
 from harness.contracts.errors import CloudInvalid
+from tests.saying import raises_saying
 
 UTM = np.array([512_700.125, 5_403_547.25, 295.5])
 
@@ -52,7 +53,7 @@ def test_millimetres_become_metres(tmp_path: Path) -> None:
 )
 def test_what_is_no_cloud_says_what_and_where(tmp_path: Path, name: str, body: bytes, why: str) -> None:
     (tmp_path / name).write_bytes(body)
-    with pytest.raises(CloudInvalid, match=why) as caught:
+    with raises_saying(CloudInvalid, match=why) as caught:
         read_cloud(tmp_path / name)
     assert name in caught.value.where
 

@@ -15,6 +15,7 @@ from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Esti
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId, NodeId, ProviderId, RequestId, StreamId
 from harness.contracts.protocol import InvocationIdentity, InvocationReport, Progress, StartRequest
+from tests.saying import raises_saying
 from tests.unit.stores.builders import NOW, batch, record
 from tests.unit.stores.processes import running
 
@@ -88,7 +89,7 @@ def test_names_say_when_what_and_which_time() -> None:
     ["", "NodeCommitted", "during:start", "before:", "before:launch", "after:stop#0", "after:stop#", "before:stop\n"],
 )
 def test_a_name_that_could_never_strike_is_refused(name: str) -> None:
-    with pytest.raises(UnknownName, match="before: or after:"):
+    with raises_saying(UnknownName, match="before: or after:"):
         parse(name)
 
 

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from app.i18n.reasons.rendering import explained
 from harness.adapters.stores.sql import SqlEventStore
 from harness.adapters.stores.sql_schema import SCHEMA_VERSION
 from harness.contracts.errors import LogDamaged, StoreNewer, StoreUnavailable
 from harness.contracts.ids import StreamId
 from harness.contracts.ports import Batch, NewEvent
+from tests.saying import raises_saying
 from tests.unit.stores.builders import NOW, batch, record
 
 NEEDLE = b'{"needle":"5555"}'
@@ -119,7 +121,7 @@ def test_a_changed_record_is_named_by_its_digest(file: Path) -> None:
     tamper(file, "UPDATE record SET body = CAST('{}' AS BLOB)")
     assert damage_found(file).where == f"record {CONTEXT.digest}"
     store = opened(file)
-    with pytest.raises(LogDamaged, match=CONTEXT.digest):
+    with raises_saying(LogDamaged, match=CONTEXT.digest):
         store.record(CONTEXT.digest)
     store.close()
 
@@ -136,7 +138,7 @@ def test_an_index_that_hides_events_is_found(file: Path) -> None:
     store = opened(file)
     assert store.load(StreamId("mission/a")) == []
     store.close()
-    assert "database file is damaged" in damage_found(file).what
+    assert "database file is damaged" in explained(damage_found(file))
 
 
 def test_a_page_that_the_disk_lost_is_named_by_its_first_position(file: Path) -> None:
@@ -153,7 +155,7 @@ def test_a_page_that_the_disk_lost_is_named_by_its_first_position(file: Path) ->
 def test_a_file_that_lost_its_end_is_not_taken_for_whole(file: Path) -> None:
     whole = file.read_bytes()
     file.write_bytes(whole[: len(whole) - 4096])
-    with pytest.raises(StoreUnavailable, match="malformed") as caught:
+    with raises_saying(StoreUnavailable, match="malformed") as caught:
         opened(file)
     assert caught.value.where == str(file)
 
@@ -187,7 +189,7 @@ def test_every_commit_is_synced(file: Path) -> None:
 def test_a_log_of_a_newer_version_is_left_alone(file: Path) -> None:
     tamper(file, f"UPDATE meta SET value = '{SCHEMA_VERSION + 1}'")
     before = file.read_bytes()
-    with pytest.raises(StoreNewer, match=rf"version {SCHEMA_VERSION + 1}.*events\.db.*install the newer version"):
+    with raises_saying(StoreNewer, match=rf"version {SCHEMA_VERSION + 1}.*events\.db.*install the newer version"):
         opened(file)
     assert file.read_bytes() == before
 
@@ -219,19 +221,19 @@ def test_what_is_no_log_is_refused_with_where_and_what_to_do(
 ) -> None:
     path = tmp_path / "events.db"
     spoil(path)
-    with pytest.raises(StoreUnavailable, match=says) as caught:
+    with raises_saying(StoreUnavailable, match=says) as caught:
         opened(path)
     assert caught.value.where == str(path)
 
 
 def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(StoreUnavailable, match="unable to open"):
+    with raises_saying(StoreUnavailable, match="unable to open"):
         opened(tmp_path / "nowhere" / "events.db")
 
 
 @pytest.mark.parametrize("url", ["postgresql://host/log", "sqlite://", "sqlite:///:memory:", "not an address"])
 def test_only_a_file_holds_the_log(url: str) -> None:
-    with pytest.raises(StoreUnavailable, match="sqlite:///FILE"):
+    with raises_saying(StoreUnavailable, match="sqlite:///FILE"):
         SqlEventStore(url)
 
 
@@ -239,7 +241,7 @@ def test_an_append_that_waits_too_long_for_another_writer_is_left_out(file: Path
     store = SqlEventStore(f"sqlite:///{file}", busy_s=0.05)
     other = sqlite3.connect(file, isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
-    with pytest.raises(StoreUnavailable, match=r"locked.*another process is writing"):
+    with raises_saying(StoreUnavailable, match=r"locked.*another process is writing"):
         store.append([batch("mission/a", 5, "Resumed")], [], NOW)
     assert store.head().position == 9
     other.execute("ROLLBACK")
@@ -252,7 +254,7 @@ def test_opening_waits_for_a_process_that_is_just_creating_the_log(tmp_path: Pat
     path = tmp_path / "events.db"
     other = sqlite3.connect(path, isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
-    with pytest.raises(StoreUnavailable, match="locked"):
+    with raises_saying(StoreUnavailable, match="locked"):
         SqlEventStore(f"sqlite:///{path}", busy_s=0.05)
     with ThreadPoolExecutor(1) as pool:
         opening = pool.submit(SqlEventStore, f"sqlite:///{path}")
@@ -268,5 +270,5 @@ def test_a_closed_log_says_so(file: Path) -> None:
     store.close()
     store.close()
     for use in (store.head, store.verify, store.read, lambda: store.append([], [], NOW)):
-        with pytest.raises(StoreUnavailable, match="closed"):
+        with raises_saying(StoreUnavailable, match="closed"):
             use()

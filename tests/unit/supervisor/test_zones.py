@@ -12,6 +12,7 @@ from harness.contracts.places import Site, Zone
 from harness.contracts.values import Point, encode
 from harness.supervisor.zones import OFF_WAY_M, ahead, check_site, patience, way_of
 from harness.verification.geometry import distance, polyline_length
+from tests.saying import raises_saying
 
 
 def zone(name: str, at: Site) -> Zone:
@@ -45,13 +46,13 @@ def test_the_shipped_site_authorises_a_way_to_the_dock_from_every_zone() -> None
     ],
 )
 def test_a_retreat_to_nowhere_or_by_no_way_is_refused_when_the_site_is_read(changes: Any, said: str) -> None:
-    with pytest.raises(ContractInvalid, match=said):
+    with raises_saying(ContractInvalid, match=said):
         check_site(corridor(**changes))
 
 
 def test_a_zone_that_would_retreat_without_a_way_is_refused() -> None:
     bare = tuple(replace(one, retreat=None) for one in site().zones)
-    with pytest.raises(ContractInvalid, match="declares no safe place"):
+    with raises_saying(ContractInvalid, match="declares no safe place"):
         check_site(replace(site(), zones=bare))
 
 
@@ -61,10 +62,10 @@ def test_a_way_that_leaves_the_map_or_is_of_another_map_is_refused() -> None:
         replace(one, waypoints_m=((-9.0, -9.0), *one.waypoints_m)) if one.name == "B-A" else one
         for one in shipped.routes
     )
-    with pytest.raises(ContractInvalid, match="leaves the map"):
+    with raises_saying(ContractInvalid, match="leaves the map"):
         check_site(replace(shipped, routes=routes))
     old = tuple(replace(one, map_version="site-0") for one in shipped.routes)
-    with pytest.raises(ContractInvalid, match="different maps"):
+    with raises_saying(ContractInvalid, match="different maps"):
         check_site(replace(shipped, routes=old))
 
 

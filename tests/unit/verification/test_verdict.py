@@ -17,6 +17,7 @@ from harness.verification.finding import UNAVAILABLE, Undecidable
 from harness.verification.predicates.registry import PREDICATES, Predicate
 from harness.verification.reading import Evidence
 from harness.verification.verdict import VERIFIER, judged, verify
+from tests.saying import raises_saying
 from tests.unit.verification.building import (
     STATIC,
     Bench,
@@ -165,9 +166,9 @@ def test_a_predicate_refuses_an_effect_of_another_kind(bench: Bench, predicate: 
 
 
 def test_a_context_without_an_execution_is_refused() -> None:
-    with pytest.raises(ContractInvalid, match="execution"):
+    with raises_saying(ContractInvalid, match="execution"):
         verify(empty(), lambda digest: b"")
-    with pytest.raises(ContractInvalid, match="execution"):
+    with raises_saying(ContractInvalid, match="execution"):
         judged(empty(), lambda digest: b"", verifier=verify)
 
 

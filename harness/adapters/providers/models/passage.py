@@ -13,7 +13,7 @@ from harness.contracts.ids import Digest
 from harness.contracts.observations import Camera
 from harness.contracts.values import Count, Point, Share, Value
 
-METHOD = "upright-faces-1"
+METHOD = "upright-faces-2"
 
 _INSET_M = 0.04
 _LEAST_CONTACT_M = 0.08
@@ -24,6 +24,8 @@ _SAME_THING_M = 0.15
 _ABOVE_M = 1.2
 _MARGIN_PX = 20
 _SAMPLES = 24
+_RISEN_SHARE = 0.15
+"""A patch of which more than this lies above the horizon is no floor."""
 
 
 class OrientedFrame(msgspec.Struct, frozen=True):
@@ -79,7 +81,9 @@ def analyse(frames: Sequence[OrientedFrame], *, camera: Camera, position: Point,
     """Look for upright things on the passage floor. The body stood at `position` (m, map frame) for all frames."""
     views = [View(camera, position=position, heading_rad=frame.heading_rad) for frame in frames]
     ground = _samples(passage)
-    seen = np.array([view.shows(ground) for view in views])
+    seen = np.array(
+        [_in_sight(frame.pixels, view, ground) for frame, view in zip(frames, views, strict=True)], dtype=np.bool_
+    )
     sightings = [
         sighting
         for index, (frame, view) in enumerate(zip(frames, views, strict=True))
@@ -109,6 +113,30 @@ def analyse(frames: Sequence[OrientedFrame], *, camera: Camera, position: Point,
 def shows_passage(camera: Camera, *, position: Point, heading_rad: float, passage: tuple[Point, ...]) -> bool:
     """Whether a frame taken there has any of the passage floor in it."""
     return bool(View(camera, position=position, heading_rad=heading_rad).shows(_samples(passage)).any())
+
+
+def _in_sight(pixels: Pixels, view: View, ground: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Which floor points (N, 2) the frame shows, and nothing that stands before them hides.
+
+    The floor ends at the horizon: a patch that also fills the picture above it is something upright, whatever its
+    colour, and hides the floor behind it.
+    """
+    shown = view.shows(ground)
+    if not shown.any():
+        return shown
+    labels = look(pixels, view, top=0).labels
+    places = np.rint(view.pixels(np.column_stack([ground[shown], np.zeros(int(shown.sum()))]))).astype(np.int64)
+    rows = places[:, 1].clip(0, labels.shape[0] - 1)
+    under = labels[rows, places[:, 0].clip(0, labels.shape[1] - 1)]
+    horizon = round(view.horizon_px)
+    whole = np.bincount(labels[labels > 0].ravel(), minlength=int(labels.max()) + 1)
+    above = labels[: max(horizon, 0)]
+    risen = np.bincount(above[above > 0].ravel(), minlength=len(whole))
+    upright = risen > _RISEN_SHARE * np.maximum(whole, 1)
+    clear = np.array([label <= 0 or not upright[label] for label in under.tolist()])
+    found = shown.copy()
+    found[shown] = clear
+    return found
 
 
 def _samples(passage: tuple[Point, ...]) -> Floats:

@@ -31,6 +31,11 @@ class View:
         self.camera = camera
         self.heading_rad = heading_rad
 
+    @property
+    def horizon_px(self) -> float:
+        """The image row of the horizon in the middle of the picture: the floor lies below it."""
+        return self.camera.cy_px - self.camera.fy_px * math.tan(self.camera.pitch_rad)
+
     def pixels(self, points: Floats) -> Floats:
         """Pixels (N, 2) of map points (N, 3); NaN for points behind the lens."""
         local = (points - self.centre) @ self._axes.T

@@ -1,0 +1,96 @@
+"""Pure: what the task templates that ship say, in a reader's language; a site's own templates are shown as written.
+
+A template's text is a message, its open spots are the holes. A contract's text is known by binding the template's text
+again with the contract's own bindings: no text is taken apart.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from typing import Any
+
+from msgspec import structs
+
+from app.i18n.messages import Message
+from harness.baseline import load
+from harness.contracts.tasks import TaskContract, TaskTemplate
+from harness.contracts.verdicts import ConditionResult
+
+SHOWN = ("subgoal", "text")
+"""Keys of a stage or a condition whose values people read."""
+_SPOT = re.compile(r"\$\{(\w+)(?:\.(\w+))?\}")
+
+
+def shipped() -> tuple[TaskTemplate, ...]:
+    return (*load.baseline().templates, *load.further())
+
+
+def messages() -> Iterator[tuple[str, str]]:
+    """(message, name of its template): everything that the shipped templates say to people."""
+    for template in shipped():
+        fixed = (template.title, template.goal, *(one.title for one in template.parameters))
+        texts = (text for text in (*fixed, *_texts(template)) if not _SPOT.fullmatch(text))
+        yield from ((_message(text), f"template {template.name}") for text in texts)
+
+
+def task_text(text: str, contract: TaskContract | None) -> str:
+    """A text of a contract as a message of its template; unchanged where the template does not ship here."""
+    return text if contract is None else bound_text(text, contract.template, contract.bindings)
+
+
+def bound_text(text: str, template: str, bindings: Mapping[str, Any]) -> str:
+    """A text that was bound from a template, as a message of it; unchanged where it is none of its texts."""
+    return next((one for one in _bound(template, bindings) if one == text), text)
+
+
+def told(results: Sequence[ConditionResult], contract: TaskContract | None) -> tuple[ConditionResult, ...]:
+    """Results of conditions, their texts as `task_text` gives them."""
+    return tuple(structs.replace(one, text=task_text(one.text, contract)) for one in results)
+
+
+def _bound(template: str, bindings: Mapping[str, Any]) -> Iterator[str]:
+    found = (_filled(text, bindings) for text in _open_texts(template))
+    return (one for one in found if one is not None)
+
+
+@cache
+def _open_texts(template: str) -> tuple[str, ...]:
+    """The texts of a shipped template that have open spots."""
+    return tuple(text for one in shipped() if one.name == template for text in _texts(one) if _SPOT.search(text))
+
+
+def _filled(text: str, bindings: Mapping[str, Any]) -> Message | None:
+    fields: dict[str, Any] = {}
+    for spot in _SPOT.finditer(text):
+        name, field = spot.groups()
+        value = bindings.get(name)
+        value = value.get(field) if field and isinstance(value, Mapping) else value
+        if not isinstance(value, str | int | float):
+            return None
+        fields[_hole(spot)] = value
+    return Message(_message(text), fields)
+
+
+def _message(text: str) -> str:
+    return _SPOT.sub(lambda spot: f"{{{_hole(spot)}}}", text)
+
+
+def _hole(spot: re.Match[str]) -> str:
+    return "_".join(filter(None, spot.groups()))
+
+
+def _texts(template: TaskTemplate) -> Iterator[str]:
+    yield from _read([*template.nodes, *template.completion_conditions])
+
+
+def _read(tree: object) -> Iterator[str]:
+    match tree:
+        case Mapping():
+            for key, value in tree.items():
+                if key in SHOWN and isinstance(value, str):
+                    yield value
+                else:
+                    yield from _read(value)
+        case list() | tuple():
+            for value in tree:
+                yield from _read(value)

@@ -1,0 +1,147 @@
+"""Measures what each recovery step changes: of each failure class and step, how often what followed was committed."""
+
+import argparse
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from experiments.campaigns.regen import ROOT
+from harness.bootstrap import simulated
+from harness.contracts import events
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Accepted
+from harness.contracts.ids import RobotId
+from harness.contracts.values import Count, Value
+from harness.gate.decide import DECIDER
+from harness.runtime import Start
+from harness.settings import HarnessSettings
+from simulator.faults import FAULT_NAMES
+from simulator.in_process import SIMULATOR
+
+PAGE = ROOT / "docs" / "recovery.md"
+BEGIN, END = "<!-- figures: written by `make campaign` -->", "<!-- end of figures -->"
+ROBOT = RobotId("vbot-1")
+ACTOR = Actor(name="campaign", role="operator")
+NOTHING_IN = 200
+"""A step that never helped in so many tries does not belong in a ladder."""
+TEMPLATES = ("circuit", "warehouse-inspection")
+ONLY_INSPECTION = ("hidden-passage",)
+PEOPLE = ("human", "stop", "safe_stop")
+"""Steps that end the try or ask a person: nothing is committed by them."""
+
+
+class StepEffect(Value):
+    """One failure class and step: how often it was taken, and how often the stage was committed next."""
+
+    failure: str
+    action: str
+    taken: Count
+    committed: Count
+
+    @property
+    def ineffective(self) -> bool:
+        return self.taken >= NOTHING_IN and self.committed == 0 and self.action not in PEOPLE
+
+
+class StepReport(Value):
+    """All steps of a campaign. `offences` are steps that stand in a ladder and change nothing."""
+
+    missions: Count
+    seed: Count
+    steps: tuple[StepEffect, ...]
+    offences: tuple[str, ...]
+
+
+def recovery_steps(missions: int, *, seed: int) -> StepReport:
+    """So many missions for each fault, transient and persistent by turns, on the kinematic robot."""
+    taken: Counter[tuple[str, str]] = Counter()
+    committed: Counter[tuple[str, str]] = Counter()
+    count = 0
+    for fault, template in faults_and_templates():
+        for number in range(missions):
+            persistent = ":persistent" if number % 2 else ""
+            log = mission_log(template, f"{fault}{persistent}", seed=seed + number)
+            count += 1
+            for failure, action, helped in steps_in(log):
+                taken[(failure, action)] += 1
+                committed[(failure, action)] += helped
+    steps = tuple(
+        StepEffect(failure=failure, action=action, taken=times, committed=committed[(failure, action)])
+        for (failure, action), times in sorted(taken.items())
+    )
+    offences = tuple(f"{one.action} after {one.failure}: 0 of {one.taken}" for one in steps if one.ineffective)
+    return StepReport(missions=count, seed=seed, steps=steps, offences=offences)
+
+
+def faults_and_templates() -> Iterator[tuple[str, str]]:
+    """Each fault with each template in which it can strike."""
+    for fault in FAULT_NAMES:
+        for template in TEMPLATES:
+            if template == TEMPLATES[-1] or fault not in ONLY_INSPECTION:
+                yield fault, template
+
+
+def mission_log(template: str, fault: str, *, seed: int) -> list[events.MissionEvent]:
+    """The events of one mission at speed 0; it ends when it is over or waits for a person."""
+    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=seed) as harness:
+        start = Start(actor=ACTOR, robot_id=ROBOT, template=template, seed=seed, labels={"faults": fault})
+        decision = harness.runtime.start(start)
+        assert isinstance(decision, Accepted), decision
+        mission_id = next(harness.runtime.newest_missions()).mission_id
+        harness.supervisor.run(mission_id)
+        return [DECIDER.codec.decode(one) for one in harness.runtime.events(mission_id)]
+
+
+def steps_in(log: Iterable[events.MissionEvent]) -> Iterator[tuple[str, str, bool]]:
+    """Every authorised step with its failure class, and whether its stage was committed before it failed again."""
+    waiting: dict[str, tuple[str, str]] = {}
+    for event in log:
+        match event:
+            case events.RecoveryAuthorised():
+                waiting[event.node_id] = (event.failure, event.action)
+            case events.NodeCommitted() if event.node_id in waiting:
+                yield (*waiting.pop(event.node_id), True)
+            case events.FailureClassified() | events.NodeFailed() if event.node_id in waiting:
+                yield (*waiting.pop(event.node_id), False)
+            case _:
+                pass
+    for failure, action in waiting.values():
+        yield failure, action, False
+
+
+def table(report: StepReport) -> str:
+    """The figures in Markdown."""
+    lines = [
+        f"{report.missions:,} missions with a fault each, seeds from {report.seed}, kinematic fidelity.",
+        "",
+        "| failure class | step | taken | committed next | share |",
+        "|---|---|---:|---:|---:|",
+        *(
+            f"| {one.failure} | {one.action} | {one.taken:,} | {one.committed:,} | {one.committed / one.taken:.0%} |"
+            for one in report.steps
+        ),
+        "",
+        "Steps without effect in 200 tries or more: " + ("; ".join(report.offences) or "none") + ".",
+    ]
+    return "\n".join(lines)
+
+
+def publish(report: StepReport, *, command: str, page: Path = PAGE) -> None:
+    """Replace the part of the page between its two marks. Raises ValueError without the marks."""
+    before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise ValueError(f"{page.name} has no place for figures: {BEGIN} ... {END}")
+    made = f"{table(report)}\n\nMade by `{command}`."
+    page.write_text(f"{before}{BEGIN}\n\n{made}\n\n{END}{after}", encoding="utf-8")
+
+
+def run(asked: argparse.Namespace) -> None:
+    """`python -m experiments.campaigns recovery`: print the table; publish it if asked. Exit 1 for a useless step."""
+    report = recovery_steps(asked.missions, seed=asked.seed)
+    print(table(report))
+    if asked.publish:
+        command = f"python -m experiments.campaigns recovery --missions {asked.missions} --seed {asked.seed} --publish"
+        publish(report, command=command)
+    if report.offences:
+        raise SystemExit(1)

@@ -1,0 +1,180 @@
+"""Carries out recovery steps that change what failed: new frames, from elsewhere if need be, or another route (D49).
+
+Everything is planned on the map that the mission's own lidar sweeps draw; the gate decides on the revised contract.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from harness.contracts.contexts import Context
+from harness.contracts.decisions import Refused
+from harness.contracts.effects import Metric
+from harness.contracts.exploration import GridMap
+from harness.contracts.ids import NodeId, ProviderId
+from harness.contracts.observations import Trajectory
+from harness.contracts.ports import Record
+from harness.contracts.proposals import RecoveryProposal, Signature
+from harness.contracts.reasons import Reason, because
+from harness.contracts.revision_commands import ReviseToRecover
+from harness.contracts.tasks import Node, TaskContract
+from harness.contracts.values import Point, decode, digest
+from harness.exploration.detours import detour
+from harness.exploration.grid import merged, middle_of, unexplored, usable
+from harness.exploration.paths import NARROWEST_CELLS, Cell, Ways
+from harness.exploration.viewpoints import Viewpoint, viewpoints
+from harness.planning import views
+from harness.projections.mission import Failure, Mission, required_contract
+from harness.projections.region import contains
+from harness.recovery.state import OBSERVING
+from harness.supervisor.roles import RoleContexts, context_record, record
+
+PLANNER = "local-map-1"
+APART_M = 0.8
+"""Another viewpoint is at least so far from where frames were taken before."""
+BEFORE_LENS_M = 1.2
+"""The floor nearer than this lies below the camera's picture."""
+LEAST_SHARE = 0.3
+ROUND = ("circuit",)
+"""Predicates of legs whose route itself is to be driven, not only its end reached."""
+
+
+@dataclass(frozen=True)
+class Revision:
+    """What a step changes: the revised contract, which stages begin again, why, and the map it was planned on."""
+
+    contract: TaskContract
+    reopened: tuple[NodeId, ...]
+    reason: Reason
+    records: tuple[Record, ...] = ()
+
+
+class Revisions:
+    """Plans a revision for one recovery step, and has the gate decide on it."""
+
+    def __init__(self, roles: RoleContexts) -> None:
+        self._roles = roles
+        self._runtime = roles.runtime
+
+    def carry_out(self, mission: Mission, failure: Failure, proposal: RecoveryProposal, c4: Context) -> bool:
+        """Whether the step became a revision; False where it can change nothing this way, or the gate refused it."""
+        contract = required_contract(mission)
+        node = contract.node(failure.node_id)
+        planned = self._planned(mission, contract, node, proposal)
+        if planned is None:
+            return False
+        command = ReviseToRecover(
+            node_id=node.node_id,
+            contract=planned.contract,
+            reopened=planned.reopened,
+            proposal=proposal,
+            signature=Signature(
+                action=proposal.action,
+                provider_id=proposal.provider_id or ProviderId(PLANNER),
+                provider_version=PLANNER,
+                parameters=digest(planned.contract),
+                failure=proposal.failure,
+            ),
+            context=c4.digest,
+            planner=PLANNER,
+            reason=planned.reason,
+        )
+        records = (context_record(c4), *planned.records)
+        return not isinstance(self._runtime.submit(mission.mission_id, command, records=records), Refused)
+
+    def _planned(
+        self, mission: Mission, contract: TaskContract, node: Node, proposal: RecoveryProposal
+    ) -> Revision | None:
+        source = views.frames_of(contract, node)
+        if proposal.action in OBSERVING and source is not None:
+            again = views.seen_anew(contract, node, source)
+            if proposal.action == "re_perceive":
+                return Revision(contract, again, because("frames_taken_anew", stage=source.node_id))
+            return self._elsewhere(mission, contract, node, source, again)
+        if proposal.action == "local_replan" and "navigate" in node.capabilities:
+            return self._around(mission, contract, node)
+        return None
+
+    def _elsewhere(
+        self, mission: Mission, contract: TaskContract, node: Node, source: Node, again: tuple[NodeId, ...]
+    ) -> Revision | None:
+        """Frames from the place that shows most of the region and was not tried."""
+        region, position = views.region_of(node), self._roles.position()
+        if not region or position is None:
+            return None
+        grid, ways = self._map(mission, position)
+        seen = viewpoints(
+            grid,
+            ways,
+            _cells(grid, region),
+            nearest_m=BEFORE_LENS_M,
+            away_from=_taken_at(mission, source.node_id),
+            apart_m=APART_M,
+        )
+        best = max(seen, key=_worth, default=None)
+        if best is None or best.share < LEAST_SHARE:
+            return None
+        revised = views.seen_from(contract, source, best.at_m, route_m=ways.route_m(best.at_m))
+        reason = because(
+            "seen_from_elsewhere",
+            stage=source.node_id,
+            x_m=best.at_m[0],
+            y_m=best.at_m[1],
+            percent=100.0 * best.share,
+            way_m=best.way_m,
+        )
+        return Revision(revised, again, reason, (record("local-map", grid),))
+
+    def _around(self, mission: Mission, contract: TaskContract, node: Node) -> Revision | None:
+        """Another route around what the lidar showed on the old one."""
+        position, route = self._roles.position(), _points(node.parameters.get("route"))
+        if position is None or len(route) < 2:
+            return None
+        grid, ways = self._map(mission, position, clearance_cells=NARROWEST_CELLS)
+        effects = [one.effect for one in node.success_conditions]
+        beside = any(isinstance(one, Metric) and one.predicate in ROUND for one in effects)
+        found = detour(grid, ways, route, position, beside=beside)
+        if not found:
+            return None
+        length_m = math.fsum(math.dist(a, b) for a, b in pairwise(found))
+        reason = because("route_revised", stage=node.node_id, corners=len(found), length_m=length_m)
+        return Revision(views.rerouted(contract, node, found), (), reason, (record("local-map", grid),))
+
+    def _map(self, mission: Mission, position: Point, *, clearance_cells: float | None = None) -> tuple[GridMap, Ways]:
+        """What every sweep of this mission shows of the floor, and the ways over it from the body."""
+        contract, site = required_contract(mission), self._runtime.site_of(mission)
+        nothing = unexplored(site, map_version=contract.map_version)
+        states = (*mission.nodes.values(), *(past.state for past in mission.history))
+        packets = {packet.identity.packet_id: packet for state in states for packet in state.packets}
+        ordered = sorted(packets.values(), key=lambda packet: (packet.dispatched_s, packet.identity.packet_id))
+        trajectories = [
+            decode(self._runtime.blob(one.blob), Trajectory) for packet in ordered for one in packet.estimates
+        ]
+        grid = merged(nothing, usable(nothing, trajectories), self._runtime.blob)
+        keep_out = tuple(one.region_m for one in site.places if one.place_id in contract.constraints.keep_out)
+        return grid, Ways(grid, position, keep_out_m=keep_out, clearance_cells=clearance_cells)
+
+
+def _worth(viewpoint: Viewpoint) -> tuple[float, float]:
+    """What is seen counts first, in tenths; then the shorter way."""
+    return round(viewpoint.share, 1), -viewpoint.way_m
+
+
+def _cells(grid: GridMap, region: tuple[Point, ...]) -> tuple[Cell, ...]:
+    inside = np.ndindex(grid.rows, grid.columns)
+    return tuple((row, column) for row, column in inside if contains(region, middle_of(grid, (row, column))))
+
+
+def _taken_at(mission: Mission, source: NodeId) -> tuple[Point, ...]:
+    """Where the stage has taken frames, superseded ones included."""
+    facts = (*mission.facts, *(fact for past in mission.history for fact in past.facts))
+    places = (fact.arguments.get("position") for fact in facts if fact.node_id == source)
+    return tuple(point for place in places for point in _points([place]))
+
+
+def _points(value: object) -> tuple[Point, ...]:
+    """Points of the floor, as parameters and facts hold them."""
+    listed = value if isinstance(value, tuple | list) else ()
+    return tuple((float(one[0]), float(one[1])) for one in listed if isinstance(one, tuple | list) and len(one) == 2)

@@ -1,0 +1,150 @@
+"""Whole missions in which one provider, channel, room or sensor lies: none ends as "Goal met" (D17, D45 to D48).
+
+The same missions without the lie succeed, with every completion condition at independence 1 or more.
+"""
+
+import pytest
+
+from harness.contracts.events import CompletionReported, GoalVerified, NodeCommitted, VerdictRecorded
+from harness.contracts.ids import ConditionId
+from tests.builders.connections import Stage
+from tests.builders.lies import Lie, emptied, lied_to, turned_round
+from tests.builders.missions_run import Ran
+from tests.fakes import lying
+
+INSPECTION = "warehouse-inspection"
+CLEAR_CORNER = ((12.4, 7.9), (13.6, 7.9), (13.6, 9.0), (12.4, 9.0))
+SHIFTED = ((10.3, 10.7), (11.7, 10.7), (11.7, 12.7), (10.3, 12.7))
+CONTRARY = "Inspection report, Office storage area. The passage is clear: nothing stands on its floor."
+
+
+def contrary(text: str) -> str:
+    return f"{CONTRARY} 4 images and this finding were sent. I am back at Anchor A."
+
+
+def elsewhere(text: str) -> str:
+    return text.replace("Office storage area", "Anchor A")
+
+
+def halved(text: str) -> str:
+    return text[: len(text) // 2]
+
+
+def chatting(text: str) -> str:
+    return "Good morning everybody, it is a nice sunny day, and the coffee is ready in the kitchen next door."
+
+
+SPEAK, ANALYSE = "speak", "analyse_passage"
+LIES = {
+    "a speaker that says the contrary": (
+        Lie(SPEAK, lambda one, blobs: lying.Misspeaking(one, contrary)), "report.heard", {"violated"},
+    ),
+    "right words, another place": (
+        Lie(SPEAK, lambda one, blobs: lying.Misspeaking(one, elsewhere)), "report.heard", {"violated"},
+    ),
+    "speech cut off half-way": (
+        Lie(SPEAK, lambda one, blobs: lying.Misspeaking(one, halved)), "report.heard", {"ambiguous"},
+    ),
+    "something else altogether": (
+        Lie(SPEAK, lambda one, blobs: lying.Misspeaking(one, chatting)), "report.heard", {"ambiguous", "violated"},
+    ),
+    "a loudspeaker that is unplugged": (Lie(room=lying.Muffled), "report.heard", {"ambiguous"}),
+    "an analysis of another polygon": (
+        Lie(ANALYSE, lambda one, blobs: lying.LookingElsewhere(one, blobs, passage=CLEAR_CORNER)),
+        "analysis.checked", {"violated", "ambiguous"},
+    ),
+    "an analysis of the polygon of an old map": (
+        Lie(ANALYSE, lambda one, blobs: lying.LookingElsewhere(one, blobs, passage=SHIFTED, confess=True)),
+        "analysis.checked", {"violated"},
+    ),
+    "right frames, inverted finding": (
+        Lie(ANALYSE, lambda one, blobs: lying.Retelling(one, blobs, lying.inverted)), "analysis.checked", {"ambiguous"},
+    ),
+    "a thing that is not there": (
+        Lie(ANALYSE, lambda one, blobs: lying.Retelling(one, blobs, lying.imagined), true_site=emptied()),
+        "analysis.checked", {"ambiguous"},
+    ),
+    "images of yesterday": (Lie(seen=emptied()), "analysis.checked", {"ambiguous"}),
+    "images of another heading": (Lie(seen=turned_round()), "analysis.checked", {"ambiguous", "violated"}),
+    "lidar sweeps of another time": (Lie(old_sweeps=True), "analysis.checked", {"ambiguous"}),
+    "an outbox that sends nothing": (Lie(outbox=lying.SendingNothing), "delivery.stored", {"violated"}),
+    "a message with other images": (
+        Lie(outbox=lambda: lying.Exchanging(lambda sent: lying.replace(sent, images=("0" * 64,) * 4))),
+        "delivery.stored", {"violated"},
+    ),
+    "a message without its images": (
+        Lie(outbox=lambda: lying.Exchanging(lambda sent: lying.replace(sent, images=sent.images[:1]))),
+        "delivery.stored", {"violated"},
+    ),
+    "a message with another text": (
+        Lie(outbox=lambda: lying.Exchanging(lambda sent: lying.replace(sent, text="All is well."))),
+        "delivery.stored", {"violated"},
+    ),
+    "an intake of another request": (
+        Lie("take_request", lambda one, blobs: lying.TakingDown(one)), "request.recorded", {"violated"},
+    ),
+}  # fmt: skip
+
+
+def run(stage: Stage) -> Ran:
+    return stage.run(stage.begin(INSPECTION))
+
+
+def committed(ran: Ran) -> set[ConditionId]:
+    return {fact.condition_id for event in ran.events if isinstance(event, NodeCommitted) for fact in event.facts}
+
+
+@pytest.mark.parametrize("name", LIES)
+@pytest.mark.ledger("R108", symbol="harness.verification.independence:derived_independence")
+def test_no_lie_ends_as_goal_met(name: str) -> None:
+    lie, condition_id, verdicts = LIES[name]
+    with lied_to(lie) as stage:
+        ran = run(stage)
+        assert ran.mission.status != "succeeded"
+        assert not [event for event in ran.events if isinstance(event, CompletionReported)]
+        assert condition_id not in committed(ran)
+        told = [event.verdict for event in ran.events if isinstance(event, VerdictRecorded)]
+        found = {one.verdict for verdict in told for one in verdict.results if one.condition_id == condition_id}
+        assert found and found <= verdicts
+
+
+def test_an_honest_mission_meets_its_goal_with_every_condition_seen_by_another_source() -> None:
+    with lied_to(Lie()) as stage:
+        ran = run(stage)
+        assert ran.mission.status == "succeeded"
+        (goal,) = [event.verdict for event in ran.events if isinstance(event, GoalVerified)]
+        assert min(one.independence for one in goal.results) >= 1
+
+
+def test_an_empty_passage_is_called_clear_when_both_sensors_see_its_floor() -> None:
+    with lied_to(Lie(true_site=emptied(), seen=emptied())) as stage:
+        ran = run(stage)
+        assert ran.mission.status == "succeeded"
+        (fact,) = [one for one in ran.mission.facts if one.name == "passage_checked"]
+        assert fact.measured["seen_share"] >= 0.9 and not fact.measured["blocked"]
+
+
+def test_a_message_that_is_deleted_after_it_was_accepted_fails_the_goal_by_name() -> None:
+    with lied_to(Lie(outbox=lying.Deleting)) as stage:
+        ran = run(stage)
+        assert ran.mission.status == "failed"
+        goals = [event.verdict for event in ran.events if isinstance(event, GoalVerified)]
+        assert goals and "delivery.stored" in committed(ran)
+        for goal in goals:
+            assert "goal.delivered" in {one.condition_id for one in goal.results if one.verdict == "violated"}
+
+
+def test_a_recording_of_another_playback_is_not_taken_for_this_one() -> None:
+    with lied_to(Lie(true_site=emptied(), seen=emptied())) as stage:
+        ran = run(stage)
+        (fact,) = [one for one in ran.mission.facts if one.name == "heard"]
+        earlier = stage.parts.blobs.get(fact.arguments["sound"])
+    with lied_to(Lie(room=lambda room: lying.Replaying(room, earlier))) as stage:
+        ran = run(stage)
+        assert ran.mission.status != "succeeded" and "report.heard" not in committed(ran)
+
+
+def test_a_passage_that_is_out_of_sight_is_not_clear() -> None:
+    with lied_to(Lie()) as stage:
+        ran = stage.run(stage.begin_at(INSPECTION, destination="the dock"))
+        assert ran.mission.status != "succeeded" and "analysis.checked" not in committed(ran)
