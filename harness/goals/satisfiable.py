@@ -16,6 +16,13 @@ from harness.verification.predicates.registry import predicate_of
 
 PRODUCED_BY: dict[str, tuple[Capability, ...]] = {
     "transcript": ("take_request",),
+    "recorded_request": ("take_request",),
+    "passage_checked": ("analyse_passage",),
+    "message_stored": ("deliver_message",),
+    "heard": ("analyse_passage", "speak"),
+    "one_chain": ("capture_panorama", "analyse_passage", "deliver_message", "take_request"),
+    "kept_picture": ("observe", "keep_evidence"),
+    "covered": ("observe",),
     "arrival": ("navigate",),
     "circuit": ("navigate",),
     "panorama": ("capture_panorama",),

@@ -143,9 +143,9 @@ def test_a_reading_that_the_templates_no_longer_serve_is_not_compiled_to_somethi
 
 def test_a_condition_that_no_stage_can_show_to_hold_is_named() -> None:
     (whole,) = (one for one in TEMPLATES if one.name == "go-to-place")
-    told = {"type": "symbolic", "predicate": "played", "arguments": {}}
+    told = {"type": "symbolic", "predicate": "heard", "arguments": {"report": "go"}}
     condition = {"condition_id": "goal.told", "text": "It was told", "effect": told}
     extra = replace(whole, completion_conditions=(*whole.completion_conditions, condition))
     found = understand(GoalRequest(template=extra.name), templates=(extra,), site=SITE)
-    with raises_saying(Unsatisfiable, match=r"goal\.told needs: speak"):
+    with raises_saying(Unsatisfiable, match=r"goal\.told needs: analyse_passage, speak"):
         compiled(found, templates=(extra,), site=SITE, arguments={})

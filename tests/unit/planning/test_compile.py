@@ -13,6 +13,7 @@ from harness.contracts.ids import NodeId, PlaceId, sha256
 from harness.contracts.tasks import Node, TaskContract, TaskTemplate
 from harness.contracts.values import digest
 from harness.planning.compile import compile_contract
+from tests.saying import raises_saying
 from tests.unit.planning.building import GOAL, SITE, contract, template
 
 Change = Callable[[dict[str, Any]], Any]
@@ -123,11 +124,11 @@ def test_every_segment_has_the_trial_settings_and_the_arrival_radius(name: str, 
 def test_a_goal_of_several_nodes_needs_a_condition_that_no_node_tests_by_itself() -> None:
     whole = template()
     own = [condition for condition in whole.completion_conditions if condition["condition_id"] == "goal.home"]
-    with pytest.raises(ContractInvalid, match="No completion condition spans several nodes"):
+    with raises_saying(ContractInvalid, match="No completion condition spans several nodes"):
         compiled(replace(whole, completion_conditions=tuple(own)))
     analysis = msgspec.to_builtins(contract().node(NodeId("analysis")).success_conditions[0].effect)
     borrowed = {"condition_id": "goal.same", "text": "As the node says", "effect": analysis}
-    with pytest.raises(ContractInvalid, match="No completion condition spans several nodes"):
+    with raises_saying(ContractInvalid, match="No completion condition spans several nodes"):
         compiled(replace(whole, completion_conditions=(*own, borrowed)))
 
 
@@ -142,14 +143,14 @@ def test_the_inspection_asks_for_evidence_of_looking_and_telling_as_well_as_of_m
     assert "receipts" in task.node(NodeId("report")).evidence.mandatory
 
 
-def test_the_return_waits_for_an_acknowledged_delivery_of_four_images() -> None:
+def test_the_return_waits_for_a_delivery_of_four_images_that_was_read_back() -> None:
     task = contract()
     back, delivery = task.node(NodeId("return")), task.node(NodeId("delivery"))
     assert back.depends_on == ("delivery",)
     assert back.runs_after_failure
     effect = delivery.success_conditions[0].effect
     assert isinstance(effect, Symbolic)
-    assert (effect.predicate, effect.arguments["images"]) == ("delivered", "4")
+    assert (effect.predicate, effect.arguments["images"]) == ("message_stored", "4")
 
 
 def test_the_panorama_needs_the_robot_at_the_place_and_static() -> None:
@@ -165,7 +166,7 @@ def test_the_panorama_needs_the_robot_at_the_place_and_static() -> None:
     ["subgoal", "success_conditions", "capabilities", "parameters", "resources", "evidence", "timeout_s", "recovery"],
 )
 def test_each_of_the_eight_fields_of_a_node_is_mandatory(field: str) -> None:
-    with pytest.raises(ContractInvalid, match=f"missing required field `{field}`") as error:
+    with raises_saying(ContractInvalid, match=f"missing required field `{field}`") as error:
         compiled(changed("go", without(field)))
     assert "$.nodes.go" in error.value.where
 
@@ -173,7 +174,7 @@ def test_each_of_the_eight_fields_of_a_node_is_mandatory(field: str) -> None:
 @pytest.mark.ledger("R7", symbol="harness.planning.compile:compile_contract")
 @pytest.mark.parametrize("field", ["success_conditions", "capabilities"])
 def test_a_node_without_any_effect_or_capability_is_refused(field: str) -> None:
-    with pytest.raises(ContractInvalid, match="length >= 1") as error:
+    with raises_saying(ContractInvalid, match="length >= 1") as error:
         compiled(changed("panorama", lambda node: node.update({field: []})))
     assert f"$.nodes.panorama.{field}" in error.value.where
 
@@ -181,7 +182,7 @@ def test_a_node_without_any_effect_or_capability_is_refused(field: str) -> None:
 @pytest.mark.ledger("R17", symbol="harness.planning.compile:compile_contract")
 @pytest.mark.parametrize("field", ["frame", "target_m", "tolerance_m"])
 def test_a_target_without_frame_position_or_tolerance_is_refused_with_its_path(field: str) -> None:
-    with pytest.raises(ContractInvalid, match=f"missing required field `{field}`") as error:
+    with raises_saying(ContractInvalid, match=f"missing required field `{field}`") as error:
         compiled(changed("go", without("success_conditions", field)))
     assert "$.nodes.go.success_conditions[0].effect" in error.value.where
 
@@ -201,19 +202,19 @@ def test_a_target_without_frame_position_or_tolerance_is_refused_with_its_path(f
     ],
 )
 def test_free_prose_and_unknown_words_are_no_parameters(change: dict[str, Any], says: str) -> None:
-    with pytest.raises(ContractInvalid, match=says):
+    with raises_saying(ContractInvalid, match=says):
         compiled(changed("go", lambda node: node.update(change)))
 
 
 @pytest.mark.ledger("R21", symbol="harness.planning.compile:compile_contract")
 def test_the_graph_names_capabilities_and_no_provider() -> None:
     assert not [name for name in Node.__struct_fields__ if "provider" in name]
-    with pytest.raises(ContractInvalid, match="unknown field `provider`"):
+    with raises_saying(ContractInvalid, match="unknown field `provider`"):
         compiled(changed("go", lambda node: node.update(provider="route-follower")))
 
 
 def test_a_cycle_is_refused_when_the_contract_is_compiled() -> None:
-    with pytest.raises(ContractInvalid, match="cycle through request, go"):
+    with raises_saying(ContractInvalid, match="cycle through request, go"):
         compiled(changed("request", lambda node: node.update(depends_on=["report"])))
 
 
@@ -241,12 +242,12 @@ def test_arguments_that_cannot_be_bound_are_typed_errors(
 )
 def test_a_number_must_be_one(value: Any, says: str) -> None:
     given = {"target_x_m": value, "target_y_m": 0.0, "frame": "odom", "map_version": "recording:ab"}
-    with pytest.raises(ContractInvalid, match=says):
+    with raises_saying(ContractInvalid, match=says):
         compiled(template("recording"), **given)
 
 
 def test_a_parameter_without_default_must_be_given() -> None:
-    with pytest.raises(ContractInvalid, match="Target, x in metres is not given"):
+    with raises_saying(ContractInvalid, match="Target, x in metres is not given"):
         compiled(template("recording"))
 
 
@@ -261,7 +262,7 @@ def test_a_replay_takes_target_and_frame_from_its_arguments_and_has_no_recovery(
 
 def test_an_empty_or_huge_goal_compiles_to_nothing() -> None:
     for goal in ("", "x" * 10_000_000):
-        with pytest.raises(ContractInvalid, match="The goal"):
+        with raises_saying(ContractInvalid, match="The goal"):
             compile_contract(goal=goal, template=template(), arguments={}, site=SITE)
 
 
