@@ -199,7 +199,8 @@ def _instead(
     declared = _own_reading(named, request, request.text, site)
     whole = TextSpan(start=0, end=len(request.text))
     unread = plan.reading.unread or (Unread(span=whole, why="unknown_words"),)
-    reading = replace(declared, unread=unread, fillers=plan.reading.fillers)
+    clauses = tuple(replace(clause, spans=()) for clause in declared.clauses)
+    reading = replace(declared, clauses=clauses, unread=unread, fillers=plan.reading.fillers)
     return plan_reading(reading, templates=_preferred(named, templates), site=site)
 
 
