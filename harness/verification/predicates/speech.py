@@ -147,17 +147,17 @@ def _within(part: Words, whole: Words) -> bool:
 
 def _understood(found: Recognition) -> tuple[float, float]:
     """The share of the asked words that were heard in order, and the share of the last ones."""
-    kept = _common(found.asked, found.heard)
+    kept = _longest_match(found.asked, found.heard)
     end = range(max(0, len(found.asked) - END_WORDS), len(found.asked))
     return len(kept) / max(1, len(found.asked)), len(kept & set(end)) / max(1, len(end))
 
 
 def _missed(asked: Words, words: Words) -> list[str]:
-    kept = _common(asked, words)
+    kept = _longest_match(asked, words)
     return [word for index, word in enumerate(asked) if index not in kept]
 
 
-def _common(asked: Words, words: Words) -> set[int]:
+def _longest_match(asked: Words, words: Words) -> set[int]:
     """Indices of `asked` in a longest common subsequence with `words`."""
     table = [[0] * (len(words) + 1) for _ in range(len(asked) + 1)]
     for i in range(len(asked) - 1, -1, -1):

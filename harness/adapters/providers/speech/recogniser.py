@@ -11,6 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+from pocketsphinx import get_model_path
 
 from harness.adapters.providers.speech.language import bigrams, pronunciations, sentences, spoken
 from harness.contracts.errors import ProviderFailed
@@ -76,8 +77,6 @@ def _samples(recording: bytes) -> bytes:
 @lru_cache(maxsize=1)
 def _dictionary() -> dict[str, list[str]]:
     """Pronunciations of the model's own dictionary, by word."""
-    from pocketsphinx import get_model_path  # noqa: PLC0415 - the library is loaded only where something is recognised
-
     found: dict[str, list[str]] = defaultdict(list)
     with Path(get_model_path("en-us/cmudict-en-us.dict")).open(encoding="utf-8") as file:
         for line in file:
