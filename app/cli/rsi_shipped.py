@@ -15,16 +15,19 @@ STARTING = Actor(name="regen up", role="operator", channel="policy")
 
 
 def put_in_review(releases: ReleaseService, folder: Path, found: Shipped | None = None) -> None:
-    """Propose it, fix its terms, hand in its results, ask for review; the desk judges them itself.
+    """Propose it, fix its terms, hand in its results, ask for review; the release service judges them itself.
 
-    `folder` is the evaluator's: looks at the held-out suite that were taken for it are counted there, so that the next
-    one has a number and an alpha of its own. Nothing happens where anything was proposed or looked at before. What the
-    predicate does not accept (any more) is not asked about: it stands on the board with the answer.
+    It was measured against one baseline: where new missions run under another, its results mean nothing and it is not
+    shown. Nothing happens where anything was proposed or looked at before. What the predicate does not accept any more
+    is listed with that answer, and no review is asked for. `folder` is the evaluator's: looks at the held-out suite
+    that were taken for it are counted there, so that the next one has a number and an alpha of its own.
     Raises ContractInvalid with the rule of a refusal.
     """
     if releases.pointer().version or len(Looks(folder)):
         return
     shipped = found or shipped_evaluation()
+    if shipped.candidate.manifest.baseline != releases.current():
+        return
     name = shipped.candidate.candidate_id
     plain = "ships with the program"
     _taken(releases.propose(shipped.candidate, _say("propose", plain)))

@@ -10,7 +10,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from harness.baseline.load import baseline
-from harness.bootstrap import Harness, nothing_on_trial, simulated
+from harness.bootstrap import Harness, Select, nothing_on_trial, simulated
 from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
 from harness.contracts.configuration import Configuration
@@ -209,15 +209,18 @@ class Bench:
 
 
 @contextmanager
-def bench(*, seed: int = 3, store: EventStore | None = None, watched: bool = False) -> Iterator[Bench]:
+def bench(
+    *, seed: int = 3, store: EventStore | None = None, watched: bool = False, select: Select = selected
+) -> Iterator[Bench]:
     """A harness on the kinematic robot, opened with the release service's deciders and its pointer.
 
-    `watched`: a person approves each motion of a canary mission, as outside suites and experiments.
+    `watched`: a person approves each motion of a canary mission, as outside suites and experiments. `select`: what a
+    new mission runs under.
     """
     settings = HarnessSettings(speed=0, fidelity="kinematic")
     trial = on_trial if watched else nothing_on_trial
     with simulated(
-        settings, simulator=SIMULATOR, seed=seed, store=store, deciders=DECIDERS, select=selected, trial=trial
+        settings, simulator=SIMULATOR, seed=seed, store=store, deciders=DECIDERS, select=select, trial=trial
     ) as harness:
         yield Bench(
             harness=harness, releases=ReleaseService(harness.runtime, judge=partial(accepted, predicate=PREDICATE))

@@ -8,10 +8,11 @@ from pathlib import Path
 import msgspec
 
 from app.cli.rsi_shipped import put_in_review
-from harness.baseline.load import baseline
+from harness.baseline.load import baseline, earlier
 from harness.contracts.errors import ContractInvalid
-from harness.contracts.ids import sha256
+from harness.contracts.ids import Digest, RobotId, sha256
 from harness.contracts.values import digest
+from harness.runtime import Runtime
 from rsi_reviews.acceptance import accepted, predicate_digest
 from rsi_reviews.held_out import Looks
 from rsi_reviews.regression.cases import cases_of, seeds_digest
@@ -27,9 +28,14 @@ def one() -> Shipped:
     return shipped_evaluation()
 
 
-def test_it_is_about_what_ships_now() -> None:
+def measured_against(runtime: Runtime, robot_id: RobotId) -> Digest:
+    """Missions run under the baseline that the candidate was measured against."""
+    return one().candidate.manifest.baseline
+
+
+def test_it_is_about_a_baseline_that_ships_and_the_predicate_of_now() -> None:
     found, cases = one(), (*cases_of(shipped("regression")), *cases_of(shipped("safety")))
-    assert found.candidate.baseline == baseline().configuration_id
+    assert found.candidate.baseline in {known.configuration_id for known in (baseline(), *earlier())}
     assert found.terms.candidate == found.candidate.candidate_id
     assert found.terms.predicate == predicate_digest(), "the predicate changed: evaluate the candidate anew"
     assert found.terms.seeds == seeds_digest(tuple(dict.fromkeys(cases)))
@@ -62,7 +68,7 @@ def test_damaged_bytes_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_new_data_folder_shows_it_in_review_judged_by_the_predicate_of_today(tmp_path: Path) -> None:
-    with bench() as made:
+    with bench(select=measured_against) as made:
         releases = ReleaseService(made.harness.runtime)
         put_in_review(releases, tmp_path / "evaluator")
         [review] = releases.reviews()
@@ -79,6 +85,13 @@ def test_a_new_data_folder_shows_it_in_review_judged_by_the_predicate_of_today(t
         assert made.harness.runtime.head() == head
 
 
+def test_where_missions_run_under_another_baseline_its_results_are_not_shown(tmp_path: Path) -> None:
+    with bench(select=lambda runtime, robot_id: Digest("0" * 64)) as made:
+        put_in_review(ReleaseService(made.harness.runtime), tmp_path / "evaluator")
+        assert made.releases.reviews() == []
+        assert len(Looks(tmp_path / "evaluator")) == 0
+
+
 def test_where_anything_was_proposed_before_nothing_is_shown(tmp_path: Path) -> None:
     with bench() as made:
         made.proposed(candidate())
@@ -87,7 +100,7 @@ def test_where_anything_was_proposed_before_nothing_is_shown(tmp_path: Path) -> 
 
 
 def test_the_looks_that_were_taken_for_it_stay_counted(tmp_path: Path) -> None:
-    with bench() as made:
+    with bench(select=measured_against) as made:
         put_in_review(ReleaseService(made.harness.runtime), tmp_path)
         taken = {look.look for look in made.releases.pointer().looks}
     made_next = candidate()
