@@ -120,8 +120,12 @@ def _summary(outcome: dict[str, Any]) -> list[str]:
             for segment in outcome["segments"]
         ]
     )
+    clauses = [[one["clause"], one["told"], one["verdict"] or "-"] for one in outcome["clauses"]]
+    lines += output.table([["", "clause", "verdict"], *clauses]) if clauses else []
     if outcome.get("reason"):
         lines.append(str(outcome["reason"]))
+    if outcome.get("report"):
+        lines += [str(outcome["report"]), f"asked as: {outcome['goal']}"]
     lines += [
         f"declared, not verified: {one['text']} ({one['condition_id']})" for one in outcome["declared_conditions"]
     ]
