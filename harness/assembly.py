@@ -1,6 +1,6 @@
 """Joins runtime, gate, robot connections and supervisor from given ports; it does not choose the adapters."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -204,7 +204,8 @@ def assemble(
 def joined(stack: ExitStack, settings: HarnessSettings, parts: Parts, members: Sequence[Member]) -> Harness:
     """Every robot with a connection and a clock of its own under one supervisor. The stack closes the supervisor."""
     clocks = {one.robot_id: one.clock for one in members}
-    runtime = runtime_on(parts, clocks)
+    measured = {one.robot_id: frozenset(source.predicate for source in one.sources if source.able) for one in members}
+    runtime = runtime_on(parts, clocks, measured)
     connections = {one.robot_id: _connection(settings, parts, one) for one in members}
     supervisor = Supervisor(runtime=runtime, connections=connections)
     supervisor.close_interrupted_replays()
@@ -257,8 +258,15 @@ def _origins(member: Member) -> dict[str, str]:
     }
 
 
-def runtime_on(parts: Parts, clocks: Mapping[RobotId, ports.Clock] = MappingProxyType({})) -> Runtime:
-    """A runtime on these ports, without a robot or a supervisor. `clocks`: mission time per robot."""
+def runtime_on(
+    parts: Parts,
+    clocks: Mapping[RobotId, ports.Clock] = MappingProxyType({}),
+    measured: Mapping[RobotId, Collection[str]] = MappingProxyType({}),
+) -> Runtime:
+    """A runtime on these ports, without a robot or a supervisor. `clocks`: mission time per robot.
+
+    `measured`: the predicates that each connected robot's independent sources can show to hold.
+    """
 
     def selected(robot_id: RobotId) -> Digest | None:
         return parts.select(runtime, robot_id)
@@ -291,6 +299,7 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, ports.Clock] = MappingProx
         beside=further(),
         reader=parts.reader,
         rules=parts.rules,
+        measured=measured,
     )
     return runtime
 

@@ -3,9 +3,10 @@
 People and the supervisor use it; every change goes on to the gate, which alone appends.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from threading import Lock
+from types import MappingProxyType
 from typing import Any, Protocol
 
 from cachetools import LRUCache
@@ -45,6 +46,7 @@ from harness.gate.ended_missions import EndedMissions
 from harness.gate.open_missions import OpenMissions
 from harness.gate.places import DECIDER as PLACE
 from harness.goals.reader import GRAMMAR, GoalReader
+from harness.goals.satisfiable import check_sources
 from harness.goals.understanding import GoalRequest, Understood, compiled, read_again, understand
 from harness.memory.fabric import MemoryFabric
 from harness.projections.handoffs import Handoff
@@ -120,7 +122,11 @@ class Start:
 
 
 class Runtime:
-    """Reads are folds of the log; writes are requests to the gate. `rules`: the version new missions are pinned to."""
+    """Reads are folds of the log; writes are requests to the gate. `rules`: the version new missions are pinned to.
+
+    `measured`: what the independent sources of each connected robot can show; a robot without a connection has none
+    that could be asked, and its missions are checked where it is connected.
+    """
 
     def __init__(
         self,
@@ -136,6 +142,7 @@ class Runtime:
         rules: RulesVersion = CURRENT_RULES,
         beside: Sequence[TaskTemplate] = (),
         reader: GoalReader = GRAMMAR,
+        measured: Mapping[RobotId, Collection[str]] = MappingProxyType({}),
     ) -> None:
         self._gate = gate
         self._store = store
@@ -146,6 +153,7 @@ class Runtime:
         self._shipped = site
         self._beside = beside
         self._reader = reader
+        self._measured = measured
         self._sites: LRUCache[tuple[MissionId, Digest], Site] = LRUCache(KEPT_LIVE)
         self.memory = memory
         self.rules = rules
@@ -198,7 +206,7 @@ class Runtime:
         """
         pinned = self._configurations.current_id(start.robot_id)
         configuration = self._configurations.get(pinned)
-        contract = self._compiled(start, self._templates(configuration, template))
+        contract = self._checked(start.robot_id, self._compiled(start, self._templates(configuration, template)))
         mission_id = self._ids.mission()
         create = CreateMission(
             mission_id=mission_id,
@@ -223,7 +231,7 @@ class Runtime:
     def draft(self, start: Start, *, template: TaskTemplate | None = None) -> TaskContract:
         """The contract that `start` would create now; nothing is written. Raises as `start` does."""
         configuration = self._configurations.get(self._configurations.current_id(start.robot_id))
-        return self._compiled(start, self._templates(configuration, template))
+        return self._checked(start.robot_id, self._compiled(start, self._templates(configuration, template)))
 
     def understood(self, start: Start) -> Understood:
         """What the goal of a request means now; nothing is written. Raises as `start` does."""
@@ -245,6 +253,12 @@ class Runtime:
             return every
         kept = tuple(instead if one.name == instead.name else one for one in every)
         return kept if instead in kept else (*kept, instead)
+
+    def _checked(self, robot_id: RobotId, contract: TaskContract) -> TaskContract:
+        """The contract, where this robot has the sources that its conditions need. Raises Unsatisfiable."""
+        if robot_id in self._measured:
+            check_sources(contract, supplied=self._measured[robot_id], rules=self.rules)
+        return contract
 
     def _compiled(self, start: Start, templates: tuple[TaskTemplate, ...]) -> TaskContract:
         arguments, site = start.arguments or {}, self.site

@@ -8,10 +8,12 @@ import typer
 
 from app.cli import output
 from app.cli.person import me
+from app.i18n.reasons.rendering import sentence, stating
 from harness.auditing.dossier import DossierVerdict
 from harness.auditing.places import PlaceChange
 from harness.auditing.replay import RECONSTRUCTED
 from harness.bootstrap import read_harness
+from harness.contracts.dossier import JudgedGoal
 from harness.contracts.ids import MissionId
 from harness.dossiers import export_dossier, verify_dossier
 
@@ -38,7 +40,7 @@ def verify(
 ) -> None:
     """Check a dossier with nothing but the file: signature, digests, chain, and every decision derived again."""
     found = verify_dossier(file, key=key)
-    output.show(msgspec.to_builtins(found), as_json=as_json, lines=_lines(found))
+    output.show(stating(found), as_json=as_json, lines=_lines(found))
     raise typer.Exit(1 if found.differences else 0)
 
 
@@ -47,12 +49,25 @@ def _place(change: PlaceChange) -> str:
     return f"{change.place_id} was {what} meanwhile by {change.by}: {change.reason}. The mission kept it as it began."
 
 
+def _goal(judged: JudgedGoal) -> list[str]:
+    """What was read, its source below it, and the verdict by clause with the evidence of each condition."""
+    lines = [f"Goal: {sentence(judged.reading)}", f"  read from: {judged.source}"]
+    for row in judged.clauses:
+        lines.append(f"{row.clause}  {sentence(row.told)}: {row.verdict or 'not tested'}")
+        for one in row.conditions:
+            level = f", independence {one.independence} of {one.required_independence}" if one.verdict else ""
+            lines.append(f"  {one.text}: {one.verdict or 'not tested'}{level}")
+            lines += [f"    evidence {digest}" for digest in one.evidence]
+    return lines
+
+
 def _lines(found: DossierVerdict) -> list[str]:
     signer = "the key you named" if found.trusted else f"{found.public_key}: compare it with the key you were told"
     return [
         f"{found.mission_id}: {found.status}; {found.events} events, {found.records} records, {found.blobs} blobs.",
         f"Signed by {signer}.",
         f"Taken when the log stood at {found.head_position}, {found.head_digest}.",
+        *(_goal(found.judged) if found.judged else ()),
         *(f"Evidence {digest} was already missing when it was exported." for digest in found.absent),
         *(_place(one) for one in found.places if one.during),
         *([f"{found.reconstructed} decisions derived again with {RECONSTRUCTED}."] if found.reconstructed else []),

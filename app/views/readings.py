@@ -8,14 +8,12 @@ import msgspec
 
 from app.i18n.messages import reasoned
 from app.i18n.reasons.rendering import sentence
-from harness.contracts.effects import Condition
 from harness.contracts.read_models import MissionItem
 from harness.contracts.readings import PROFILE, Reading, ReadingQuestion, TextSpan, Unread
 from harness.contracts.reasons import Reason
-from harness.contracts.verdicts import ConditionResult, strictest
+from harness.projections.judged_goal import TestedCondition, tested_clauses
 from harness.projections.mission import Mission
 from harness.projections.readings import (
-    cited_in_words,
     clause_in_words,
     default_in_words,
     reading_in_words,
@@ -39,14 +37,6 @@ class ReadClause:
     number: str
     told: str
     words: str
-
-
-@dataclass(frozen=True)
-class TestedCondition:
-    """A completion condition with its result; None before the goal was tested."""
-
-    condition: Condition
-    result: ConditionResult | None
 
 
 @dataclass(frozen=True)
@@ -127,19 +117,9 @@ def mission_view(mission: Mission) -> ReadingView | None:
 
 def clause_verdicts(mission: Mission) -> tuple[ClauseVerdict, ...]:
     """The goal verdict as a table: each clause with its conditions, and each default of the mission profile."""
-    contract, reading = mission.contract, mission_reading(mission)
-    if contract is None or reading is None:
-        return ()
-    found = {one.condition_id: one for one in mission.goal_verdict.results} if mission.goal_verdict else {}
-    numbers = [str(number) for number, _ in enumerate(reading.clauses, start=1)]
-    rows = []
-    for cited in (*numbers, *(f"{PROFILE}.{name}" for name in reading.defaults)):
-        conditions = tuple(one for one in contract.completion_conditions if one.clause == cited)
-        tests = tuple(TestedCondition(one, found.get(one.condition_id)) for one in conditions)
-        told = cited_in_words(contract, cited)
-        results = tuple(one.result.verdict for one in tests if one.result)
-        rows.append(ClauseVerdict(cited, reasoned(told or ""), strictest(results) if results else "", tests))
-    return tuple(rows)
+    return tuple(
+        ClauseVerdict(one.cited, reasoned(one.told), one.verdict or "", one.tests) for one in tested_clauses(mission)
+    )
 
 
 def clauses_json(mission: Mission) -> list[dict[str, Any]]:

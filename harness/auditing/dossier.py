@@ -4,13 +4,16 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import msgspec
+
 from harness.auditing.places import PlaceChange, place_changes, place_differences, place_history
 from harness.auditing.replay import ReplayReport, replay_mission
 from harness.contracts import ids
-from harness.contracts.dossier import EVENTS, FORMAT, RECORDS, DossierContents
+from harness.contracts.dossier import EVENTS, FORMAT, RECORDS, DossierContents, JudgedGoal
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ports import Record
 from harness.contracts.values import Count, Value, encode
+from harness.projections.judged_goal import judged_goal
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 
@@ -30,7 +33,8 @@ class DossierVerdict(Value):
     """What an offline check found. `differences` of the replay are empty for a sound dossier.
 
     `reconstructed`: decisions whose command was inferred from events, in a log from before commands were stored.
-    `places` are the changes to places up to the mission's end; a dossier of an earlier release has none.
+    `places` are the changes to places up to the mission's end; a dossier of an earlier release has none. `judged` is
+    the goal verdict by clause as the events say it; None for a mission without a reading.
     """
 
     mission_id: ids.MissionId
@@ -46,6 +50,7 @@ class DossierVerdict(Value):
     differences: tuple[str, ...]
     places: tuple[PlaceChange, ...] = ()
     reconstructed: Count = 0
+    judged: JudgedGoal | None = None
 
 
 def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, exported_at_s: float) -> Collected:
@@ -80,6 +85,7 @@ def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, ex
         records=len(records),
         files={name: ids.sha256(body) for name, body in sorted(files.items())},
         absent=tuple(sorted(digest for digest in needed if f"blobs/{digest}" not in files)),
+        judged=judged_goal(mission) or msgspec.UNSET,
     )
     return Collected(contents=contents, files=files)
 
@@ -91,6 +97,9 @@ def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trust
     differences = [*report.differences, *place_differences(runtime, mission)]
     if mission.status != contents.status:
         differences.append(f"the dossier says {contents.status}, its events fold to {mission.status}")
+    judged = judged_goal(mission)
+    if contents.judged is not msgspec.UNSET and contents.judged != judged:
+        differences.append("the dossier says another reading, or another verdict by clause, than its events")
     return DossierVerdict(
         mission_id=contents.mission_id,
         status=mission.status,
@@ -105,6 +114,7 @@ def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trust
         differences=tuple(differences),
         places=place_changes(runtime, mission),
         reconstructed=report.reconstructed,
+        judged=judged,
     )
 
 

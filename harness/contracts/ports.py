@@ -268,7 +268,8 @@ class Room(Protocol):
 class IndependentSource(Protocol):
     """Measures what a stage left in the world, without the provider that is judged (D17). It decides nothing.
 
-    `predicate` is the one that it supplies; `lasting` says whether its reading is taken again for the goal.
+    `predicate` is the one that it supplies; `lasting` says whether its reading is taken again for the goal; `able`
+    whether it has what it takes to show that the predicate holds.
     """
 
     @property
@@ -276,6 +277,9 @@ class IndependentSource(Protocol):
 
     @property
     def lasting(self) -> bool: ...
+
+    @property
+    def able(self) -> bool: ...
 
     def measure(self, asked: Measurement) -> Sequence[EvidenceReference]:
         """What is measured now; empty if there is nothing to measure with. Raises HarnessError if it fails."""

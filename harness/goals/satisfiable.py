@@ -1,6 +1,6 @@
 """Finds conditions that could never be shown to hold, before anything moves (D42). Pure."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from itertools import pairwise
 
 from harness.contracts.capabilities import Capability
@@ -8,6 +8,7 @@ from harness.contracts.effects import Condition
 from harness.contracts.errors import Unsatisfiable
 from harness.contracts.places import Site
 from harness.contracts.readings import ClauseObject
+from harness.contracts.rules import LINEAGE, RulesVersion
 from harness.contracts.tasks import Node, TaskContract
 from harness.contracts.values import Point
 from harness.planning.clauses import region_of
@@ -61,6 +62,36 @@ def check_satisfiable(contract: TaskContract, *, site: Site) -> None:
                 do="add such a stage, or drop the condition",
             )
     _check_ways(contract, site)
+
+
+MEASURED_APART = frozenset({"heard", "message_stored", "passage_checked"})
+"""The predicates that nothing but an independent source can show to hold; such a source is installed with a robot."""
+
+
+def check_sources(contract: TaskContract, *, supplied: Collection[str], rules: RulesVersion) -> None:
+    """Raise Unsatisfiable for the first condition that no source of this robot can show to hold (D17, D42).
+
+    `supplied`: the predicates that its independent sources are able to measure. A condition that its stage declares
+    needs none, nor does one of the goal that rests on such a stage.
+    """
+    if rules < LINEAGE:
+        return
+    declared = {
+        one.effect.predicate
+        for node in contract.nodes
+        for one in node.success_conditions
+        if one.condition_id in (node.evidence.declared or ())
+    }
+    stages = ((f"nodes.{node.node_id}", node, one) for node in contract.nodes for one in node.success_conditions)
+    needed = [(where, one) for where, node, one in stages if one.condition_id not in (node.evidence.declared or ())]
+    goal = [one for one in contract.completion_conditions if one.effect.predicate not in declared]
+    for where, condition in (*needed, *(("completion_conditions", one) for one in goal)):
+        if condition.effect.predicate in MEASURED_APART - set(supplied):
+            raise Unsatisfiable(
+                f"No source apart from the provider can show {condition.condition_id}: {condition.effect.predicate}",
+                where=where,
+                do="connect such a source to this robot, or declare the condition in the stage's evidence policy",
+            )
 
 
 def _conditions(contract: TaskContract) -> Iterator[tuple[str, Condition]]:

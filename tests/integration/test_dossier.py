@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from harness.adapters.stores.chain import event_digest
@@ -191,6 +192,28 @@ def test_a_dossier_that_claims_another_end_than_its_events_is_reported(tmp_path:
     claimed = replace(collected.contents, status="succeeded")
     write_dossier(tmp_path / "claimed.zip", claimed, collected.files, signing_key(tmp_path))
     assert any("the dossier says succeeded" in one for one in verify_dossier(tmp_path / "claimed.zip").differences)
+
+
+def test_a_dossier_that_states_another_verdict_by_clause_than_its_events_is_reported(
+    exported: Path, tmp_path: Path
+) -> None:
+    inside = members(exported)
+    contents = decode(inside[CONTENTS], DossierContents)
+    assert contents.judged
+    files = {name: inside[name] for name in contents.files}
+    for judged in (replace(contents.judged, verdict="violated"), replace(contents.judged, clauses=())):
+        write_dossier(tmp_path / "claimed.zip", replace(contents, judged=judged), files, signing_key(tmp_path))
+        assert any("verdict by clause" in one for one in verify_dossier(tmp_path / "claimed.zip").differences)
+
+
+def test_a_dossier_of_before_clauses_were_stated_verifies(exported: Path, tmp_path: Path) -> None:
+    inside = members(exported)
+    contents = decode(inside[CONTENTS], DossierContents)
+    older = replace(contents, judged=UNSET)
+    assert b"judged" not in encode(older)
+    write_dossier(tmp_path / "older.zip", older, {name: inside[name] for name in contents.files}, signing_key(tmp_path))
+    found = verify_dossier(tmp_path / "older.zip")
+    assert found.differences == () and found.judged == contents.judged
 
 
 def test_the_signing_key_is_its_owners_alone_and_stays_the_same(tmp_path: Path) -> None:

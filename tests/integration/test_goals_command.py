@@ -59,6 +59,25 @@ def test_two_clauses_are_both_done_and_the_verdict_is_told_by_clause(tmp_path: P
     assert outcome["report"].startswith("Goal met: walk the route circuit; inspect Office storage area;")
 
 
+def test_a_dossier_states_the_reading_the_source_and_the_verdict_by_clause(tmp_path: Path) -> None:
+    mission_id = json.loads(asked(tmp_path, "Walk the circuit").stdout)["mission_id"]
+    file = tmp_path / "walk.zip"
+    written = json.loads(
+        regen("mission", "dossier", mission_id, "--out", str(file), "--data", str(tmp_path), "--json").stdout
+    )["judged"]
+    assert (written["source"], written["verdict"]) == ("Walk the circuit", "satisfied")
+    assert written["clauses"][0]["clause"] == "1" and all(one["verdict"] == "satisfied" for one in written["clauses"])
+    conditions = [test for one in written["clauses"] for test in one["conditions"]]
+    assert all(test["verdict"] == "satisfied" and test["independence"] >= 1 for test in conditions)
+    assert any(test["evidence"] for test in conditions)
+    told = regen("verify", str(file)).stdout
+    lines = told.splitlines()
+    read = next(index for index, line in enumerate(lines) if line.startswith("Goal: walk the route circuit"))
+    assert lines[read + 1] == "  read from: Walk the circuit"
+    assert "1  walk the route circuit: satisfied" in lines
+    assert all(digest in told for test in conditions for digest in test["evidence"])
+
+
 def test_twice_and_no_return_is_two_inspections_that_end_at_the_storage_area(tmp_path: Path) -> None:
     done = asked(tmp_path, "check the storage area twice and do not come back")
     assert done.returncode == 0, done.stderr

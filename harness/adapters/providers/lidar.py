@@ -21,6 +21,7 @@ class PassageSweep:
 
     predicate = "passage_checked"
     lasting = False
+    able = True
 
     def __init__(self, *, keep: Keep) -> None:
         self._keep = keep

@@ -65,6 +65,7 @@ class MessageReadBack:
 
     predicate = "message_stored"
     lasting = True
+    able = True
 
     def __init__(self, reader: MessageReadPath, *, keep: Keep) -> None:
         self._reader, self._keep = reader, keep

@@ -28,6 +28,11 @@ class RoomMicrophone:
     def __init__(self, room: Room | None, *, keep: Keep, read: Read) -> None:
         self._room, self._keep, self._read = room, keep, read
 
+    @property
+    def able(self) -> bool:
+        """Whether there is a room to record."""
+        return self._room is not None
+
     def measure(self, asked: Measurement) -> tuple[EvidenceReference, ...]:
         """Nothing for a look that speaks nothing. Raises ProviderFailed if the recogniser fails."""
         if not asked.executes or asked.until_s <= asked.from_s:
