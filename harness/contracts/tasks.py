@@ -200,9 +200,8 @@ def check(contract: TaskContract, *, rules: RulesVersion = FIRST_RULES, retired:
         since = retired.get((str(effect.__struct_config__.tag), effect.predicate), rules + 1)
         if since <= rules and condition.condition_id not in declared:
             raise ContractInvalid(
-                f"Condition {condition.condition_id} names {effect.predicate}, which only its provider's word can show",
+                because("predicate_retired", condition_id=condition.condition_id, predicate=effect.predicate),
                 where=where,
-                do="name the predicate that replaces it, or declare the condition in the node's evidence policy",
             )
     _check_declared(contract)
     _check_covered(contract)
@@ -214,16 +213,18 @@ def _check_declared(contract: TaskContract) -> None:
         unknown = sorted(node.declared - {condition.condition_id for condition in node.success_conditions})
         if unknown:
             raise ContractInvalid(
-                f"Node {node.node_id} declares {', '.join(unknown)}, which is no condition of it",
+                because(
+                    "declared_unknown",
+                    node_id=node.node_id,
+                    declared=tuple(unknown),
+                    names=tuple(one.condition_id for one in node.success_conditions),
+                ),
                 where=f"nodes.{node.node_id}.evidence.declared",
-                do=f"name one of {', '.join(one.condition_id for one in node.success_conditions)}",
             )
     declaring = frozenset(node.node_id for node in contract.nodes if node.declared)
     if declaring and all(rests_on(one.effect, declaring) for one in contract.completion_conditions):
         raise ContractInvalid(
-            "Every completion condition rests on a declared effect: nothing of the goal would be verified",
-            where="completion_conditions",
-            do=f"add a condition that does not name {', '.join(sorted(declaring))}",
+            because("nothing_verified", nodes=tuple(sorted(declaring))), where="completion_conditions"
         )
 
 
@@ -263,24 +264,17 @@ def _check_covered(contract: TaskContract) -> None:
     if isinstance(reading, msgspec.UnsetType):
         return
     if (reading.unread or not reading.clauses) and contract.confirmed != reading.digest:
-        raise ContractInvalid(
-            "The goal has words that were not read", where="reading", do="confirm the reading, or say it otherwise"
-        )
+        raise ContractInvalid(because("goal_words_unread"), where="reading")
     numbers = {clause_id(number) for number, _ in enumerate(reading.clauses, start=1)}
     defaults = {f"{PROFILE}.{name}" for name in reading.defaults}
     cited = {condition.clause for condition in contract.completion_conditions}
     if strange := sorted(str(one) for one in cited - numbers - defaults):
-        raise ContractInvalid(
-            f"A completion condition cites {strange[0]}, which is no clause of the reading",
-            where="completion_conditions",
-            do="cite a clause by its number, or a default of the mission profile",
-        )
+        raise ContractInvalid(because("clause_cited_unknown", clause=strange[0]), where="completion_conditions")
     for number, clause in enumerate(reading.clauses, start=1):
         if clause_id(number) not in cited and not declines_default(clause):
             raise ContractInvalid(
-                f"Clause {number} of the goal ({clause.act}) has no completion condition",
+                because("clause_untested", number=number, act=clause.act),
                 where="completion_conditions",
-                do="test every clause, or refuse the goal",
             )
 
 

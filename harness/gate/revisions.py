@@ -7,7 +7,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.events import MissionEvent
 from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.proposals import RecoveryProposal, Signature
-from harness.contracts.reasons import because, recorded
+from harness.contracts.reasons import because
 from harness.contracts.revision_commands import (
     DisputeCompletion,
     ReviseContract,
@@ -137,7 +137,7 @@ def tighten(mission: Mission, command: TightenConstraints) -> Decision[MissionEv
     try:
         both = tightest(current, command.constraints)
     except ContractInvalid as error:
-        return refused("nothing_allowed", recorded(str(error)))
+        return refused("nothing_allowed", because("limits_exclude_all", why=error.reason))
     if both == tightest(current, current):
         return Accepted(())
     return Accepted((ConstraintsTightened(layer=command.layer, reason=command.reason, constraints=both),))

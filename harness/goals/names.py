@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.places import Place, Route, Site
 from harness.contracts.readings import ClauseObject, ObjectKind
+from harness.contracts.reasons import because
 from harness.goals.tokens import folded
 from harness.goals.words import Meaning
 
@@ -17,9 +18,15 @@ def check_names(site: Site) -> None:
         other = known.setdefault(key, meant)
         if key and other != meant:
             raise ContractInvalid(
-                f"{text[:80]!r} names two things: {other.kind} {other.id} and {meant.kind} {meant.id}",
+                because(
+                    "name_of_two",
+                    name=text[:80],
+                    kind=other.kind,
+                    id=other.id,
+                    other_kind=meant.kind,
+                    other_id=meant.id,
+                ),
                 where=f"site {site.name}, aliases of {other.id} and {meant.id}",
-                do="take the name from one of them",
             )
 
 

@@ -14,6 +14,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import sha256
 from harness.contracts.places import Site
 from harness.contracts.readings import Clause, ClauseObject, Reading, TextSpan, Unread
+from harness.contracts.reasons import because
 from harness.goals.grammar import ClauseDraft, clause_of, items, parse
 from harness.goals.lexicon import meanings
 from harness.goals.names import known_object, object_of_route, site_names
@@ -78,17 +79,17 @@ def admitted(reader: GoalReader, text: str, *, site: Site) -> Reading:
 def check_reading(reading: Reading, *, text: str, site: Site) -> None:
     """Raise ContractInvalid for a reading of another text or site, with spans beside it, unknown objects or gaps."""
     if (reading.text, reading.site) != (sha256(text.encode()), site_version(site)):
-        raise ContractInvalid("The reading is of another text or site", where="reading", do="read the goal again")
+        raise ContractInvalid(because("reading_of_other_text"), where="reading")
     outside = [span for span in _spans(reading) if not 0 <= span.start < span.end <= len(text)]
     if outside:
-        raise ContractInvalid(f"{outside[0]} is not in the text", where="reading", do="read the goal again")
+        raise ContractInvalid(because("span_outside_text", start=outside[0].start, end=outside[0].end), where="reading")
     strange = [one.object.id for one in reading.clauses if one.object and not known_object(one.object, site)]
     if strange:
-        raise ContractInvalid(f"The site has no {strange[0][:80]}", where="reading", do="name what the site has")
+        raise ContractInvalid(because("object_not_of_site", name=strange[0][:80]), where="reading")
     if any(not clause.spans for clause in reading.clauses):
-        raise ContractInvalid("A clause rests on no word of the text", where="reading", do="read the goal again")
+        raise ContractInvalid(because("clause_without_words"), where="reading")
     if gaps := uncovered(reading, text):
-        raise ContractInvalid(f"{len(gaps)} parts of the text are in no clause", where="reading", do="mark them unread")
+        raise ContractInvalid(because("text_in_no_clause", count=len(gaps)), where="reading")
 
 
 def uncovered(reading: Reading, text: str) -> tuple[TextSpan, ...]:

@@ -8,6 +8,7 @@ from harness.contracts.effects import Condition
 from harness.contracts.errors import Unsatisfiable
 from harness.contracts.places import Site
 from harness.contracts.readings import ClauseObject
+from harness.contracts.reasons import because
 from harness.contracts.rules import LINEAGE, RulesVersion
 from harness.contracts.tasks import Node, TaskContract
 from harness.contracts.values import Point
@@ -49,17 +50,15 @@ def check_satisfiable(contract: TaskContract, *, site: Site) -> None:
     for where, condition in _conditions(contract):
         if predicate_of(condition.effect) is None:
             raise Unsatisfiable(
-                f"No verifier is installed for {condition.effect.predicate}, which {condition.condition_id} needs",
+                because("verifier_missing", predicate=condition.effect.predicate, condition_id=condition.condition_id),
                 where=where,
-                do="install one, or test the condition by a predicate that is",
             )
         offered = {capability for node in contract.nodes for capability in node.capabilities}
         missing = [name for name in PRODUCED_BY.get(condition.effect.predicate, ()) if name not in offered]
         if missing:
             raise Unsatisfiable(
-                f"No stage can make the evidence that {condition.condition_id} needs: {', '.join(missing)}",
+                because("evidence_unmade", condition_id=condition.condition_id, capabilities=tuple(missing)),
                 where=where,
-                do="add such a stage, or drop the condition",
             )
     _check_ways(contract, site)
 
@@ -107,9 +106,8 @@ def _check_ways(contract: TaskContract, site: Site) -> None:
         for node in contract.nodes:
             if len(region) > 2 and _crosses(node, region):
                 raise Unsatisfiable(
-                    f"The way of {node.node_id} leads through {name}, which the goal forbids",
+                    because("way_through_forbidden", node_id=node.node_id, region=name),
                     where=f"nodes.{node.node_id}",
-                    do="allow the region, or ask for a place that can be reached without it",
                 )
 
 

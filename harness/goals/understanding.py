@@ -9,6 +9,7 @@ from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, Reading
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.places import Site
 from harness.contracts.readings import Clause, ClauseObject, Reading, ReadingQuestion, TextSpan, Unread
+from harness.contracts.reasons import because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.goals.names import object_of_place, object_of_route
@@ -20,8 +21,6 @@ from harness.planning.clauses import GoalPlan, plan_reading
 from harness.planning.compile import Argument, compile_contract
 from harness.planning.composition import compile_plan
 from harness.planning.templates import LONGEST_GOAL, by_name, goal_of
-
-ASK = "reword the goal, or confirm the reading by its digest"
 
 
 @dataclass(frozen=True)
@@ -70,11 +69,7 @@ def understand(
     if not plan.parts and not reading.unread:
         raise _nothing_to_do(text, plan)
     if request.confirm and (not plan.parts or request.confirm != reading.digest):
-        raise ReadingStale(
-            f"The goal is not read as {request.confirm[:12]} now",
-            where="confirm_reading",
-            do="read the goal again and confirm what it says now",
-        )
+        raise ReadingStale(because("goal_read_otherwise", digest=request.confirm[:12]), where="confirm_reading")
     if not whole and not request.confirm:
         raise _not_understood(text, plan, named if asked else None)
     return Understood(text=text, plan=plan, template=None, confirmed=None if whole else reading.digest)
@@ -104,7 +99,7 @@ def compiled(
             goal=found.text, template=found.template, arguments=arguments, site=site, rules=rules
         )
     else:
-        raise ContractInvalid("Nothing was understood", where="goal", do="say what the robot shall do")
+        raise ContractInvalid(because("nothing_understood"), where="goal")
     check_satisfiable(contract, site=site)
     return contract
 
@@ -118,9 +113,7 @@ def read_again(
         return None
     plan = plan_reading(replace(reading, defaults=()), templates=templates, site=site)
     if plan.reading.digest != reading.digest:
-        raise ReadingStale(
-            "The goal cannot be done as it was read", where="reading", do="start a new mission with the same goal"
-        )
+        raise ReadingStale(because("goal_not_doable_as_read"), where="reading")
     confirmed = contract.confirmed if isinstance(contract.confirmed, str) else None
     found = Understood(text=contract.goal.text, plan=plan, template=None, confirmed=confirmed)
     return compiled(found, templates=templates, site=site, arguments=_chosen(contract, plan), rules=rules)
@@ -148,14 +141,12 @@ def _by_name(named: TaskTemplate, request: GoalRequest, templates: Sequence[Task
     """A template by its name alone means its own goal; one that serves no clause takes no other goal."""
     if not named.serves:
         if request.template and request.text not in ("", named.goal):
-            raise ContractInvalid(
-                f"{named.title} takes no goal in words", where="goal", do="start it by its name, or leave the name out"
-            )
+            raise ContractInvalid(because("template_without_words", title=named.title), where="goal")
         return Understood(text=request.text or named.goal, plan=None, template=named)
     text = request.text or _own_text(named, request.arguments or {})
     plan = plan_reading(_own_reading(named, request, text, site), templates=_preferred(named, templates), site=site)
     if request.confirm and request.confirm != plan.reading.digest:
-        raise ReadingStale("The template is read otherwise now", where="confirm_reading", do="start it by name alone")
+        raise ReadingStale(because("template_read_otherwise"), where="confirm_reading")
     if plan.reading.unread:
         raise _not_understood(text, plan, None)
     return Understood(text=text, plan=plan, template=None)
@@ -207,9 +198,7 @@ def _instead(
 def _nothing_to_do(text: str, plan: GoalPlan) -> GoalNotUnderstood:
     """A goal that only says what not to do is refused: it would be met by standing still."""
     question = ReadingQuestion(text=text, nearest=None, unread=plan.reading.unread)
-    return GoalNotUnderstood(
-        "The goal only says what not to do", question=question, where="goal", do="say what the robot shall do"
-    )
+    return GoalNotUnderstood(because("goal_only_forbids"), question=question, where="goal")
 
 
 def _not_understood(text: str, plan: GoalPlan, chosen: TaskTemplate | None) -> GoalNotUnderstood:
@@ -220,5 +209,5 @@ def _not_understood(text: str, plan: GoalPlan, chosen: TaskTemplate | None) -> G
         unread=reading.unread,
         template=chosen.name if chosen else "",
     )
-    what = "The goal was not understood as a whole" if plan.parts else "The goal was not understood"
-    return GoalNotUnderstood(what, question=question, where="goal", do=ASK if plan.parts else "reword the goal")
+    what = because("goal_not_wholly_understood" if plan.parts else "goal_not_understood")
+    return GoalNotUnderstood(what, question=question, where="goal")

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.places import Passage, Place, Route, Site, Zone
+from harness.contracts.reasons import because
 from harness.projections.region import contains
 
 Sigil = Literal["$", "@"]
@@ -31,16 +32,11 @@ def bind_place(name: str, *, site: Site) -> Place:
         raise unknown("place", name, known=[word for place in site.places for word in _words(place)], where=site.name)
     if len(found) > 1:
         raise ContractInvalid(
-            f"{len(found)} places are called {name!r}",
+            because("place_ambiguous", count=len(found), name=name[:80], ids=tuple(place.place_id for place in found)),
             where=f"site {site.name}",
-            do=f"use an id: {', '.join(place.place_id for place in found)}",
         )
     if found[0].verification == "disputed":
-        raise ContractInvalid(
-            f"The position of place {found[0].place_id} is disputed",
-            where=f"site {site.name}",
-            do="verify the place again before a mission goes there",
-        )
+        raise ContractInvalid(because("place_disputed", place_id=found[0].place_id), where=f"site {site.name}")
     return found[0]
 
 
@@ -49,11 +45,10 @@ def bind_route(start: Place, end: Place, *, site: Site) -> Route:
     for route in site.routes:
         if (route.start, route.end) == (start.place_id, end.place_id):
             return route
-    routes = ", ".join(f"{route.name} ({route.start} to {route.end})" for route in site.routes) or "none"
+    routes = tuple(because("route_between", name=route.name, start=route.start, end=route.end) for route in site.routes)
     raise UnknownName(
-        f"No route leads from {start.place_id} to {end.place_id}",
+        because("no_route_between", start=start.place_id, end=end.place_id, routes=routes or "none"),
         where=f"site {site.name}",
-        do=f"survey one, or choose places that a route connects: {routes}",
     )
 
 
@@ -65,7 +60,7 @@ def bind_way(place: Place, *, site: Site) -> Route:
     for route in site.routes:
         if route.end == place.place_id != route.start:
             return replace(route, waypoints_m=route.waypoints_m[-2:])
-    raise UnknownName(f"No route leads to {place.place_id}", where=f"site {site.name}", do="survey one that ends there")
+    raise UnknownName(because("no_route_to", place_id=place.place_id), where=f"site {site.name}")
 
 
 def bind_passage(place: Place, *, site: Site) -> Passage:
@@ -75,11 +70,7 @@ def bind_passage(place: Place, *, site: Site) -> Passage:
     """
     own = [passage for passage in site.passages if place_of(passage, site=site) == place]
     if not own:
-        raise UnknownName(
-            f"No passage lies within {place.place_id}",
-            where=f"site {site.name}",
-            do="choose a place whose region holds a passage, or add the floor polygon that an inspection looks at",
-        )
+        raise UnknownName(because("no_passage_within", place_id=place.place_id), where=f"site {site.name}")
     return min(own, key=lambda passage: (math.dist(_middle(passage), place.approach_m), passage.passage_id))
 
 
@@ -100,11 +91,7 @@ def bind_zone(place: Place, *, site: Site) -> Zone:
     for zone in site.zones:
         if contains(zone.region_m, place.approach_m):
             return zone
-    raise UnknownName(
-        f"No zone holds {place.place_id}",
-        where=f"site {site.name}",
-        do="add the outline of the walls around it as a zone: a turn is checked against them",
-    )
+    raise UnknownName(because("no_zone_around", place_id=place.place_id), where=f"site {site.name}")
 
 
 def substitute(value: Any, *, bindings: Mapping[str, Any], sigil: Sigil = "$", path: str = "$") -> Any:
@@ -147,11 +134,11 @@ def unknown(noun: str, name: str, *, known: Iterable[str], where: str = "") -> U
     names = sorted(set(known), key=str.casefold)
     near = get_close_matches(_folded(name), [_folded(word) for word in names], n=1, cutoff=0.6)
     meant = next((word for word in names if near and _folded(word) == near[0]), None)
-    exist = ", ".join(names) or "none"
+    known_names = tuple(names) or "none"
+    if meant is None:
+        return UnknownName(because("name_unknown", kind=noun, name=name[:80], names=known_names), where=where)
     return UnknownName(
-        f"There is no {noun} called {name[:80]!r}",
-        where=where,
-        do=f"did you mean {meant!r}? Known: {exist}" if meant else f"known: {exist}",
+        because("name_misspelt", kind=noun, name=name[:80], nearest=meant, names=known_names), where=where
     )
 
 
@@ -159,9 +146,8 @@ def _filled(text: str, bindings: Mapping[str, Any], sigil: Sigil, path: str) -> 
     pattern = _SPOT[sigil]
     if text.count(f"{sigil}{{") != len(pattern.findall(text)):
         raise ContractInvalid(
-            f"{text[:80]!r} has an open spot that cannot be read",
+            because("spot_unreadable", text=text[:80], spot=f"{sigil}{{name}}", spot_of_field=f"{sigil}{{name.field}}"),
             where=path,
-            do=f"write {sigil}{{name}} or {sigil}{{name.field}} in lower case",
         )
     whole = pattern.fullmatch(text)
     if whole:
@@ -172,29 +158,25 @@ def _filled(text: str, bindings: Mapping[str, Any], sigil: Sigil, path: str) -> 
 def _value(spot: re.Match[str], bindings: Mapping[str, Any], path: str) -> Any:
     name, field = spot.group(1), spot.group(2)
     if name not in bindings:
-        raise ContractInvalid(f"{spot.group()} is bound to nothing", where=path, do=f"bound: {_listed(bindings)}")
+        raise ContractInvalid(because("spot_unbound", spot=spot.group(), names=_listed(bindings)), where=path)
     if field is None:
         return bindings[name]
     fields = bindings[name]
     if not isinstance(fields, Mapping) or field not in fields:
-        has = _listed(fields) if isinstance(fields, Mapping) else "no fields"
-        raise ContractInvalid(f"{spot.group()} names a field that {name} lacks", where=path, do=f"it has: {has}")
+        has = _listed(fields) if isinstance(fields, Mapping) else "none"
+        raise ContractInvalid(because("spot_without_field", spot=spot.group(), name=name, fields=has), where=path)
     return fields[field]
 
 
 def _scalar(spot: re.Match[str], bindings: Mapping[str, Any], path: str) -> str:
     value = _value(spot, bindings, path)
     if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise ContractInvalid(
-            f"{spot.group()} is no text or number, so it cannot stand inside a text",
-            where=path,
-            do="let the spot be the whole value",
-        )
+        raise ContractInvalid(because("spot_inside_text", spot=spot.group()), where=path)
     return str(value)
 
 
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(sorted(names)) or "nothing"
+def _listed(names: Iterable[str]) -> tuple[str, ...] | str:
+    return tuple(sorted(names)) or "none"
 
 
 def _words(place: Place) -> tuple[str, ...]:

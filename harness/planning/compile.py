@@ -11,6 +11,7 @@ from harness.contracts import tasks
 from harness.contracts.effects import Condition, Relational, Temporal
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.places import Place, Route, Site
+from harness.contracts.reasons import because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.values import Point, encode
 from harness.planning import binding
@@ -100,7 +101,7 @@ def _arguments(template: tasks.TaskTemplate, arguments: Mapping[str, Argument]) 
         value = arguments.get(name, parameter.default)
         if value is None:
             raise ContractInvalid(
-                f"{parameter.title} is not given", where=f"argument {name}", do=f"give a {parameter.type}"
+                because("argument_missing", title=parameter.title, kind=parameter.type), where=f"argument {name}"
             )
         chosen[name] = _argument(parameter, value)
     return chosen
@@ -114,12 +115,12 @@ def _argument(parameter: tasks.TemplateParameter, value: Argument) -> Argument:
         except (TypeError, ValueError):
             number = math.nan
         if isinstance(value, bool) or not math.isfinite(number):
-            raise ContractInvalid(f"{str(value)[:80]!r} is not a number", where=where, do="give a finite number")
+            raise ContractInvalid(because("argument_no_number", value=str(value)[:80]), where=where)
         return number
     if not isinstance(value, str) or not value.strip():
-        raise ContractInvalid(f"{value!r} is not a {parameter.type}", where=where, do="give its name as text")
+        raise ContractInvalid(because("argument_no_text", value=str(value)[:80], kind=parameter.type), where=where)
     if len(value) > _LONGEST_TEXT:
-        raise ContractInvalid(f"The text has {len(value)} characters", where=where, do=f"use at most {_LONGEST_TEXT}")
+        raise ContractInvalid(because("argument_too_long", characters=len(value), limit=_LONGEST_TEXT), where=where)
     return value
 
 
@@ -206,9 +207,8 @@ def _typed(draft: Mapping[str, Any], template: tasks.TaskTemplate) -> tasks.Task
     except msgspec.ValidationError as error:
         what, _, path = str(error).partition(" - at `")
         raise ContractInvalid(
-            what,
+            because("template_invalid", error=what),
             where=f"template {template.name}, {_named(path.rstrip('`') or '$', draft)}",
-            do="correct the template",
         ) from error
 
 
@@ -224,7 +224,7 @@ def _named(path: str, draft: Mapping[str, Any]) -> str:
 
 def _check_finite(value: Any, path: str) -> None:
     if isinstance(value, float) and not math.isfinite(value):
-        raise ContractInvalid(f"{value} is not a finite number", where=path, do="give a number with a bound")
+        raise ContractInvalid(because("number_not_finite", value=str(value)), where=path)
     if isinstance(value, Mapping):
         for key, item in value.items():
             _check_finite(item, f"{path}.{key}")
@@ -240,11 +240,7 @@ def _check_spans_nodes(contract: tasks.TaskContract) -> None:
         condition for condition in contract.completion_conditions if _spans(condition) and condition.effect not in own
     )
     if len(contract.nodes) > 1 and next(spanning, None) is None:
-        raise ContractInvalid(
-            "No completion condition spans several nodes",
-            where="completion_conditions",
-            do="add one that no node tests by itself, such as in_order or linked",
-        )
+        raise ContractInvalid(because("no_spanning_condition"), where="completion_conditions")
 
 
 def _spans(condition: Condition) -> bool:

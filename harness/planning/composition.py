@@ -18,6 +18,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import ConditionId, Digest, NodeId, PlaceId, ResourceId
 from harness.contracts.places import Place, Site
 from harness.contracts.readings import PROFILE, Act, Clause, clause_id
+from harness.contracts.reasons import because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.planning.binding import bind_place
 from harness.planning.clauses import LOOKING, GoalPlan, Part, home_of, region_of, removable
@@ -217,11 +218,7 @@ class _Composition:
     def _way(self, destination: Place, clause: Clause) -> None:
         """A leg to a place by a template that goes there."""
         if not self._ways:
-            raise ContractInvalid(
-                f"No template leads to {destination.place_id}",
-                where="goal",
-                do="add a template that serves `go`, or ask for one thing at a time",
-            )
+            raise ContractInvalid(because("no_template_leads", place_id=destination.place_id), where="goal")
         part = Part(template=self._ways[0], clause=clause, parameter="destination", place=destination.place_id)
         self._take(self._compile(part, stays=False), leave=set(), there=False)
         self._at = destination
@@ -377,11 +374,9 @@ class _Composition:
         known = {parameter.name for part in self._plan.parts for parameter in part.template.parameters}
         for name in self._arguments:
             if name not in known:
-                names = ", ".join(sorted(known)) or "none"
                 raise ContractInvalid(
-                    f"This goal takes no parameter {name[:40]!r}",
+                    because("parameter_not_taken", name=name[:40], names=tuple(sorted(known)) or "none"),
                     where=f"argument {name[:40]}",
-                    do=f"it takes: {names}",
                 )
         for part in self._plan.parts:
             given = self._arguments.get(part.parameter) if part.parameter else None
@@ -390,9 +385,8 @@ class _Composition:
             place = bind_place(str(given), site=self._site)
             if place.place_id != part.place:
                 raise ContractInvalid(
-                    f"The goal is about {part.place}, and {part.parameter} says {place.place_id}",
+                    because("argument_contradicts", place=part.place, parameter=part.parameter, said=place.place_id),
                     where=f"argument {part.parameter}",
-                    do="say the place in the goal, or leave the argument out",
                 )
 
     def _constraints(self, contracts: Sequence[tasks.TaskContract]) -> tasks.Constraints:

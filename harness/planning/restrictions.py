@@ -2,6 +2,7 @@
 
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import ResourceId
+from harness.contracts.reasons import because
 from harness.contracts.tasks import Constraints
 
 
@@ -36,8 +37,7 @@ def _allowed(one: Constraints, other: Constraints) -> tuple[ResourceId, ...]:
     common = {*one.resources} & {*other.resources}
     if not common:
         raise ContractInvalid(
-            "No resource is allowed by both",
+            because("no_common_resource"),
             where=f"constraints.resources: {', '.join(one.resources)} against {', '.join(other.resources)}",
-            do="raise a veto if nothing may be used at all",
         )
     return tuple(sorted(common))

@@ -13,7 +13,7 @@ from harness.contracts.decisions import Refused, refused
 from harness.contracts.effects import Metric
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import NodeId
-from harness.contracts.reasons import because, recorded
+from harness.contracts.reasons import because
 from harness.planning.restrictions import loosened
 from harness.planning.targets import choice_refusal
 from harness.projections.mission import SETTLED, Mission, required_contract
@@ -40,7 +40,7 @@ def revision_refusal(
         if broken is None:
             tasks.check(proposed, rules=mission.rules)
     except ContractInvalid as error:
-        return refused("contract_invalid", recorded(str(error)))
+        return refused("contract_invalid", because("plan_invalid", why=error.reason))
     return broken
 
 

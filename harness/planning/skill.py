@@ -143,7 +143,7 @@ def _unverified(context: Context) -> str:
 def _required(context: Context, kind: str) -> ContextRecord:
     record = context.one(kind)
     if record is None:
-        raise ContractInvalid(f"The context holds no {kind}", where=f"C2 of {context.node_id}", do="compile it again")
+        raise ContractInvalid(because("context_incomplete", kind=kind), where=f"C2 of {context.node_id}")
     return record
 
 
@@ -151,11 +151,13 @@ def _checked(parameter: Parameter, value: Any, card: CapabilityCard) -> Paramete
     """The value as the card wants it, typed and bounded, or ContractInvalid."""
     where = f"provider {card.provider_id}, parameter {parameter.name}"
     if value is None:
-        raise ContractInvalid("A required parameter is not given", where=where, do="state it in the task template")
+        raise ContractInvalid(because("parameter_missing"), where=where)
     try:
         typed: ParameterValue = msgspec.convert(value, _TYPES[parameter.type], strict=True)
     except msgspec.ValidationError as error:
-        raise ContractInvalid(f"It is no {parameter.type}: {error}", where=where, do="correct the template") from error
+        raise ContractInvalid(
+            because("parameter_mistyped", kind=parameter.type, error=str(error)), where=where
+        ) from error
     if isinstance(typed, float):
         _check_bounds(typed, parameter, where)
     return typed
@@ -166,9 +168,13 @@ def _check_bounds(value: float, parameter: Parameter, where: str) -> None:
     high = math.inf if parameter.maximum is None else parameter.maximum
     if not (math.isfinite(value) and low <= value <= high):
         raise ContractInvalid(
-            f"{value:g} {parameter.unit} is outside {low:g} to {high:g}".replace("  ", " "),
+            because(
+                "parameter_outside_bounds",
+                value=f"{value:g} {parameter.unit}".strip(),
+                low=f"{low:g}",
+                high=f"{high:g}",
+            ),
             where=where,
-            do="correct the template, or choose another provider",
         )
 
 

@@ -44,7 +44,7 @@ def extended(contract: TaskContract, choice: TargetChoice, *, route_m: tuple[Poi
     """
     closing = exploring(contract)
     if closing is None or not closing.depends_on:
-        raise ContractInvalid("The contract explores nothing", where="nodes", do="start it from such a template")
+        raise ContractInvalid(because("explores_nothing"), where="nodes")
     number = len(choices(contract)) + 1
     leg, look = _stages(contract, closing, choice, number=number, route_m=route_m)
     at = contract.nodes.index(closing)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import sha256
+from harness.contracts.reasons import because
 from harness.contracts.tasks import Goal, TaskTemplate
 from harness.planning.binding import unknown
 
@@ -13,15 +14,13 @@ LONGEST_GOAL = 2000
 def goal_of(text: str) -> Goal:
     """The goal with its transcript checksum. Raises ContractInvalid if it is empty, too long or not text."""
     if not text.strip():
-        raise ContractInvalid("The goal is empty", where="goal", do="say what the robot shall do")
+        raise ContractInvalid(because("goal_empty"), where="goal")
     if len(text) > LONGEST_GOAL:
-        raise ContractInvalid(
-            f"The goal has {len(text)} characters, at most {LONGEST_GOAL} are read", where="goal", do="say it shorter"
-        )
+        raise ContractInvalid(because("goal_too_long", characters=len(text), limit=LONGEST_GOAL), where="goal")
     try:
         return Goal(text=text, digest=sha256(text.encode()))
     except UnicodeEncodeError as error:
-        raise ContractInvalid("The goal is not valid Unicode", where="goal", do="send it as UTF-8") from error
+        raise ContractInvalid(because("goal_not_unicode"), where="goal") from error
 
 
 def by_name(name: str, templates: Sequence[TaskTemplate]) -> TaskTemplate:

@@ -20,6 +20,7 @@ SENTENCES: Mapping[str, str] = {
     "foreign_target": N_("The target was chosen for {mission_id}, not for this mission."),
     "frame_changed": N_("The contract is stated in {frame} of map {map_version}."),
     "goal_changed": N_("A revision keeps the person's own words and its template."),
+    "limits_exclude_all": N_("The limits cannot be combined: {why}."),
     "mission_budget_fixed": N_("The mission's recovery budget is {budget}; a plan cannot raise it."),
     "next_step_is": N_("The next step for {failure:word} is {expected:word}, not {action:word}."),
     "no_node_startable": N_("{node_id} may not start now; nothing may."),
@@ -28,6 +29,7 @@ SENTENCES: Mapping[str, str] = {
     "node_not_startable": N_("{node_id} may not start now; eligible: {eligible}."),
     "nothing_to_recover": N_("Node {node_id} has no open failure, so there is nothing to recover from."),
     "obsolete_target": N_("The target was chosen at state version {k}; this is {mission_k}."),
+    "plan_invalid": N_("The contract would not be valid: {why}."),
     "reopened_without_follower": N_("{node_id} rests on a stage that begins again, so it cannot stay accepted."),
     "repeated_without_news": N_(
         "{action:word} by {provider_id} with these parameters answered {failure:word} before, and no sensor "

@@ -19,6 +19,7 @@ from app.i18n.reasons import (
     access,
     alerts,
     candidates,
+    compiling,
     console,
     contexts,
     contracts,
@@ -46,6 +47,7 @@ SENTENCES: Mapping[str, str] = {
     **access.SENTENCES,
     **alerts.SENTENCES,
     **candidates.SENTENCES,
+    **compiling.SENTENCES,
     **console.SENTENCES,
     **contexts.SENTENCES,
     **contracts.SENTENCES,
@@ -68,6 +70,7 @@ SENTENCES: Mapping[str, str] = {
 REMEDIES: Mapping[str, str] = {
     **access.REMEDIES,
     **candidates.REMEDIES,
+    **compiling.REMEDIES,
     **contracts.REMEDIES,
     **requests.REMEDIES,
     **stores.REMEDIES,

@@ -22,18 +22,14 @@ def test_a_place_answers_to_its_id_name_and_aliases_in_any_case(name: str) -> No
 
 
 def test_an_unknown_place_is_named_with_the_nearest_one_and_all_that_exist() -> None:
-    with pytest.raises(UnknownName) as error:
+    with raises_saying(UnknownName, match="“ofice storage”.*did you mean “office storage”.*anchor_a"):
         bind_place("ofice storage", site=SITE)
-    assert "'ofice storage'" in error.value.what
-    assert "did you mean 'office storage'" in error.value.do
-    assert "anchor_a" in error.value.do
 
 
 def test_a_name_that_two_places_share_is_refused_with_their_ids() -> None:
     twin = replace(SITE.places[1], place_id=PlaceId("cellar"))
-    with raises_saying(ContractInvalid, match="2 places are called") as error:
+    with raises_saying(ContractInvalid, match="2 places are called.*office_storage, cellar"):
         bind_place("the storage", site=replace(SITE, places=(*SITE.places, twin)))
-    assert "office_storage, cellar" in error.value.do
 
 
 def test_a_disputed_place_is_no_target() -> None:
@@ -46,9 +42,9 @@ def test_a_route_is_bound_by_its_ends_and_a_missing_one_lists_those_that_exist()
     home, storage = (bind_place(name, site=SITE) for name in ("A", "B"))
     assert bind_route(home, storage, site=SITE).name == "A-B"
     assert bind_route(storage, home, site=SITE).name == "B-A"
-    with raises_saying(UnknownName, match="No route leads from office_storage to office_storage") as error:
+    says = r"No route leads from office_storage to office_storage.*A-B \(anchor_a to office_storage\)"
+    with raises_saying(UnknownName, match=says):
         bind_route(storage, storage, site=SITE)
-    assert "A-B (anchor_a to office_storage)" in error.value.do
 
 
 def test_a_passage_belongs_to_the_place_whose_region_holds_it_and_to_no_other() -> None:

@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from harness.contracts.effects import Metric, Precondition, Relational, Symbolic, Temporal
-from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.errors import ContractInvalid, HarnessError, UnknownName
 from harness.contracts.ids import NodeId, PlaceId, sha256
 from harness.contracts.tasks import Node, TaskContract, TaskTemplate
 from harness.contracts.values import digest
@@ -221,24 +221,24 @@ def test_a_cycle_is_refused_when_the_contract_is_compiled() -> None:
 @pytest.mark.parametrize(
     ("arguments", "error", "says"),
     [
-        ({"destination": "the moon"}, UnknownName, "no place called 'the moon'"),
+        ({"destination": "the moon"}, UnknownName, "no place called “the moon”"),
         ({"destination": ""}, ContractInvalid, "is not a place"),
         ({"destination": 4.0}, ContractInvalid, "is not a place"),
-        ({"destinaton": "B"}, UnknownName, "did you mean 'destination'"),
+        ({"destinaton": "B"}, UnknownName, "did you mean “destination”"),
         ({"destination": "A"}, UnknownName, "No passage lies within anchor_a"),
         ({"destination": "x" * 1000}, ContractInvalid, "has 1000 characters"),
     ],
 )
 def test_arguments_that_cannot_be_bound_are_typed_errors(
-    arguments: dict[str, Any], error: type[Exception], says: str
+    arguments: dict[str, Any], error: type[HarnessError], says: str
 ) -> None:
     routes = tuple(route for route in SITE.routes if route.name != "circuit")
-    with pytest.raises(error, match=says):
+    with raises_saying(error, match=says):
         compile_contract(goal=GOAL, template=template(), arguments=arguments, site=replace(SITE, routes=routes))
 
 
 @pytest.mark.parametrize(
-    ("value", "says"), [("far", "'far' is not a number"), (float("nan"), "not a number"), (True, "not a number")]
+    ("value", "says"), [("far", "“far” is not a number"), (float("nan"), "not a number"), (True, "not a number")]
 )
 def test_a_number_must_be_one(value: Any, says: str) -> None:
     given = {"target_x_m": value, "target_y_m": 0.0, "frame": "odom", "map_version": "recording:ab"}

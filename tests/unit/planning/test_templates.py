@@ -25,5 +25,5 @@ def test_the_goal_carries_the_checksum_of_its_own_bytes() -> None:
 
 def test_a_template_is_found_by_name_and_a_slip_is_answered_with_the_nearest() -> None:
     assert by_name("circuit", TEMPLATES).title == "Circuit"
-    with raises_saying(UnknownName, match="did you mean 'warehouse-inspection'"):
+    with raises_saying(UnknownName, match="did you mean “warehouse-inspection”"):
         by_name("warehouse-inspektion", TEMPLATES)
