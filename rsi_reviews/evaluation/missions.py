@@ -158,7 +158,10 @@ def _confused(whole: Site, mission: MissionName) -> Site:
 
 
 def _patrol(first: Configuration) -> TaskTemplate:
-    """Out to the corner, back home, out again: the stages of the shipped inspection that only walk."""
+    """Out to the corner, back home, out again: the stages of the shipped inspection that only walk.
+
+    It is started by its name and serves no clause of a goal: what the inspection declares of itself is not its own.
+    """
     shipped = next(one for one in first.templates if one.name == "warehouse-inspection")
     by_name = {str(node["node_id"]): node for node in shipped.nodes}
     legs = (("out", "go", "request"), ("back", "return", "out"), ("again", "go", "back"))
@@ -183,6 +186,8 @@ def _patrol(first: Configuration) -> TaskTemplate:
         parameters=tuple(msgspec.structs.replace(one, default=places[one.name]) for one in shipped.parameters),
         nodes=(by_name["request"], *nodes),
         completion_conditions=(there, in_order),
+        serves=msgspec.UNSET,
+        stages=msgspec.UNSET,
     )
 
 
