@@ -81,7 +81,10 @@ def analysis(desk: Desk) -> LocalProvider:
 
 
 def frame(desk: Desk) -> str:
-    done, body = cv2.imencode(".png", np.full((36, 64, 3), 90, np.uint8))
+    """A floor up to the horizon and a paler wall behind it: one even picture would be a wall that hides the floor."""
+    pixels = np.full((CAMERA.height_px, CAMERA.width_px, 3), 90, np.uint8)
+    pixels[: round(CAMERA.cy_px)] = 200
+    done, body = cv2.imencode(".png", pixels)
     assert done
     return desk.blobs.put(body.tobytes())
 

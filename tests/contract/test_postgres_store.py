@@ -297,7 +297,7 @@ def test_what_is_no_log_of_ours_is_left_alone(
     url: str, spoil: Callable[[str], None], error: type[StoreUnavailable], says: str
 ) -> None:
     spoil(url)
-    with pytest.raises(error, match=says) as caught:
+    with raises_saying(error, match=says) as caught:
         PostgresEventStore(url)
     assert caught.value.where == url.replace("/tmp/", "%2Ftmp%2F")
 
