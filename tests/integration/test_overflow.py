@@ -33,12 +33,12 @@ def run(configuration: Configuration, *faults: str) -> Mission:
 
 @pytest.mark.ledger("R45", symbol="harness.supervisor.verification:judgement")
 def test_more_attempts_than_c3_holds_are_ambiguous_and_a_person_is_asked() -> None:
-    mission = run(narrow(c3_items=5))
+    mission = run(narrow(c3_items=6))
     request = mission.nodes[NodeId("request")]
     assert mission.status == "awaiting_human"
     assert request.verdicts[0].verifier != UNAVAILABLE
     assert [(one.verdict, one.verifier) for one in request.verdicts[1:]] == [("ambiguous", UNAVAILABLE)] * 2
-    assert "7 mandatory records do not fit the verifier's budget of 5" in sentence(request.verdicts[-1].reason)
+    assert "8 mandatory records do not fit the verifier's budget of 6" in sentence(request.verdicts[-1].reason)
     assert request.failures[-1].failure == "verifier_unavailable"
     assert len(request.packets) == len(request.verdicts)
     assert not mission.facts

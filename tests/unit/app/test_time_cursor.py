@@ -9,7 +9,7 @@ from app.views.cursor import TimeCursor, cursor_of
 from app.views.frames import frames
 from app.views.list_params import ListParams, address, paging
 from app.views.plots import MeasuredPosition, Readings, at_cursor, plots
-from app.views.timeline import AROUND, Axis, TimelineEntry, lines, timeline
+from app.views.timeline import AROUND, Axis, TimelineEntry, around, timeline
 from harness.baseline.load import baseline, site
 from harness.contracts.actors import Actor
 from harness.contracts.events import FailureClassified, MissionActivated, MissionCreated, MissionEvent
@@ -107,11 +107,10 @@ def test_ticks_that_would_cover_each_other_are_one_and_the_louder_one_stays() ->
 
 def test_a_long_history_shows_the_events_around_the_reader() -> None:
     history = tuple(entry(n, float(n)) for n in range(1, 1000))
-    around = lines("m1", history, place=500, at=500)
-    assert len(around) == 2 * AROUND
-    assert [one.position for one in around if one.current] == [500]
-    assert lines("m1", history, place=999, at=None)[-1].position == 999
-    assert lines("m1", history, place=1, at=1)[0].position == 1
+    shown = around(history, place=500)
+    assert [one.position for one in shown] == list(range(500 - AROUND + 1, 500 + AROUND + 1))
+    assert around(history, place=999)[-1].position == 999
+    assert around(history, place=1)[0].position == 1
 
 
 @pytest.fixture(scope="module")

@@ -136,7 +136,7 @@ def test_a_context_that_the_log_names_but_does_not_hold_is_said_to_be_missing() 
         reason="first",
     )
     found = contexts(
-        [entry(1, planned)], node_id="go", read=lambda _: None, candidates=lambda _: None, question=lambda _: None
+        [entry(1, planned)], node_id="go", read=lambda _: None, candidates=lambda _: None, explain=lambda *_: None
     )
     (shown,) = found.contexts
     assert (shown.context, shown.role, shown.digest) == (None, "C1 planner", "c1" * 32)
@@ -147,7 +147,7 @@ def test_a_context_that_the_log_names_but_does_not_hold_is_said_to_be_missing() 
             node_id="return",
             read=lambda _: None,
             candidates=lambda _: None,
-            question=lambda _: None,
+            explain=lambda *_: None,
         ).contexts
         == ()
     )
