@@ -64,7 +64,8 @@ class Books:
     rules: int = 1
     standing: set[str] = field(default_factory=set)
     declared: set[str] = field(default_factory=set)
-    reopened: set[str] = field(default_factory=set)
+    granted: set[str] = field(default_factory=set)
+    """Stages that a revision lets begin once more: it was paid for when it was made, before the dispatch."""
     rejected: list[CommitRejected] = field(default_factory=list)
     succeeded: bool = False
     partly: bool = False
@@ -127,7 +128,7 @@ def _fold(books: Books, together: Sequence[AnyEvent]) -> None:
                 books.declared.add(event.node_id)
                 books.k += 1
             case GraphRevised():
-                books.breaches.extend(_revised(books, event))
+                books.breaches.extend(_revised(books, event, together))
                 books.k += 1
             case ConstraintsTightened() | AttestationRecorded() | CompletionDisputed():
                 books.k += 1
@@ -281,18 +282,23 @@ def _dispatched(books: Books, intent: DispatchIntended, together: Sequence[AnyEv
     if books.vetoes:
         yield f"{where}: under a veto"
     paid = any(isinstance(event, RecoveryAuthorised | OperatorRetryGranted) for event in together)
-    if intent.attempt > 1 and not paid and intent.node_id not in books.reopened:
+    if intent.attempt > 1 and not paid and intent.node_id not in books.granted:
         yield f"{where}: nobody authorised a further attempt"
-    books.reopened.discard(intent.node_id)
+    books.granted.discard(intent.node_id)
 
 
-def _revised(books: Books, event: GraphRevised) -> Iterator[str]:
-    """Reopened stages no longer count as done, and one of them pays for it."""
+def _revised(books: Books, event: GraphRevised, together: Sequence[AnyEvent]) -> Iterator[str]:
+    """Reopened stages no longer count as done. The responsible one pays: by itself, or with a step of this commit."""
     books.contract = event.contract or books.contract
     books.standing -= set(event.reopened)
     books.declared -= set(event.reopened)
-    books.reopened |= set(event.reopened)
-    yield from _spent(books, event.responsible, "local_replan", 1)
+    books.granted |= {event.responsible, *event.reopened}
+    if event.cause != "recovery":
+        yield from _spent(books, event.responsible, "local_replan", 1)
+        return
+    steps = [one for one in together if isinstance(one, RecoveryAuthorised) and one.node_id == event.responsible]
+    if not any(step.cost for step in steps):
+        yield f"revision {event.revision} for {event.responsible}: no step of its commit paid for it"
 
 
 def _spent(books: Books, node_id: str, action: str, cost: int) -> Iterator[str]:

@@ -103,6 +103,27 @@ def test_the_adjudicator_finds_a_commit_that_nobody_should_have_made(kind: str, 
         assert any(found in sentence for sentence in (*findings.unauthorised, *findings.breaches)), findings
 
 
+@pytest.mark.parametrize(
+    ("kind", "old", "new", "found"),
+    [
+        (
+            "RecoveryAuthorised",
+            '"local_replan","cost":1',
+            '"local_replan","cost":0',
+            "no step of its commit paid for it",
+        ),
+        ("GraphRevised", '"responsible":"go"', '"responsible":"request"', "attempt 2: nobody authorised a further"),
+    ],
+)
+def test_a_revision_authorises_the_next_attempt_of_the_stage_whose_step_paid_for_it(
+    kind: str, old: str, new: str, found: str
+) -> None:
+    with played(mission_plan(59928997335293)) as mission:
+        assert mission.struck["blocked-passage"] and judged(mission).offences == ()
+        breaches = judged(rewritten(mission, kind, old, new)).breaches
+        assert any(found in sentence for sentence in breaches), breaches
+
+
 @pytest.mark.ledger("R233", symbol="experiments.campaigns.truths:truly_reached")
 def test_a_biased_localiser_is_an_epistemic_false_completion_and_no_contract_one() -> None:
     with undisturbed(faults=("biased-localiser",)) as mission:
