@@ -33,7 +33,7 @@ from tests.builders.connections import Wrapped, only, staged
 from tests.builders.missions_run import OPERATOR, ROBOT, Ran
 from tests.builders.tampering import rewritten
 
-GOAL = "Please take a picture and tell me what is there"
+GOAL = "Please take a picture and describe what is there"
 CAPTURE, PERSIST, DESCRIBE = NodeId("capture"), NodeId("persist"), NodeId("describe")
 
 
@@ -151,7 +151,7 @@ def test_a_keeper_that_names_another_picture_is_not_accepted() -> None:
 def test_templates_beside_the_configuration_are_offered_and_drafted_as_they_start() -> None:
     with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=3) as harness:
         names = [template.name for template in offered(harness.runtime, ROBOT)]
-        assert names == ["circuit", "recording", "warehouse-inspection", "camera-report", "exploration"]
+        assert names == ["circuit", "recording", "warehouse-inspection", "camera-report", "exploration", "go-to-place"]
         start = Start(actor=OPERATOR, robot_id=ROBOT, template="camera-report")
         drafted = draft(harness.runtime, start)
         assert harness.runtime.missions() == []

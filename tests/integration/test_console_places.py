@@ -41,10 +41,11 @@ def names(stand: Stand) -> list[str]:
 def as_it_ships(stand: Stand, place_id: str) -> dict[str, str]:
     place = stand.harness.runtime.shipped_place(PlaceId(place_id))
     assert place is not None
+    region = "; ".join(f"{x}, {y}" for x, y in place.region_m)
     return {
         "name": place.name, "aliases": ", ".join(place.aliases), "x": str(place.approach_m[0]),
-        "y": str(place.approach_m[1]), "heading": "0", "region": "", "verification": "verified", "reason": "measured",
-        "basis": "0",
+        "y": str(place.approach_m[1]), "heading": "0", "region": region, "verification": "verified",
+        "reason": "measured", "basis": "0",
     }  # fmt: skip
 
 

@@ -104,6 +104,8 @@ def test_what_is_not_asked_for_is_refused_with_what_to_do_and_nothing_is_written
     refused = asked(tmp_path, *arguments)
     assert refused.returncode == 2, refused.stderr
     assert said in refused.stderr
+    if not list(tmp_path.iterdir()):
+        return  # refused before the data folder was opened: there is no log to list
     listed = regen("mission", "list", "--data", tmp_path, "--json")
     assert json.loads(listed.stdout)["missions"] == []
 

@@ -62,7 +62,7 @@ def test_verified_failures_of_one_mission_weigh_on_the_next_ones_routing(
     inspected: tuple[Harness, list[MissionId]],
 ) -> None:
     harness, missions = inspected
-    weight, half_life = 0.4, 0.5 ** (1 / 20.0)
+    weight, half_life = 0.8, 0.5 ** (1 / 20.0)
     before, after = (scored(harness, mission_id, "go") for mission_id in missions)
     assert history_term(before, "route-follower") == history_term(before, "careful-local-planner") == -weight * 0.5
     asked = MemoryQuery(kinds=("outcome",), mission_id=missions[FIRST], place="office_storage")

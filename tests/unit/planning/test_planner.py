@@ -32,7 +32,8 @@ def test_a_node_is_eligible_only_once_all_it_depends_on_is_committed() -> None:
 def test_the_plan_is_the_first_eligible_node_and_says_why() -> None:
     proposal = plan(planner_context(view(after("request"))))
     assert proposal.node_id == "go"
-    assert "Go to Office storage area" in sentence(proposal.reason)
+    assert "go is the first eligible node in the graph" in sentence(proposal.reason)
+    assert proposal.reason.facts["subgoal"] == "Go to Office storage area"
 
 
 @pytest.mark.ledger("R51", symbol="harness.planning.planner:plan")
