@@ -8,6 +8,7 @@ from typing import Literal
 
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Decision, refused
+from harness.contracts.ids import MissionId
 from harness.contracts.reasons import because
 from harness.contracts.values import Moment, Value, encode
 from harness.projections.mission import Mission
@@ -129,13 +130,13 @@ def outcome(review: Review) -> Outcome:
     return "not_exercised" if len(review.canary) >= test.window else "go_on"
 
 
-def fault_in(entries: Sequence[CanaryEntry]) -> str:
-    """The first hard fault, measured or found by an adjudicator, with its mission; empty if there is none."""
+def fault_in(entries: Sequence[CanaryEntry]) -> tuple[str, MissionId] | None:
+    """The first hard fault, measured or found by an adjudicator, with its mission."""
     for entry in entries:
         found = entry.measured.hard or (entry.finding if entry.finding not in (None, "sound") else "")
         if found:
-            return f"{found} in {entry.measured.mission_id}"
-    return ""
+            return found, entry.measured.mission_id
+    return None
 
 
 def record(review: Review, command: RecordCanaryMission, now: Moment) -> Decision[CandidateEvent]:

@@ -42,8 +42,9 @@ def withdraw(review: Review, command: WithdrawCandidate, now: Moment) -> Decisio
 
 def why(review: Review) -> Reason:
     """The reason by the canary's own rule."""
-    if fault := fault_in(review.canary):
-        return because("canary_hard_fault", fault=fault)
+    if found := fault_in(review.canary):
+        fault, mission_id = found
+        return because("canary_hard_fault", fault=fault, mission_id=mission_id)
     worse = sum(entry.measured.worse for entry in review.exercised)
     metric = review.manifest.metric if review.manifest else "metric"
     return because("canary_metric_worse", metric=metric, worse=worse, exercised=len(review.exercised))

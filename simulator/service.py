@@ -1,10 +1,12 @@
 """Serves the simulated robot over HTTP: the provider protocol, its clock, and the simulation's own commands."""
 
+import math
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import msgspec
 from fastapi import FastAPI
 
 from harness.contracts.errors import ProviderFailed, ProviderUnreachable
@@ -167,17 +169,27 @@ def simulation_operations(pace: Pace) -> tuple[Operation, ...]:
             "POST", "/simulation/hardware-stop", "Press the red button", wire.Done, press, body=wire.HardwareStop
         ),
         Operation("POST", "/simulation/room/sound", "A loudspeaker plays in the room", wire.Done, play, body=Sound),
-        Operation("GET", "/simulation/room/recording", "What the room's microphone heard", bytes, recording),
+        Operation(
+            "GET",
+            "/simulation/room/recording",
+            "What the room's microphone heard",
+            bytes,
+            recording,
+            instants=("from_s", "until_s"),
+        ),
         Operation("GET", "/simulation/struck", "Faults that struck", dict[str, int], struck),
     )
 
 
 def _seconds(names: Names, name: str) -> float:
-    """An instant in a query. Raises ProviderFailed for what is no number."""
+    """An instant in a query. Raises ValidationError for what is no finite number."""
     try:
-        return float(names[name])
-    except (KeyError, ValueError) as error:
-        raise ProviderFailed(f"{name} is no instant", where="/simulation/room", do="pass mission seconds") from error
+        seconds = float(names.get(name, ""))
+    except ValueError:
+        seconds = math.nan
+    if not math.isfinite(seconds):
+        raise msgspec.ValidationError(f"Expected mission seconds - at `${name}`")
+    return seconds
 
 
 def robot_service(pace: Pace, token: str) -> FastAPI:

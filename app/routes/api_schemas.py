@@ -420,18 +420,27 @@ class CandidateSummary(Value):
     baseline: str
 
 
+class ClauseResource(contracts.ClauseAnswer, kw_only=True):
+    """A clause of the acceptance predicate; its reason also as a code with facts, an empty code for text alone."""
+
+    sentence_code: str
+    sentence_facts: dict[str, Any]
+
+
 class CandidateResource(CandidateSummary):
     """A candidate with what a decision needs; a decision names `digest` and `cycle`."""
 
     digest: str
     manifest: contracts.Manifest | None
     authors: tuple[str, ...]
-    clauses: tuple[contracts.ClauseAnswer, ...]
+    clauses: tuple[ClauseResource, ...]
     approvals: tuple[str, ...]
     said: tuple[ReviewEntry, ...]
     canary: tuple[CanaryEntry, ...]
     canary_outcome: str
     reason: str
+    reason_code: str
+    reason_facts: dict[str, Any]
 
 
 class ConfigurationDifference(Value):

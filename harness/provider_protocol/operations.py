@@ -38,7 +38,8 @@ class Keepalive(Value):
 class Operation(msgspec.Struct, frozen=True):
     """One endpoint. `call` takes path and query parameters and the decoded body; `answer` bytes means raw bytes.
 
-    `apart`: it runs on a thread of its own, and not in the turn that the others share.
+    `query` may be left out and are whole numbers; `instants` must be given, in seconds of mission time. `apart`: it
+    runs on a thread of its own, and not in the turn that the others share.
     """
 
     method: Literal["GET", "POST"]
@@ -48,6 +49,7 @@ class Operation(msgspec.Struct, frozen=True):
     call: Callable[[Names, Any], Any]
     body: Any = None
     query: tuple[str, ...] = ()
+    instants: tuple[str, ...] = ()
     apart: bool = False
 
 
@@ -139,7 +141,13 @@ def _described(operation: Operation, named: dict[str, Any]) -> dict[str, Any]:
     parameters = [
         {"name": name, "in": "path", "required": True, "schema": {"type": "string"}}
         for name in re.findall(r"{(\w+)}", operation.path)
-    ] + [{"name": name, "in": "query", "schema": {"type": "integer", "minimum": 0}} for name in operation.query]
+    ]
+    parameters += [
+        {"name": name, "in": "query", "schema": {"type": "integer", "minimum": 0}} for name in operation.query
+    ]
+    parameters += [
+        {"name": name, "in": "query", "required": True, "schema": {"type": "number"}} for name in operation.instants
+    ]
     described: dict[str, Any] = {
         "summary": operation.summary,
         "parameters": parameters,

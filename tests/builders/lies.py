@@ -20,7 +20,7 @@ from harness.contracts.simulation import Fidelity
 from harness.settings import HarnessSettings
 from simulator.camera import CAMERA
 from simulator.robot import SimulatedRobot
-from simulator.site import storage_site
+from simulator.site import TROLLEY, storage_site
 from simulator.solids import SiteModel
 from simulator.world import WorldSettings
 from tests.builders.connections import CrewRobot, Stage
@@ -101,6 +101,12 @@ def emptied() -> SiteModel:
     """The site without anything in its passage."""
     site = storage_site()
     return replace(site, solids=tuple(one for one in site.solids if not one.name.startswith("box-passage")))
+
+
+def hidden(*, everywhere: bool = False) -> SiteModel:
+    """The empty passage behind a trolley: its floor is out of sight from the place of inspection, or from all sides."""
+    _, half_y, half_z = TROLLEY.half_m
+    return emptied().with_solids(replace(TROLLEY, half_m=(3.0, half_y, half_z)) if everywhere else TROLLEY)
 
 
 def turned_round() -> SiteModel:

@@ -5,12 +5,20 @@ The same missions without the lie succeed, with every completion condition at in
 
 import pytest
 
-from harness.contracts.events import CompletionReported, GoalVerified, NodeCommitted, VerdictRecorded
+from harness.contracts.errors import UnknownName
+from harness.contracts.events import (
+    CompletionReported,
+    GoalVerified,
+    NodeCommitted,
+    RecoveryAuthorised,
+    VerdictRecorded,
+)
 from harness.contracts.ids import ConditionId
 from tests.builders.connections import Stage
-from tests.builders.lies import Lie, emptied, lied_to, turned_round
+from tests.builders.lies import Lie, emptied, hidden, lied_to, turned_round
 from tests.builders.missions_run import Ran
 from tests.fakes import lying
+from tests.saying import raises_saying
 
 INSPECTION = "warehouse-inspection"
 CLEAR_CORNER = ((12.4, 7.9), (13.6, 7.9), (13.6, 9.0), (12.4, 9.0))
@@ -145,6 +153,25 @@ def test_a_recording_of_another_playback_is_not_taken_for_this_one() -> None:
 
 
 def test_a_passage_that_is_out_of_sight_is_not_clear() -> None:
-    with lied_to(Lie()) as stage:
-        ran = stage.run(stage.begin_at(INSPECTION, destination="the dock"))
+    screened = hidden(everywhere=True)
+    with lied_to(Lie(true_site=screened, seen=screened)) as stage:
+        ran = run(stage)
         assert ran.mission.status != "succeeded" and "analysis.checked" not in committed(ran)
+        assert not [event for event in ran.events if isinstance(event, CompletionReported)]
+
+
+def test_a_passage_behind_a_trolley_is_called_clear_only_from_where_its_floor_is_seen() -> None:
+    with lied_to(Lie(true_site=hidden(), seen=hidden())) as stage:
+        ran = run(stage)
+        steps = [event.action for event in ran.events if isinstance(event, RecoveryAuthorised)]
+        assert (ran.mission.status, steps) == ("succeeded", ["re_perceive", "adjust_view"])
+        told = [event.verdict.results for event in ran.events if isinstance(event, VerdictRecorded)]
+        checked = [one.verdict for results in told for one in results if one.condition_id == "analysis.checked"]
+        assert checked == ["ambiguous", "ambiguous", "satisfied"]
+        (fact,) = [one for one in ran.mission.facts if one.name == "passage_checked"]
+        assert fact.measured["seen_share"] >= 0.9
+
+
+def test_a_passage_is_never_looked_for_where_none_lies() -> None:
+    with lied_to(Lie()) as stage, raises_saying(UnknownName, match="No passage lies within anchor_a.*choose a place"):
+        stage.begin_at(INSPECTION, destination="the dock")

@@ -59,12 +59,13 @@ def test_a_mission_that_waits_to_begin_is_compiled_again_under_what_became_curre
 
 @pytest.mark.ledger("R159", "R226", symbol="rsi_reviews.release:promote")
 def test_five_sound_missions_that_exercised_the_change_make_it_current_everywhere() -> None:
+    """The fault strikes whoever drives: one that only some providers meet is routed around after two missions."""
     with bench() as on:
         name = on.in_canary(MADE)
         missions = []
         for number in range(5):
             assert on.releases.current(RobotId("another")) == H0
-            missions.append(on.mission("blocked-passage"))
+            missions.append(on.mission("stale-pose"))
             assert on.releases.review(name).status == "canary", number
             expect(on.releases.adjudicate(name, missions[-1], "sound", say(REVIEWER)))
         review, pointer = on.releases.review(name), on.releases.pointer()
@@ -125,7 +126,8 @@ def test_a_hard_fault_rolls_back_at_once_to_the_version_before_and_quarantines()
         mission = on.mission("blocked-passage")
         expect(on.releases.adjudicate(name, mission, "false_completion", say(REVIEWER, "It stood 3 m off.")))
         review, pointer = on.releases.review(name), on.releases.pointer()
-        assert review.status == "rolled_back" and mission in review.ended_reason
+        assert review.status == "rolled_back"
+        assert sentence(review.ended_reason) == f"hard fault: false completion in {mission}"
         assert (pointer.configuration, pointer.canary, pointer.revision) == (H0, None, 2)
         assert H1 in pointer.quarantined
         assert pinned(on) == H0
@@ -162,7 +164,7 @@ def test_a_metric_that_is_worse_than_the_baselines_bound_each_time_rolls_back_by
             on.releases.adjudicate(name, mission, "sound", say(REVIEWER))
         review = on.releases.review(name)
         assert review.status == "rolled_back", [entry.measured for entry in review.canary]
-        assert "recovery_cost" in review.ended_reason
+        assert "recovery cost was worse" in sentence(review.ended_reason)
 
 
 def test_a_change_that_its_window_of_missions_never_exercised_is_withdrawn_and_not_quarantined() -> None:
@@ -183,7 +185,7 @@ def test_rollback_returns_to_the_same_digest_under_a_higher_revision_and_goes_on
     h1 = older.configuration.configuration_id
     with bench() as on:
         first = on.current(older)
-        newer = routed(0.8, baseline=h1, rollback=h1)
+        newer = routed(0.9, baseline=h1, rollback=h1)
         second = on.current(newer, look=2)
         assert on.releases.pointer().configuration == newer.configuration.configuration_id
         assert rule_of(on.releases.rollback(first, say(RELEASER))) == "not_current"
@@ -219,7 +221,7 @@ def test_rolling_back_what_is_current_takes_the_canary_on_it_along() -> None:
     h1 = older.configuration.configuration_id
     with bench() as on:
         first = on.current(older)
-        on_top = on.in_canary(routed(0.8, baseline=h1, rollback=h1), look=2)
+        on_top = on.in_canary(routed(0.9, baseline=h1, rollback=h1), look=2)
         expect(on.releases.rollback(first, say(RELEASER, "It circled.")))
         pointer = on.releases.pointer()
         assert (pointer.configuration, pointer.canary, pointer.trial) == (H0, None, None)

@@ -11,7 +11,7 @@ SENTENCES: Mapping[str, str] = {
     "authorisation_expired": N_("The authorisation ended at {at_s:instant}."),
     "baseline_rolled_back": N_("its baseline was rolled back: {why}"),
     "canary_finding_stands": N_("{actor} found {finding:word} before you: “{reason}”."),
-    "canary_hard_fault": N_("hard fault: {fault:word}"),
+    "canary_hard_fault": N_("hard fault: {fault:word} in {mission_id}"),
     "canary_metric_worse": N_("{metric:word} was worse than the baseline's bound in {worse} of {exercised} missions"),
     "canary_not_exercised": N_("not exercised enough in {missions} missions"),
     "canary_not_passed": N_("The canary's result is {outcome:word}, not passed."),
