@@ -22,6 +22,8 @@ from app.auth import permissions
 from app.i18n import task_texts
 from app.i18n.catalogues import CATALOGUE, ENGLISH, FOLDER, LOCALES
 from app.settings import ROOT
+from harness.adapters.providers.messaging.read_back import SOURCE as READ_PATH
+from harness.adapters.providers.speech.microphone import MICROPHONE
 from harness.contracts import (
     alert_events,
     capabilities,
@@ -60,7 +62,7 @@ VOCABULARY = (
 PUBLISHED = (
     *NAMES.values(), *(one.text for one in ARMS), *(one.text for one in CONDITIONS),
     *(claim for _, _, claim, _ in CHECKS),
-    *REFUTES, "what the program ships", "accepted facts",
+    *REFUTES, "what the program ships", "accepted facts", MICROPHONE, READ_PATH,
 )  # fmt: skip
 """What tables and published documents say in words of their own."""
 MACHINE = ("harness", "simulator", "rsi_reviews")

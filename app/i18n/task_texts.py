@@ -11,6 +11,7 @@ from typing import Any
 
 from msgspec import structs
 
+from app.i18n.catalogues import N_
 from app.i18n.messages import Message
 from harness.baseline import load
 from harness.contracts.tasks import TaskContract, TaskTemplate
@@ -18,6 +19,12 @@ from harness.contracts.verdicts import ConditionResult
 
 SHOWN = ("subgoal", "text")
 """Keys of a stage or a condition whose values people read."""
+CHOSEN = (
+    N_("Go to ({x}, {y})"),
+    N_("Look around at ({x}, {y})"),
+    N_("Go to another viewpoint at ({x}, {y})"),
+)
+"""Subgoals of the stages that a mission adds to its own graph, at the targets that it chose."""
 _SPOT = re.compile(r"\$\{(\w+)(?:\.(\w+))?\}")
 
 
@@ -35,7 +42,11 @@ def messages() -> Iterator[tuple[str, str]]:
 
 def task_text(text: str, contract: TaskContract | None) -> str:
     """A text of a contract as a message of its template; unchanged where the template does not ship here."""
-    return text if contract is None else bound_text(text, contract.template, contract.bindings)
+    if contract is None:
+        return text
+    return next((one for one in _chosen(contract) if one == text), None) or bound_text(
+        text, contract.template, contract.bindings
+    )
 
 
 def bound_text(text: str, template: str, bindings: Mapping[str, Any]) -> str:
@@ -46,6 +57,14 @@ def bound_text(text: str, template: str, bindings: Mapping[str, Any]) -> str:
 def told(results: Sequence[ConditionResult], contract: TaskContract | None) -> tuple[ConditionResult, ...]:
     """Results of conditions, their texts as `task_text` gives them."""
     return tuple(structs.replace(one, text=task_text(one.text, contract)) for one in results)
+
+
+def _chosen(contract: TaskContract) -> Iterator[str]:
+    """What the stages that were added at each target of a contract are called."""
+    for node in contract.nodes:
+        match node.parameters.get("target"):
+            case (int() | float() as x, int() | float() as y):
+                yield from (Message(one, {"x": f"{x:.1f}", "y": f"{y:.1f}"}) for one in CHOSEN)
 
 
 def _bound(template: str, bindings: Mapping[str, Any]) -> Iterator[str]:

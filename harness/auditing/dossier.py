@@ -19,6 +19,8 @@ from harness.runtime import Runtime
 
 _DIGEST = re.compile(rb"[0-9a-f]{64}")
 _EVIDENCE = re.compile(rb'"blob":"([0-9a-f]{64})"')
+_DOCUMENT = b"{"
+"""What a blob begins with that can cite others; pictures, sounds and point clouds begin otherwise."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class DossierVerdict(Value):
 
 
 def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, exported_at_s: float) -> Collected:
-    """Events of the mission, its handoffs and its places, every record and blob they cite, directly or by a record.
+    """Events of the mission, its handoffs and its places, every record and blob they cite, directly or through others.
 
     Raises UnknownName for a mission that does not exist.
     """
@@ -138,7 +140,10 @@ def _cited(body: bytes) -> set[ids.Digest]:
 
 
 def _resolved(runtime: Runtime, cited: set[ids.Digest]) -> tuple[list[Record], dict[str, bytes]]:
-    """Records and blobs among these digests, and among those that the records cite in turn."""
+    """Records and blobs among these digests, and among those that they cite in turn.
+
+    A look by lidar or a recognition is a blob that names others, and a verdict rests on those too.
+    """
     records: list[Record] = []
     blobs: dict[str, bytes] = {}
     seen: set[ids.Digest] = set()
@@ -151,7 +156,8 @@ def _resolved(runtime: Runtime, cited: set[ids.Digest]) -> tuple[list[Record], d
             record = runtime.record(digest)
         except UnknownName:
             if _sound(runtime, digest):
-                blobs[f"blobs/{digest}"] = runtime.blob(digest)
+                body = blobs[f"blobs/{digest}"] = runtime.blob(digest)
+                cited |= _cited(body) if body.startswith(_DOCUMENT) else set()
         else:
             records.append(record)
             cited |= _cited(record.body)

@@ -210,6 +210,8 @@ function begin() {
     const until = Math.max(newest ? Number(newest) : 0, list.length ? list[list.length - 1].t : 0);
     if (Math.abs(until - total()) > 0.05) slider.max = (Math.ceil(until * 10) / 10).toFixed(1);
     if (live) { t = total(); shownPlace = list.length; draw(list.length, list.length); }
+    // An answer about an instant that was left meanwhile does not put its values at the newer one.
+    else if (wanted !== null) draw(shownPlace, list.length);
   });
 
   document.body.dataset.instant = live ? "live" : "past";

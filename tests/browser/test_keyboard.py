@@ -45,7 +45,8 @@ def test_keys_alone_lead_from_the_start_form_to_the_report(open_page: OpenPage, 
         tab_to(page, "#head a[href$='/report']")
         page.keyboard.press("Enter")
         page.wait_for_url(re.compile("/report"))
-        expect(page.locator("h1")).to_contain_text("Walk once round and come back")
+        expect(page.locator("h1")).to_contain_text("walk the route circuit; return")
+        expect(page.locator("main")).to_contain_text("asked as “Walk once round and come back”")
 
 
 def test_keys_alone_lead_through_the_handoff_gate(open_page: OpenPage, take_picture: TakePicture) -> None:
