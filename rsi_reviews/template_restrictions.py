@@ -256,6 +256,6 @@ def _refusal(rule: str, path: str, old: Any, new: Any, code: str, **facts: Fact)
 
 
 def shown(value: Any) -> str:
-    """A value as canonical JSON, texts as they are; at most 200 characters."""
-    text = value if isinstance(value, str) else encode(value).decode()
+    """A value as canonical JSON, texts as they are, null for one that is not set; at most 200 characters."""
+    text = value if isinstance(value, str) else encode(None if value is msgspec.UNSET else value).decode()
     return text if len(text) <= 200 else f"{text[:197]}..."

@@ -74,8 +74,10 @@ def _bound(template: str, bindings: Mapping[str, Any]) -> Iterator[str]:
 
 @cache
 def _open_texts(template: str) -> tuple[str, ...]:
-    """The texts of a shipped template that have open spots."""
-    return tuple(text for one in shipped() if one.name == template for text in _texts(one) if _SPOT.search(text))
+    """The texts of a shipped template that have open spots; of each of its templates for a goal of several clauses."""
+    return tuple(
+        text for one in shipped() if one.name in template.split("+") for text in _texts(one) if _SPOT.search(text)
+    )
 
 
 def _filled(text: str, bindings: Mapping[str, Any]) -> Message | None:

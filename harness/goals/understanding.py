@@ -146,8 +146,9 @@ def _by_name(named: TaskTemplate, request: GoalRequest, templates: Sequence[Task
     text = request.text or _own_text(named, request.arguments or {})
     plan = plan_reading(_own_reading(named, request, text, site), templates=_preferred(named, templates), site=site)
     if request.confirm and request.confirm != plan.reading.digest:
-        stale = "template_read_otherwise" if request.template else "goal_read_otherwise"
-        raise ReadingStale(because(stale, digest=request.confirm[:12]), where="confirm_reading")
+        if request.template:
+            raise ReadingStale(because("template_read_otherwise"), where="confirm_reading")
+        raise ReadingStale(because("goal_read_otherwise", digest=request.confirm[:12]), where="confirm_reading")
     if plan.reading.unread:
         raise _not_understood(text, plan, None)
     return Understood(text=text, plan=plan, template=None)
