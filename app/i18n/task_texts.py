@@ -68,13 +68,22 @@ def _chosen(contract: TaskContract) -> Iterator[str]:
 
 
 def _bound(template: str, bindings: Mapping[str, Any]) -> Iterator[str]:
-    found = (_filled(text, bindings) for text in _open_texts(template))
+    found = (_filled(text, part) for text in _open_texts(template) for part in _parts(bindings))
     return (one for one in found if one is not None)
+
+
+def _parts(bindings: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """The bindings, and those of each clause by themselves where a contract has several (`1.destination`)."""
+    yield bindings
+    scopes = dict.fromkeys(name.partition(".")[0] for name in bindings if "." in name)
+    for scope in scopes:
+        inside = f"{scope}."
+        yield {name.removeprefix(inside): value for name, value in bindings.items() if name.startswith(inside)}
 
 
 @cache
 def _open_texts(template: str) -> tuple[str, ...]:
-    """The texts of a shipped template that have open spots; of each of its templates for a goal of several clauses."""
+    """The texts that have open spots, of a shipped template, or of each one that a joined contract names."""
     return tuple(
         text for one in shipped() if one.name in template.split("+") for text in _texts(one) if _SPOT.search(text)
     )
