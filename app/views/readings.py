@@ -1,13 +1,15 @@
 """Pure: what a goal was read as, beside its text, for pages, programs and terminals."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import msgspec
+from msgspec import structs
 
 from app.i18n.messages import reasoned
 from app.i18n.reasons.rendering import sentence
+from app.i18n.task_texts import task_text
 from harness.contracts.read_models import MissionItem
 from harness.contracts.readings import PROFILE, Reading, ReadingQuestion, TextSpan, Unread
 from harness.contracts.reasons import Reason
@@ -118,8 +120,17 @@ def mission_view(mission: Mission) -> ReadingView | None:
 def clause_verdicts(mission: Mission) -> tuple[ClauseVerdict, ...]:
     """The goal verdict as a table: each clause with its conditions, and each default of the mission profile."""
     return tuple(
-        ClauseVerdict(one.cited, reasoned(one.told), one.verdict or "", one.tests) for one in tested_clauses(mission)
+        ClauseVerdict(
+            one.cited, reasoned(one.told), one.verdict or "", tuple(_said(test, mission) for test in one.tests)
+        )
+        for one in tested_clauses(mission)
     )
+
+
+def _said(test: TestedCondition, mission: Mission) -> TestedCondition:
+    """The condition with its text as a message of its template."""
+    condition = structs.replace(test.condition, text=task_text(test.condition.text, mission.contract))
+    return replace(test, condition=condition)
 
 
 def clauses_json(mission: Mission) -> list[dict[str, Any]]:
@@ -139,7 +150,7 @@ def _condition_json(tested: TestedCondition) -> dict[str, Any]:
     condition, result = tested.condition, tested.result
     return {
         "condition_id": condition.condition_id,
-        "text": condition.text,
+        "text": str(condition.text),
         "verdict": result.verdict if result else None,
         "evidence": list(result.evidence) if result else [],
         "independence": result.independence if result else None,

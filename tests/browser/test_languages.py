@@ -79,8 +79,10 @@ def recorded(served: Serving) -> list[str]:
 
 
 def _reasons(value: Any) -> Iterator[str]:
-    """Everything that somebody gave as a reason or an intention."""
+    """Everything that somebody gave as a reason or an intention, and the speech that was heard in the room."""
     if isinstance(value, dict):
+        if isinstance(heard := value.get("heard"), str):
+            yield heard
         if value.keys() & {"actor", "author"}:
             written = (value.get(name) for name in ("reason", "intended_effect"))
             yield from (text for text in written if isinstance(text, str))
