@@ -54,7 +54,7 @@ def bound_text(text: str, template: str, bindings: Mapping[str, Any]) -> str:
     return next((one for one in _bound(template, bindings) if one == text), text)
 
 
-def told(results: Sequence[ConditionResult], contract: TaskContract | None) -> tuple[ConditionResult, ...]:
+def in_words(results: Sequence[ConditionResult], contract: TaskContract | None) -> tuple[ConditionResult, ...]:
     """Results of conditions, their texts as `task_text` gives them."""
     return tuple(structs.replace(one, text=task_text(one.text, contract)) for one in results)
 

@@ -59,7 +59,7 @@ FOLDER_PATH = Path(__file__).resolve().parents[1]
 
 
 def outcomes(
-    wanted: Sequence[Task], *, simulator: Simulator, folder: Path, processes: int, told: FleetReport
+    wanted: Sequence[Task], *, simulator: Simulator, folder: Path, processes: int, report: FleetReport
 ) -> tuple[FleetOutcome, ...]:
     """Every fleet's outcome, in order; what lies in `folder` from an earlier run on the same terms is taken from it.
 
@@ -73,7 +73,7 @@ def outcomes(
     for outcome in _run([task for task in wanted if task not in found], simulator, processes=processes):
         _keep(folder, outcome)
         found[outcome.task] = outcome
-        told(outcome, len(found), len(wanted))
+        report(outcome, len(found), len(wanted))
     return tuple(found[task] for task in wanted)
 
 

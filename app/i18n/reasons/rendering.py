@@ -29,6 +29,8 @@ from app.i18n.reasons import (
     outcomes,
     planning,
     proposals,
+    providers,
+    recordings,
     recovery,
     requests,
     restrictions,
@@ -57,6 +59,8 @@ SENTENCES: Mapping[str, str] = {
     **outcomes.SENTENCES,
     **planning.SENTENCES,
     **proposals.SENTENCES,
+    **providers.SENTENCES,
+    **recordings.SENTENCES,
     **recovery.SENTENCES,
     **restrictions.SENTENCES,
     **reviews.SENTENCES,
@@ -72,6 +76,8 @@ REMEDIES: Mapping[str, str] = {
     **candidates.REMEDIES,
     **compiling.REMEDIES,
     **contracts.REMEDIES,
+    **providers.REMEDIES,
+    **recordings.REMEDIES,
     **requests.REMEDIES,
     **stores.REMEDIES,
 }
@@ -124,7 +130,7 @@ def remedy(error: HarnessError, language: str = ENGLISH) -> str:
 
 def explained(error: HarnessError, language: str = ENGLISH) -> str:
     """An error in one line: what happened, where, and what to do."""
-    where = translated(WHERE, language).format(where=error.where) if error.where else ""
+    where = translated(WHERE, language).format(where=sentence(error.where, language)) if error.where else ""
     said = (sentence(error.what, language), where, remedy(error, language))
     end = ENDS[language]
     return end.join(part.rstrip(".。") for part in said if part) + end.rstrip()

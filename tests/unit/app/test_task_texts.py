@@ -3,7 +3,7 @@
 from msgspec.structs import replace
 
 from app.i18n.languages import localise
-from app.i18n.task_texts import task_text, told
+from app.i18n.task_texts import in_words, task_text
 from harness.contracts.ids import NodeId
 from harness.contracts.verdicts import ConditionResult
 from tests.unit.planning.building import contract
@@ -25,7 +25,7 @@ def test_the_text_of_a_judged_condition_is_said_too() -> None:
     result = ConditionResult(
         condition_id=condition.condition_id, text=condition.text, verdict="satisfied", reason="measured"
     )
-    assert localise(told((result,), task)[0].text, "zh-Hans").startswith("机身距")
+    assert localise(in_words((result,), task)[0].text, "zh-Hans").startswith("机身距")
 
 
 def test_a_text_of_a_sites_own_template_is_shown_as_it_is_written() -> None:
