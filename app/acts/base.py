@@ -64,7 +64,7 @@ class ActModel(BaseModel):
             fields = dict.fromkeys(str(one["loc"][0]) for one in error.errors() if one["loc"])
         strange = next((name for name in fields if name not in (*WHY, *cls.sentences)), None)
         if strange is not None:
-            raise ContractInvalid(because("answer_unbound"), where=f"form field {strange}")
+            raise ContractInvalid(because("answer_unbound"), where=strange)
         return tuple(Wrong(name, text) for name in fields for text in cls._messages(name, given.get(name, "")))
 
     @classmethod

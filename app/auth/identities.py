@@ -49,7 +49,7 @@ class Identities:
         account = self._accounts.known(name)
         if not issuer or not 0 < len(subject) <= 255:
             raise ContractInvalid(
-                because("identity_incomplete"), where=f"issuer {issuer[:60]!r}, subject {subject[:60]!r}"
+                because("identity_incomplete"), where=because("at_identity", issuer=issuer[:60], subject=subject[:60])
             )
         made = ExternalIdentity(
             issuer=issuer, subject=subject, name=account.name, by_groups=False, linked_at_s=self._clock()

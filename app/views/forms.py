@@ -12,7 +12,7 @@ from app.views.robots import LastReport
 from app.views.shell import Shell
 from harness.contracts.errors import HarnessError
 from harness.contracts.places import Place
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import Reason
 from harness.contracts.tasks import TaskContract, TaskTemplate
 
 REASON_SIGNS = 200
@@ -158,11 +158,11 @@ def about_field(error: HarnessError, typed: Mapping[str, str], template: TaskTem
     """An error of the compiler beside the field it is about: the one it names, or whose value it quotes."""
     message = explained(error)
     facts = error.reason.facts.values()
+    argument = error.where.facts.get("argument") if isinstance(error.where, Reason) else None
     for parameter in template.parameters:
         value = typed.get(parameter.name, "").strip()
-        if f"argument {parameter.name}" in plain(error.where) or (
-            value and (value[:80] in facts or repr(value[:80]) in message)
-        ):
+        quoted = bool(value) and (value[:80] in facts or repr(value[:80]) in message)
+        if quoted or parameter.name == argument:
             return Wrong(parameter.name, message)
     return Wrong("", message)
 

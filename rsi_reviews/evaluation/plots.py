@@ -62,9 +62,9 @@ def _bar(y: float, rate: ConfidenceInterval, colour: str, name: str) -> list[str
     at = y + ROW / 2
     x = LEFT + WIDTH * rate.value
     low, high = LEFT + WIDTH * rate.low, LEFT + WIDTH * rate.high
-    text = f"{name}: {100 * rate.value:.0f} % ({100 * rate.low:.1f} to {100 * rate.high:.1f}), n = {rate.n}"
+    said = f"{name}: {100 * rate.value:.0f} % ({100 * rate.low:.1f} to {100 * rate.high:.1f}), n = {rate.n}"
     return [
-        f'<g><title>{escape(text)}</title><rect x="{LEFT}" y="{at - BAR / 2:.1f}" width="{max(x - LEFT, 1):.1f}"'
+        f'<g><title>{escape(said)}</title><rect x="{LEFT}" y="{at - BAR / 2:.1f}" width="{max(x - LEFT, 1):.1f}"'
         f' height="{BAR}" fill="{colour}"/>',
         f'<path d="M{low:.1f} {at:.1f}H{high:.1f}M{low:.1f} {at - 3:.1f}v6M{high:.1f} {at - 3:.1f}v6"'
         f' stroke="{INK}" fill="none"/></g>',
