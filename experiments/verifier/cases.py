@@ -236,7 +236,9 @@ def shown_packet(
     nodes = (*(_past(one) for one in node.depends_on), node)
     invocation = Invocation(intent=_intent(node, card, packet), status="succeeded")
     mission = replace(_mission(nodes, goal or goal_of(), facts), invocation=invocation)
-    return Shown(view=view_of(replace(mission, **changes), at_s=packet.collected_s), blobs=blobs, packet=packet, card=card)
+    return Shown(
+        view=view_of(replace(mission, **changes), at_s=packet.collected_s), blobs=blobs, packet=packet, card=card
+    )
 
 
 def shown_goal(
@@ -252,11 +254,11 @@ def shown_goal(
     **view: Any,
 ) -> Shown:
     """The goal, with every stage accepted on its packet at its state version. `view` and `mission` replace fields."""
-    state = _mission(tuple(nodes), goal or goal_of(), facts, completion=tuple(condition(one, of="goal") for one in effects))
+    state = _mission(
+        tuple(nodes), goal or goal_of(), facts, completion=tuple(condition(one, of="goal") for one in effects)
+    )
     done = {
-        ids.NodeId(name): replace(
-            state.nodes[ids.NodeId(name)], status="committed", packets=(packet,), committed_k=k
-        )
+        ids.NodeId(name): replace(state.nodes[ids.NodeId(name)], status="committed", packets=(packet,), committed_k=k)
         for name, (packet, k) in packets.items()
     }
     state = replace(replace(state, nodes=state.nodes | done), **(mission or {}))

@@ -54,32 +54,39 @@ def views(seed: int, *, count: int) -> tuple[Viewed, ...]:
 
 def coverages(chance: Random, count: int, pool: Sequence[Viewed]) -> Iterator[VerifierCase]:
     """covered: an exploration that stood at some of the places, and the share that was asked."""
-    for _ in range(count):
+    for _ in range(max(1, count // ASKED)):
         name = chance.choice(NAMES)
         stood = chance.sample(list(pool), min(len(pool), chance.choice((1, 3, 6, 10, 16, len(pool)))))
-        share = truly_seen([one.seen for one in stood])
-        wanted = _wanted(chance, share)
         grid, blobs = _drawn(name, stood, chance, pool)
-        body = encode(grid)
-        digest = sha256(body)
-        blobs[digest] = body + b" " if name == "map altered" else body
-        effect = Symbolic(predicate="covered", arguments={"share": f"{wanted:.3f}"})
-        node = stage(effect, node_id=NodeId("view"))
-        at_s = stood[0].run.until_s
-        reference = EvidenceReference(
-            kind=MAP, origin="sensor", source="lidar", from_s=at_s, until_s=at_s, confidence=1.0, blob=digest,
-            frame="map", map_version="site-1", values={"after_stage": "view"},
-        )  # fmt: skip
-        observed = () if name == "map missing" else (reference,)
-        packet = packet_of(node, OBSERVER, from_s=at_s - 5.0, until_s=at_s)
-        shown = shown_goal(
-            (effect,), (node,), {"view": (packet, K + 1)}, blobs, at_s=at_s + 5.0, mission={"observed": observed}
-        )
-        truth = True if share > wanted + EDGE else False if share < wanted - EDGE else None
-        epistemic = name in FORGED
-        yield VerifierCase("covered", name, truth, shown, condition_id_of(effect, "goal"), epistemic=epistemic)
+        share = truly_seen([one.seen for one in stood])
+        for _ in range(ASKED):
+            yield _case(name, grid, blobs, share, stood[0].run.until_s, chance)
 
 
+def _case(
+    name: str, grid: GridMap, blobs: dict[Digest, bytes], share: float, at_s: float, chance: Random
+) -> VerifierCase:
+    wanted = _wanted(chance, share)
+    body = encode(grid)
+    digest = sha256(body)
+    kept = {**blobs, digest: body + b" " if name == "map altered" else body}
+    effect = Symbolic(predicate="covered", arguments={"share": f"{wanted:.3f}"})
+    node = stage(effect, node_id=NodeId("view"))
+    reference = EvidenceReference(
+        kind=MAP, origin="sensor", source="lidar", from_s=at_s, until_s=at_s, confidence=1.0, blob=digest,
+        frame="map", map_version="site-1", values={"after_stage": "view"},
+    )  # fmt: skip
+    observed = () if name == "map missing" else (reference,)
+    packet = packet_of(node, OBSERVER, from_s=at_s - 5.0, until_s=at_s)
+    shown = shown_goal(
+        (effect,), (node,), {"view": (packet, K + 1)}, kept, at_s=at_s + 5.0, mission={"observed": observed}
+    )
+    truth = True if share > wanted + EDGE else False if share < wanted - EDGE else None
+    return VerifierCase("covered", name, truth, shown, condition_id_of(effect, "goal"), epistemic=name in FORGED)
+
+
+ASKED = 6
+"""So many shares are asked of each map."""
 FORGED = ("map of another exploration", "localiser biased: the map is drawn elsewhere")
 NAMES = (
     "none", "none", "none", "lidar drops out", "half of each sweep", "sweeps while turning", "map altered", "map missing",

@@ -282,9 +282,7 @@ CHANGES: dict[str, Callable[[StoredMessage, float], StoredMessage | None]] = {
     "an image exchanged": lambda message, share: replace(
         message, images=(*message.images[1:], sha256(f"{share}".encode()))
     ),
-    "an image too many": lambda message, share: replace(
-        message, images=(*message.images, sha256(f"{share}".encode()))
-    ),
+    "an image too many": lambda message, share: replace(message, images=(*message.images, sha256(f"{share}".encode()))),
     "images lost": lambda message, share: replace(message, images=message.images[: int(4 * share)]),
     "an image repeated": lambda message, share: replace(message, images=(message.images[0],) * len(message.images)),
 }
@@ -298,7 +296,11 @@ def _kept(name: str, chance: Random, pictures: Sequence[bytes], *, predicate: st
     accepted, other = sha256(body), sha256(foreign)
     kept = {accepted: body, other: foreign}
     wide, high = (640, 480) if name in ("certificate of another size", "report of another size") else (1280, 720)
-    told = other if name in ("another picture kept", "certificate of another picture", "report of another picture") else accepted
+    told = (
+        other
+        if name in ("another picture kept", "certificate of another picture", "report of another picture")
+        else accepted
+    )
     report = encode(Certificate(image=told, width_px=wide, height_px=high, size_bytes=len(body)))
     digest = sha256(report)
     truth = name in ("none", "no receipt")

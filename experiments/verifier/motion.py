@@ -136,7 +136,9 @@ def steady(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
         looks = int(round(interval_s / 0.1)) + 1
         truth = _throughout(each[:looks], each)
         effect = Temporal(predicate="stable", interval_s=interval_s, bound=0.5, inner=inner)
-        yield _case(effect, name, truth, _packet((effect,), distort(track, window, chance), window), epistemic=epistemic)
+        yield _case(
+            effect, name, truth, _packet((effect,), distort(track, window, chance), window), epistemic=epistemic
+        )
 
 
 def rounds(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
@@ -208,7 +210,9 @@ def aimless(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
         meant = _target(chance, run, window, track)
         here = [run.true_at(window.until_s - back)[:2] for back in (0.0, 0.5, 1.0)]
         truth = _all([_near(point, meant) for point in here])
-        yield _case(effect, name, truth, _packet((effect,), distort(track, window, chance), window), epistemic=epistemic)
+        yield _case(
+            effect, name, truth, _packet((effect,), distort(track, window, chance), window), epistemic=epistemic
+        )
 
 
 def earlier_jumps(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
@@ -267,7 +271,9 @@ def _along(path: Floats, route: Sequence[Point], radius_m: float) -> float:
             ahead = points[at : at + 8]
             off = np.hypot(ahead[:, 0] - x, ahead[:, 1] - y)
             nearest = int(off.argmin())
-            if off[nearest] > radius_m or (nearest == 0 and len(ahead) > 1 and off[1] > off[0] and at == len(points) - 1):
+            if off[nearest] > radius_m or (
+                nearest == 0 and len(ahead) > 1 and off[1] > off[0] and at == len(points) - 1
+            ):
                 break
             passed, at = passed + 1, at + nearest + 1
             if nearest == 0 and len(ahead) > 1 and off[1] > off[0]:
@@ -315,9 +321,7 @@ def _region(chance: Random, run: Execution, window: Window) -> tuple[Point, ...]
 
 
 def _arrival(target: Point) -> Metric:
-    return Metric(
-        predicate="arrival", frame="map", map_version="site-1", target_m=target, tolerance_m=TOLERANCE_M
-    )
+    return Metric(predicate="arrival", frame="map", map_version="site-1", target_m=target, tolerance_m=TOLERANCE_M)
 
 
 def _rest(interval_s: float) -> Temporal:

@@ -131,9 +131,7 @@ def mirrored(track: Trajectory, window: Window, chance: Random) -> Trajectory:
 def unsure(track: Trajectory, window: Window, chance: Random) -> Trajectory:
     """The localiser itself says that it is unsure, for the last part or throughout."""
     since_s = window.late(chance, 1.0)
-    return replace(
-        track, poses=tuple(replace(p, confidence=0.3) if p.at_s >= since_s else p for p in track.poses)
-    )
+    return replace(track, poses=tuple(replace(p, confidence=0.3) if p.at_s >= since_s else p for p in track.poses))
 
 
 def clock_behind(track: Trajectory, window: Window, chance: Random) -> Trajectory:
@@ -196,5 +194,3 @@ def _steps(odometry: Sequence[Odometry], times: float, from_s: float, until_s: f
         speed = times * one.v_mps if from_s <= one.at_s <= until_s else one.v_mps
         found.append(replace(one, x_m=x, y_m=y, v_mps=speed))
     return found
-
-

@@ -336,7 +336,9 @@ def _biased(scene: PassageScene, look: LidarLook, chance: Random) -> tuple[Repor
     """What both see is taken to stand elsewhere by the same vector."""
     angle, off_m = chance.uniform(-math.pi, math.pi), chance.uniform(0.3, 1.0)
     dx, dy = off_m * math.cos(angle), off_m * math.sin(angle)
-    shifted = tuple(replace(one, centre_m=(one.centre_m[0] + dx, one.centre_m[1] + dy, one.centre_m[2])) for one in scene.things)
+    shifted = tuple(
+        replace(one, centre_m=(one.centre_m[0] + dx, one.centre_m[1] + dy, one.centre_m[2])) for one in scene.things
+    )
     poses = tuple(_shifted(one, dx, dy) for one in look.trajectory.poses)
     x, y = _measured(scene.look)
     report = _drawn(chance, shifted, scene.frames, (x + dx, y + dy), hidden=scene.hidden)
@@ -393,9 +395,7 @@ def _swept(
     return found, blobs
 
 
-def _stale(
-    scene: PassageScene, look: LidarLook, keep: Callable[[bytes], Digest]
-) -> tuple[EvidenceReference, ...]:
+def _stale(scene: PassageScene, look: LidarLook, keep: Callable[[bytes], Digest]) -> tuple[EvidenceReference, ...]:
     """A source that gives out sweeps of another time as its newest."""
     return (
         EvidenceReference(

@@ -119,7 +119,9 @@ def headings(chance: Random, count: int, pool: Looks) -> Iterator[VerifierCase]:
 
 def _before_a_turn(run: Execution, chance: Random) -> tuple[Scan, float]:
     """A sweep at rest, and an instant less than a second later at which the body turns."""
-    turning = [float(at_s) for at_s in run.truth[:, 0] if run.from_s + 1.0 < at_s < run.terminal_s and _turn(run, at_s) > 0.3]
+    turning = [
+        float(at_s) for at_s in run.truth[:, 0] if run.from_s + 1.0 < at_s < run.terminal_s and _turn(run, at_s) > 0.3
+    ]
     pairs = [(scan, at_s) for scan in run.scans for at_s in turning if 0.1 < at_s - scan.at_s < 0.95]
     return chance.choice([pair for pair in pairs if _turn(run, pair[0].at_s) < 0.02])
 
@@ -139,9 +141,7 @@ def stills(chance: Random, count: int, pool: Looks) -> Iterator[VerifierCase]:
         name = chance.choice(STILLS)
         wanted = 2 if name == "fewer pictures than asked" else 1
         large = name == "larger picture asked than taken"
-        effect = Visual(
-            predicate="pictured", frames=wanted, width_px=1920 if large else SIZE[0], height_px=SIZE[1]
-        )
+        effect = Visual(predicate="pictured", frames=wanted, width_px=1920 if large else SIZE[0], height_px=SIZE[1])
         yield _still(name, effect, run, chance, pool)
 
 
@@ -399,7 +399,15 @@ def _forged(name: str, effect: Visual, chance: Random, pool: Looks) -> VerifierC
     receipts = [replace(one, blob=new.get(one.blob, one.blob)) if one.blob else one for one in run.report.receipts]
     blobs = {digest: body for other in (*pool.finer, *pool.pictures) for digest, body in other.blobs.items()}
     return _circle(
-        name, effect, run, keep=range(FRAMES), truth=False, epistemic=True, images=images, receipts=receipts, blobs=blobs
+        name,
+        effect,
+        run,
+        keep=range(FRAMES),
+        truth=False,
+        epistemic=True,
+        images=images,
+        receipts=receipts,
+        blobs=blobs,
     )
 
 

@@ -158,9 +158,7 @@ def _order(name: str, chance: Random, journal: Journal) -> VerifierCase:
     if only is not None:
         shown = _declared(shown, only, packets)
     truth = _ordered(nodes, journal)
-    return VerifierCase(
-        "in_order", name, truth, shown, condition_id_of(effect, "goal"), epistemic=name == FORGED
-    )
+    return VerifierCase("in_order", name, truth, shown, condition_id_of(effect, "goal"), epistemic=name == FORGED)
 
 
 def _ordered(nodes: Sequence[NodeId], journal: Journal) -> bool:
@@ -291,9 +289,7 @@ def _subject(name: str, chance: Random, run: Execution, number: int) -> Verifier
         truth = False
     if goes and name == "target of another map":
         truth = False
-    return VerifierCase(
-        "one_subject", name, truth, shown, condition_id_of(effect, "goal"), epistemic=name == BIASED
-    )
+    return VerifierCase("one_subject", name, truth, shown, condition_id_of(effect, "goal"), epistemic=name == BIASED)
 
 
 def _facts_of(
