@@ -18,7 +18,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.reasons import because
 from harness.contracts.values import Positive, Share, Value
-from harness.projections.mission import Failure, measured_elsewhere
+from harness.projections.mission import Failure, pointless_steps
 
 MOTION: frozenset[Capability] = frozenset({"navigate", "capture_panorama"})
 
@@ -26,7 +26,7 @@ MOTION: frozenset[Capability] = frozenset({"navigate", "capture_panorama"})
 class FailedNode(Value):
     """The node that failed: whether its skill moves the robot decides how an exhausted budget ends (D26).
 
-    `elsewhere`: the body was measured away from where the stage is to bring it, which no look changes.
+    `pointless`: steps that cannot change what failed, whatever the ladder says.
     """
 
     node_id: NodeId
@@ -37,7 +37,7 @@ class FailedNode(Value):
     attempt: int
     provider_id: ProviderId | None
     excluded: tuple[ProviderId, ...]
-    elsewhere: bool = False
+    pointless: tuple[RecoveryAction, ...] = ()
 
 
 class Remaining(Value):
@@ -102,7 +102,7 @@ def _failed_node(view: StateView, node_id: NodeId) -> FailedNode:
         attempt=state.attempt,
         provider_id=state.provider_id,
         excluded=state.excluded,
-        elsewhere=measured_elsewhere(view.mission, node_id),
+        pointless=pointless_steps(view.mission, node_id),
     )
 
 

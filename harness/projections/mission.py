@@ -202,7 +202,18 @@ def required_contract(mission: Mission) -> TaskContract:
     return mission.contract
 
 
-def measured_elsewhere(mission: Mission, node_id: ids.NodeId) -> bool:
+def pointless_steps(mission: Mission, node_id: ids.NodeId) -> tuple[RecoveryAction, ...]:
+    """Steps that cannot change what failed, whatever their ladder says (D49).
+
+    No look brings a body to where it was measured not to be, and no other route frees a resource that somebody holds.
+    """
+    state = mission.of(node_id)
+    if state.failure is not None and state.failure.failure == "resource_conflict":
+        return ("local_replan",)
+    return ("re_perceive", "adjust_view") if _measured_elsewhere(mission, node_id) else ()
+
+
+def _measured_elsewhere(mission: Mission, node_id: ids.NodeId) -> bool:
     """Whether the stage failed because the body was measured away from where the stage is to bring it."""
     state = mission.of(node_id)
     if state.failure is None or state.failure.failure != "violated" or not state.verdicts:

@@ -24,7 +24,7 @@ T = TypeVar("T")
 class NodeFailure(msgspec.Struct, frozen=True):
     """The node that failed, who did it last, and who was given up.
 
-    `elsewhere`: its body was measured away from where it is to be. Contexts of older releases do not say so.
+    `pointless`: steps that cannot change what failed. Contexts of older releases do not name them.
     """
 
     node_id: NodeId
@@ -32,7 +32,7 @@ class NodeFailure(msgspec.Struct, frozen=True):
     provider_id: ProviderId | None = None
     excluded: tuple[ProviderId, ...] = ()
     moves: bool = False
-    elsewhere: bool = False
+    pointless: tuple[RecoveryAction, ...] = ()
 
 
 class _Left(msgspec.Struct, frozen=True):
@@ -73,7 +73,7 @@ def standing_in(context: Context) -> RecoveryState:
         left_node=budget.left_node,
         left_mission=budget.left_mission,
         news_s=max(said, default=None),
-        elsewhere=failed_node(context).elsewhere,
+        pointless=failed_node(context).pointless,
     )
 
 

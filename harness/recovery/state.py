@@ -6,7 +6,7 @@ from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.reasons import Reason, because
 from harness.contracts.tasks import RecoveryLimits
 from harness.contracts.values import Count, Value
-from harness.projections.mission import Mission, Spend, measured_elsewhere, required_contract
+from harness.projections.mission import Mission, Spend, pointless_steps, required_contract
 
 OBSERVING: tuple[RecoveryAction, ...] = ("re_perceive", "adjust_view")
 """Spending actions that run an observing skill, never the node's motion (D24)."""
@@ -17,7 +17,7 @@ VERIFY_ONLY: tuple[RecoveryAction, ...] = (*OBSERVING, "verify_again")
 class RecoveryState(Value):
     """A failure and everything that bounds the answer to it. Same for C4 and for the gate.
 
-    `elsewhere`: the body was measured away from where the stage is to bring it.
+    `pointless`: steps of the ladder that cannot change what failed.
     """
 
     failure: FailureClass
@@ -27,7 +27,7 @@ class RecoveryState(Value):
     left_node: int
     left_mission: int
     news_s: float | None = None
-    elsewhere: bool = False
+    pointless: tuple[RecoveryAction, ...] = ()
 
     def tried(self) -> tuple[RecoveryAction, ...]:
         """Steps authorised for this failure class on this node, oldest first; free ones count."""
@@ -60,7 +60,7 @@ def standing_of(mission: Mission, node_id: NodeId) -> RecoveryState:
         left_node=limits.total - state.spent_total,
         left_mission=contract.recovery_total - mission.spent_total,
         news_s=_newest_sensor_s(mission, node_id),
-        elsewhere=measured_elsewhere(mission, node_id),
+        pointless=pointless_steps(mission, node_id),
     )
 
 
@@ -128,8 +128,10 @@ def repeated(
 
 
 def pointless(action: RecoveryAction, standing: RecoveryState) -> Reason | None:
-    """Why this action cannot change what failed, or None: no look brings a body to where it is not (D49)."""
-    return because("look_changes_nothing") if action in OBSERVING and standing.elsewhere else None
+    """Why this action cannot change what failed, or None (D49)."""
+    if action not in standing.pointless:
+        return None
+    return because("look_changes_nothing") if action in OBSERVING else because("route_frees_nothing")
 
 
 def ladder_of(failure: FailureClass, policy: RecoveryPolicy) -> tuple[RecoveryAction, ...]:

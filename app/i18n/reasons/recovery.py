@@ -6,6 +6,7 @@ from app.i18n.catalogues import N_
 
 SENTENCES: Mapping[str, str] = {
     "frames_taken_anew": N_("{stage} takes its frames anew, from where the robot stands"),
+    "route_frees_nothing": N_("another route frees nothing that somebody else holds"),
     "seen_from_elsewhere": N_(
         "{stage} takes its frames from ({x_m:.1f}, {y_m:.1f}), {way_m:.1f} m from here, where {percent:.0f} % of the "
         "region can be seen on the map"
