@@ -84,7 +84,7 @@ def rests_on_sources(effect: AnyEffect) -> tuple[str, ...] | None:
 
 @dataclass(frozen=True)
 class Reachable:
-    """The best levels that conditions of one contract can reach at one robot. `vouched` is the word of its site (D17)."""
+    """The best levels that conditions of one contract can reach at one robot; `vouched` as its site says (D17)."""
 
     contract: TaskContract
     robot: RobotSources
