@@ -1,4 +1,4 @@
-"""The published goal set: the frozen part is as it was committed, and nothing starts as something that was not asked."""
+"""The published goal set: its frozen part is as it was committed, and nothing starts that was not asked for."""
 
 import hashlib
 
