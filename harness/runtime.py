@@ -3,7 +3,7 @@
 People and the supervisor use it; every change goes on to the gate, which alone appends.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from threading import Lock
 from types import MappingProxyType
@@ -47,6 +47,7 @@ from harness.gate.open_missions import OpenMissions
 from harness.gate.places import DECIDER as PLACE
 from harness.goals.reader import GRAMMAR, GoalReader
 from harness.goals.satisfiable import check_sources
+from harness.goals.sources import RobotSources
 from harness.goals.understanding import GoalRequest, Understood, compiled, read_again, understand
 from harness.memory.fabric import MemoryFabric
 from harness.projections.handoffs import Handoff
@@ -124,8 +125,8 @@ class Start:
 class Runtime:
     """Reads are folds of the log; writes are requests to the gate. `rules`: the version new missions are pinned to.
 
-    `measured`: what the independent sources of each connected robot can show; a robot without a connection has none
-    that could be asked, and its missions are checked where it is connected.
+    `sources`: what each connected robot can be judged by; nothing is known of a robot without a connection, and its
+    missions are checked where it is connected.
     """
 
     def __init__(
@@ -142,7 +143,7 @@ class Runtime:
         rules: RulesVersion = CURRENT_RULES,
         beside: Sequence[TaskTemplate] = (),
         reader: GoalReader = GRAMMAR,
-        measured: Mapping[RobotId, Collection[str]] = MappingProxyType({}),
+        sources: Mapping[RobotId, RobotSources] = MappingProxyType({}),
     ) -> None:
         self._gate = gate
         self._store = store
@@ -153,7 +154,7 @@ class Runtime:
         self._shipped = site
         self._beside = beside
         self._reader = reader
-        self._measured = measured
+        self._sources = sources
         self._sites: LRUCache[tuple[MissionId, Digest], Site] = LRUCache(KEPT_LIVE)
         self.memory = memory
         self.rules = rules
@@ -206,7 +207,7 @@ class Runtime:
         """
         pinned = self._configurations.current_id(start.robot_id)
         configuration = self._configurations.get(pinned)
-        contract = self._checked(start.robot_id, self._compiled(start, self._templates(configuration, template)))
+        contract = self.checked(start.robot_id, self._compiled(start, self._templates(configuration, template)))
         mission_id = self._ids.mission()
         create = CreateMission(
             mission_id=mission_id,
@@ -231,7 +232,7 @@ class Runtime:
     def draft(self, start: Start, *, template: TaskTemplate | None = None) -> TaskContract:
         """The contract that `start` would create now; nothing is written. Raises as `start` does."""
         configuration = self._configurations.get(self._configurations.current_id(start.robot_id))
-        return self._checked(start.robot_id, self._compiled(start, self._templates(configuration, template)))
+        return self.checked(start.robot_id, self._compiled(start, self._templates(configuration, template)))
 
     def understood(self, start: Start) -> Understood:
         """What the goal of a request means now; nothing is written. Raises as `start` does."""
@@ -239,10 +240,20 @@ class Runtime:
         return self._read(start, self._templates(configuration, None))
 
     def compiled_under(self, mission: Mission, configuration: Configuration) -> TaskContract | None:
-        """A mission's reading compiled under another configuration; None for a mission without a reading (D62)."""
+        """A mission's reading compiled under another configuration; None for a mission without a reading (D62).
+
+        Raises as `start` does.
+        """
         contract = required_contract(mission)
         templates = self._templates(configuration, None)
-        return read_again(contract, templates=templates, site=self.site, rules=self.rules)
+        again = read_again(contract, templates=templates, site=self.site, rules=self.rules)
+        return self.checked(mission.robot_id, again) if again is not None else None
+
+    def checked(self, robot_id: RobotId, contract: TaskContract) -> TaskContract:
+        """The contract, where the sources of this robot can show its conditions to hold. Raises Unsatisfiable."""
+        if robot_id in self._sources:
+            check_sources(contract, robot=self._sources[robot_id], site=self.site, rules=self.rules)
+        return contract
 
     def _templates(self, configuration: Configuration, instead: TaskTemplate | None) -> tuple[TaskTemplate, ...]:
         """What may be started: the configuration's own, then those beside it; `instead` takes the place of its name."""
@@ -253,12 +264,6 @@ class Runtime:
             return every
         kept = tuple(instead if one.name == instead.name else one for one in every)
         return kept if instead in kept else (*kept, instead)
-
-    def _checked(self, robot_id: RobotId, contract: TaskContract) -> TaskContract:
-        """The contract, where this robot has the sources that its conditions need. Raises Unsatisfiable."""
-        if robot_id in self._measured:
-            check_sources(contract, supplied=self._measured[robot_id], rules=self.rules)
-        return contract
 
     def _compiled(self, start: Start, templates: tuple[TaskTemplate, ...]) -> TaskContract:
         arguments, site = start.arguments or {}, self.site
