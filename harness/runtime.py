@@ -428,6 +428,10 @@ class Runtime:
     def verify(self) -> ports.LogHead:
         return self._store.verify()
 
+    def audit_snapshots(self) -> ports.SnapshotFindings:
+        """Whether the stored snapshots say what the events say. Raises LogDamaged, StoreUnavailable."""
+        return self._gate.audit_snapshots()
+
     def record(self, digest: Digest) -> ports.Record:
         return self._store.record(digest)
 

@@ -167,5 +167,9 @@ def _noted(
 
 
 DECIDER: Decider[Mission, commands.MissionCommand, events.MissionEvent] = Decider(
-    initial=Mission(), apply=apply, decide=decide, codec=Codec(events.MissionEvent)
+    initial=Mission(),
+    apply=apply,
+    decide=decide,
+    codec=Codec(events.MissionEvent),
+    from_events=(commands.JudgeGoal,),
 )
