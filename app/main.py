@@ -72,12 +72,14 @@ from app.routes import (
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.web import errors
+from app.web.connections import ConnectionLimits, bounded_protocol
 from app.web.errors import PortBusy
 from app.web.idempotency import Idempotency
 from app.web.response_cache import ResponseCache
 from app.web.security import SecurityMiddleware, SecurityPolicy
 from app.web.server_errors import ServerErrorMiddleware
 from app.web.static_files import StampedFiles
+from app.web.streams import StreamCounts
 from harness.adapters.notify.services import AppriseNotifier
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.bootstrap import open_lists
@@ -253,6 +255,7 @@ def _policy(settings: ConsoleSettings) -> SecurityPolicy:
         secure=settings.secure,
         known=Buckets(per_s=settings.rate_per_s, burst=settings.rate_burst, clock=time.monotonic),
         anonymous=Buckets(per_s=settings.stranger_rate_per_s, burst=settings.stranger_rate_burst, clock=time.monotonic),
+        streams=StreamCounts(settings.streams),
     )
 
 
@@ -293,8 +296,14 @@ def serve(app: FastAPI, listener: socket.socket) -> None:
     console: Console = app.state.console
     settings = console.settings
     check_exposure(settings, has_accounts=console.sessions.has_accounts)
-    config = uvicorn.Config(
+    _Server(server_config(app, settings), console.broker).run(sockets=[listener])
+
+
+def server_config(app: FastAPI, settings: ConsoleSettings) -> uvicorn.Config:
+    """How the console is served: with bounds on connections and on half-sent requests."""
+    return uvicorn.Config(
         app,
+        http=bounded_protocol(ConnectionLimits(settings.connections)),
         log_level="warning",
         timeout_graceful_shutdown=GRACE_S,
         server_header=False,
@@ -304,4 +313,3 @@ def serve(app: FastAPI, listener: socket.socket) -> None:
         proxy_headers=bool(settings.proxies),
         forwarded_allow_ips=list(settings.proxies),
     )
-    _Server(config, console.broker).run(sockets=[listener])

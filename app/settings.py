@@ -56,7 +56,8 @@ class ConsoleSettings(BaseSettings):
     which acts under the name `owner`; `regen up` takes the name of whoever starts it.
 
     `names` are the host names (with a port unless it is the usual one) that people use beside loopback's; `proxies`
-    the addresses of TLS proxies in front, whose word on where a request comes from is taken.
+    the addresses of TLS proxies in front, whose word on where a request comes from is taken. `streams` are the live
+    pages and 3D views that one person or token may hold open, `connections` those of everybody together.
     """
 
     model_config = SettingsConfigDict(env_prefix="REGEN_", frozen=True, extra="ignore")
@@ -72,6 +73,8 @@ class ConsoleSettings(BaseSettings):
     rate_burst: Annotated[float, Field(ge=1)] = 1000.0
     stranger_rate_per_s: Annotated[float, Field(gt=0)] = 20.0
     stranger_rate_burst: Annotated[float, Field(ge=1)] = 300.0
+    streams: Annotated[int, Field(ge=1)] = 32
+    connections: Annotated[int, Field(ge=8)] = 512
     speed: Annotated[float, Field(ge=0)] = 4.0
     robots: tuple[str, ...] = ("vbot-1",)
     operator: str = "operator"

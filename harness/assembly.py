@@ -1,6 +1,6 @@
 """Joins runtime, gate, robot connections and supervisor from given ports; it does not choose the adapters."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,6 +43,7 @@ from harness.gate.leases import DECIDER as LEASE
 from harness.gate.maps import DECIDER as MAP
 from harness.gate.places import DECIDER as PLACE
 from harness.goals.reader import GRAMMAR, GoalReader
+from harness.goals.sources import RobotSources
 from harness.memory.fabric import MemoryFabric
 from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.projections.mission import Mission
@@ -204,8 +205,7 @@ def assemble(
 def joined(stack: ExitStack, settings: HarnessSettings, parts: Parts, members: Sequence[Member]) -> Harness:
     """Every robot with a connection and a clock of its own under one supervisor. The stack closes the supervisor."""
     clocks = {one.robot_id: one.clock for one in members}
-    measured = {one.robot_id: frozenset(source.predicate for source in one.sources if source.able) for one in members}
-    runtime = runtime_on(parts, clocks, measured)
+    runtime = runtime_on(parts, clocks, {one.robot_id: _sources(one) for one in members})
     connections = {one.robot_id: _connection(settings, parts, one) for one in members}
     supervisor = Supervisor(runtime=runtime, connections=connections)
     supervisor.close_interrupted_replays()
@@ -258,14 +258,23 @@ def _origins(member: Member) -> dict[str, str]:
     }
 
 
+def _sources(member: Member) -> RobotSources:
+    """What a robot's conditions can rest on: read when it is connected, as its cards and its sources are."""
+    return RobotSources(
+        measures=frozenset(source.predicate for source in member.sources if source.able),
+        cards=tuple(provider.card for provider in (*member.robot.providers(), *member.local)),
+        origins=_origins(member),
+    )
+
+
 def runtime_on(
     parts: Parts,
     clocks: Mapping[RobotId, ports.Clock] = MappingProxyType({}),
-    measured: Mapping[RobotId, Collection[str]] = MappingProxyType({}),
+    sources: Mapping[RobotId, RobotSources] = MappingProxyType({}),
 ) -> Runtime:
     """A runtime on these ports, without a robot or a supervisor. `clocks`: mission time per robot.
 
-    `measured`: the predicates that each connected robot's independent sources can show to hold.
+    `sources`: what each connected robot can be judged by.
     """
 
     def selected(robot_id: RobotId) -> Digest | None:
@@ -299,7 +308,7 @@ def runtime_on(
         beside=further(),
         reader=parts.reader,
         rules=parts.rules,
-        measured=measured,
+        sources=sources,
     )
     return runtime
 

@@ -6,14 +6,17 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Protocol
 
 from harness.adapters.clock import LockstepClock, SystemClock
 from harness.adapters.failpoints import parse, with_failpoint
 from harness.adapters.ids import SeededIds, SystemIds
 from harness.adapters.providers.http.process import RobotSettings
 from harness.adapters.providers.http.supervised_process import SupervisedProcess
+from harness.adapters.stores.anchors import anchor_key, anchoring
 from harness.adapters.stores.blobs import FileBlobStore, owned_blobs
 from harness.adapters.stores.folder import DataFolder, existing, prepare
+from harness.adapters.stores.installation_key import installation_key
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
 from harness.adapters.stores.moving import move_log as moved
@@ -83,6 +86,12 @@ __all__ = [
 """The names that callers import from this module, including those of `assembly`."""
 
 
+class HasHead(Protocol):
+    """Says where the log ends."""
+
+    def head(self) -> ports.LogHead: ...
+
+
 @contextmanager
 def open_harness(
     settings: HarnessSettings,
@@ -108,6 +117,7 @@ def open_harness(
         token = ids.token()
         lock.take(token=token, url=url)
         store, snapshots = stack.enter_context(_store(folder, settings))
+        stack.enter_context(_anchored(store, folder, settings))
         if signals and is_server(settings.database):
             stack.enter_context(closing(Listener(settings.database, signals.changed)))
         kept = _started(stack, folder, settings)
@@ -152,7 +162,10 @@ def edit_harness(
     with OwnerLock(folder.root) as lock:
         lock.take(token=SystemIds().token(), url="")
         owned_blobs(folder.blobs)
-        with _without_robots(settings, folder, deciders=deciders, select=select, authority=authority) as runtime:
+        with (
+            _without_robots(settings, folder, deciders=deciders, select=select, authority=authority) as runtime,
+            _anchored(runtime, folder, settings),
+        ):
             yield runtime
 
 
@@ -166,6 +179,7 @@ def _without_robots(
     authority: Authority = unquestioned,
 ) -> Iterator[Runtime]:
     with closing(open_log(settings.database or folder.log_url)) as log:
+        key = installation_key(settings.snapshot_key_file, data=folder.root, make=False)
         parts = Parts(
             store=log,
             blobs=FileBlobStore(folder.blobs),
@@ -173,7 +187,7 @@ def _without_robots(
             ids=SystemIds(),
             clock=SystemClock(),
             signals=NullSignals(),
-            snapshots=StoredSnapshots(log, keeping=False),
+            snapshots=StoredSnapshots(log, key, keeping=False),
             deciders=deciders,
             authority=authority,
             select=select,
@@ -301,8 +315,26 @@ def move_log(source: str, target: str) -> ports.LogHead:
 @contextmanager
 def _store(folder: DataFolder, settings: HarnessSettings) -> Iterator[tuple[ports.EventStore, ports.Snapshots]]:
     log = open_log(settings.database or folder.log_url)
-    with closing(log), closing(StoredSnapshots(log)) as snapshots:
+    key = installation_key(settings.snapshot_key_file, data=folder.root, make=True)
+    with closing(log), closing(StoredSnapshots(log, key)) as snapshots:
         yield with_failpoint(log, parse(settings.failpoint) if settings.failpoint else None), snapshots
+
+
+@contextmanager
+def _anchored(log: HasHead, folder: DataFolder, settings: HarnessSettings) -> Iterator[None]:
+    """Anchors written elsewhere while this process owns the folder, if the settings ask for them.
+
+    Raises ContractInvalid for a file in the data folder, StoreUnavailable for one, or a key, that cannot be used.
+    """
+    file = settings.anchor_file
+    if file is None:
+        yield
+        return
+    if file.absolute().resolve().is_relative_to(folder.root.resolve()):
+        raise ContractInvalid(because("anchor_file_in_data_folder"), where=str(file))
+    key = anchor_key(settings.anchor_key_file) if settings.anchor_key_file else None
+    with anchoring(log.head, file, every=settings.anchor_every, key=key):
+        yield
 
 
 def _started(stack: ExitStack, folder: DataFolder, settings: HarnessSettings) -> list[SupervisedProcess]:

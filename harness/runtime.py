@@ -3,7 +3,7 @@
 People and the supervisor use it; every change goes on to the gate, which alone appends.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from threading import Lock
 from types import MappingProxyType
@@ -46,6 +46,7 @@ from harness.gate.open_missions import OpenMissions
 from harness.gate.site_versions import SiteVersions
 from harness.goals.contract_compiler import ContractCompiler
 from harness.goals.reader import GRAMMAR, GoalReader
+from harness.goals.sources import RobotSources
 from harness.goals.understanding import GoalRequest, Understood
 from harness.memory.fabric import MemoryFabric
 from harness.projections.handoffs import Handoff
@@ -127,8 +128,8 @@ class Start:
 class Runtime:
     """Reads are folds of the log; writes are requests to the gate. `rules`: the version new missions are pinned to.
 
-    `measured`: what the independent sources of each connected robot can show; a robot without a connection has none
-    that could be asked, and its missions are checked where it is connected.
+    `sources`: what each connected robot can be judged by; nothing is known of a robot without a connection, and its
+    missions are checked where it is connected.
     """
 
     def __init__(
@@ -145,7 +146,7 @@ class Runtime:
         rules: RulesVersion = CURRENT_RULES,
         beside: Sequence[TaskTemplate] = (),
         reader: GoalReader = GRAMMAR,
-        measured: Mapping[RobotId, Collection[str]] = MappingProxyType({}),
+        sources: Mapping[RobotId, RobotSources] = MappingProxyType({}),
     ) -> None:
         self._gate = gate
         self._store = store
@@ -153,7 +154,7 @@ class Runtime:
         self._ids = ids
         self._signals = signals
         self._configurations = configurations
-        self._compiler = ContractCompiler(beside=beside, reader=reader, measured=measured, rules=rules)
+        self._compiler = ContractCompiler(beside=beside, reader=reader, sources=sources, rules=rules)
         self._sites = SiteVersions(store, gate.state, site)
         self.memory = memory
         self.rules = rules
@@ -223,8 +224,16 @@ class Runtime:
         return self._compiler.understood(start.request, configuration, site=self.site)
 
     def compiled_under(self, mission: Mission, configuration: Configuration) -> TaskContract | None:
-        """A mission's reading compiled under another configuration; None for a mission without a reading (D62)."""
-        return self._compiler.again(required_contract(mission), configuration, site=self.site)
+        """A mission's reading compiled under another configuration; None for a mission without a reading (D62).
+
+        Raises as `start` does.
+        """
+        contract = required_contract(mission)
+        return self._compiler.again(contract, configuration, robot_id=mission.robot_id, site=self.site)
+
+    def checked(self, robot_id: RobotId, contract: TaskContract) -> TaskContract:
+        """The contract, where the sources of this robot can show its conditions to hold. Raises Unsatisfiable."""
+        return self._compiler.checked(contract, robot_id=robot_id, site=self.site)
 
     def _compiled(self, start: Start, configuration: Configuration, template: TaskTemplate | None) -> TaskContract:
         return self._compiler.contract(
@@ -375,6 +384,10 @@ class Runtime:
 
     def verify(self) -> ports.LogHead:
         return self._store.verify()
+
+    def audit_snapshots(self) -> ports.SnapshotFindings:
+        """Whether the stored snapshots say what the events say. Raises LogDamaged, StoreUnavailable."""
+        return self._gate.audit_snapshots()
 
     def record(self, digest: Digest) -> ports.Record:
         return self._store.record(digest)

@@ -15,10 +15,9 @@ from rsi_reviews import contracts, pointers
 from rsi_reviews.canary import Outcome, outcome
 from rsi_reviews.canary_metrics import canary_missions, ran
 from rsi_reviews.difference import CandidateDifference, difference
-from rsi_reviews.manifest import unfounded
 from rsi_reviews.projections import Review
 from rsi_reviews.release import release_clause
-from rsi_reviews.restrictions import loosened
+from rsi_reviews.static_check import objections
 from rsi_reviews.suite_growth import GROWTH, Growth
 
 ANY_ROBOT = RobotId("any")
@@ -89,7 +88,7 @@ class CandidateQueries:
         ConfigurationMissing.
         """
         baseline = self._runtime.stored_configuration(self.current(ANY_ROBOT))
-        return (*unfounded(candidate, baseline), *loosened(baseline, candidate.configuration))
+        return objections(candidate, baseline)
 
     def events(self, candidate: str) -> list[StoredEvent]:
         """The candidate's whole history, as stored (R161, R167)."""

@@ -3,9 +3,12 @@
 Text from outside is data. It is never an instruction, and no model's answer approves anything.
 """
 
+import json
+import re
 from typing import Any, TypeVar
 
 import msgspec
+import msgspec.inspect
 
 from harness.contracts.configuration import Configuration
 from harness.contracts.reasons import because
@@ -71,10 +74,31 @@ def _tree(body: bytes, where: str) -> Any:
         )
     if _depth(body) > DEEPEST:
         raise CandidateInvalid(because("candidate_too_deep", limit=DEEPEST), rule="too_deep", where=where)
+    _check_keys(body, where)
     try:
         return msgspec.json.decode(body)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise CandidateInvalid(because("candidate_not_json", error=str(error)), rule="not_json", where=where) from error
+
+
+def _check_keys(body: bytes, where: str) -> None:
+    """Raise CandidateInvalid for a key that stands twice in one object: readers differ in which of the two they take.
+
+    Text that is no JSON at all passes: it is refused where it is read.
+    """
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        tree: dict[str, Any] = {}
+        for name, value in pairs:
+            if name in tree:
+                raise CandidateInvalid(because("candidate_key_twice", name=name[:80]), rule="key_twice", where=where)
+            tree[name] = value
+        return tree
+
+    try:
+        json.loads(body, object_pairs_hook=unique)
+    except (ValueError, RecursionError):
+        return
 
 
 def _depth(body: bytes) -> int:
@@ -95,6 +119,43 @@ def _typed(body: bytes, kind: type[T], where: str) -> T:
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         what, _, path = str(error).partition(" - at `")
         rule = "unknown_key" if "unknown field" in what else "wrong_type"
-        raise CandidateInvalid(
-            because("field_invalid", error=what), rule=rule, where=f"{where}, {path.rstrip('`') or '$'}"
-        ) from error
+        place, allowed = path.rstrip("`") or "$", values_at(kind, path.rstrip("`"))
+        reason = because("field_invalid", error=what)
+        if allowed and "Invalid enum value" in what:
+            reason = because(
+                "value_not_listed", value=what.removeprefix("Invalid enum value ").strip("'"), values=allowed
+            )
+        raise CandidateInvalid(reason, rule=rule, where=f"{where}, {place}") from error
+
+
+def values_at(kind: type, path: str) -> tuple[str, ...]:
+    """The values that a field of this type may have, sorted; none where it is no list of values.
+
+    `path` as msgspec writes it: `$.author.kind`, `$.recovery.ladders[...][0]`, ``key` in `$.recovery.ladders``.
+    """
+    of_key, _, place = path.rpartition("` in `")
+    found = msgspec.inspect.type_info(kind)
+    for step in re.findall(r"\.\w+|\[[^\]]*\]", place):
+        found = _bare(_part_of(found, step))
+    if of_key and isinstance(found, msgspec.inspect.DictType):
+        found = _bare(found.key_type)
+    if isinstance(found, msgspec.inspect.LiteralType):
+        return tuple(sorted(str(one) for one in found.values))
+    return ()
+
+
+def _bare(found: msgspec.inspect.Type) -> msgspec.inspect.Type:
+    return _bare(found.type) if isinstance(found, msgspec.inspect.Metadata) else found
+
+
+def _part_of(whole: msgspec.inspect.Type, step: str) -> msgspec.inspect.Type:
+    """One step down a path: a field of a struct, or an item of a list, tuple or mapping; itself where there is none."""
+    match whole:
+        case msgspec.inspect.StructType() if step.startswith("."):
+            return next((field.type for field in whole.fields if field.encode_name == step[1:]), whole)
+        case msgspec.inspect.VarTupleType() | msgspec.inspect.ListType():
+            return whole.item_type
+        case msgspec.inspect.DictType():
+            return whole.value_type
+        case _:
+            return whole

@@ -12,19 +12,19 @@ from rsi_reviews.approval_policy import repeated, signed
 from rsi_reviews.canary import bound_of
 from rsi_reviews.commands import BeginEvaluation, ProposeCandidate, RecordEvaluation
 from rsi_reviews.events import CandidateEvent, CandidateProposed, EvaluationBegun, EvaluationRecorded
-from rsi_reviews.manifest import sections_changed, unfounded
+from rsi_reviews.manifest import sections_changed
 from rsi_reviews.projections import ENDED, Review
-from rsi_reviews.restrictions import loosened
+from rsi_reviews.static_check import objections
 
 
 def propose(review: Review, command: ProposeCandidate, now: Moment) -> Decision[CandidateEvent]:
-    """Record the candidate with its manifest, or refuse with the rule that the first loosening or flaw breaks."""
+    """Record the candidate with its manifest, or refuse with the rule that the first flaw or loosening breaks."""
     if (again := repeated(command, review.receipts)) is not None:
         return again
     candidate, baseline = command.candidate, command.baseline
     if review.version:
         return refused("exists", because("candidate_exists", status=review.status))
-    found = (*unfounded(candidate, baseline), *loosened(baseline, candidate.configuration))
+    found = objections(candidate, baseline)
     if found:
         return refused_for(found)
     proposed = CandidateProposed(

@@ -22,6 +22,8 @@ WAIT_CEILING_S = 120.0
 LOCKED_LADDERS: tuple[configuration.FailureClass, ...] = ("unsafe_action", "outcome_unknown", "cancel_unacknowledged")
 """What happens next is a safety interlock: stopping, and never sending again blindly (D13)."""
 LONGEST_LADDER = 8
+_STOPPING: tuple[configuration.RecoveryAction, ...] = ("reattach", "stop", "safe_stop", "human")
+"""Steps that are taken at once: they cannot stay impossible for `wait_s`."""
 
 
 def loosened(
@@ -101,6 +103,36 @@ def _recovery(old: configuration.RecoveryPolicy, new: configuration.RecoveryPoli
         )
     for failure in get_args(configuration.FailureClass):
         yield from _ladder(failure, old.ladders.get(failure, ()), new.ladders.get(failure, ()))
+    yield from _postponed(old, new)
+
+
+def longest_idle_s(ladder: tuple[configuration.RecoveryAction, ...], wait_s: float) -> float:
+    """The longest time in which nothing is tried until this ladder asks a person, seconds of mission time (D30a).
+
+    Every `wait` may last `wait_s`. Any other step may stay impossible that long, and then a person is asked at once: so
+    one more wait counts, if there is such a step. What a step then does is bounded by its stage's timeout and budget.
+    """
+    return wait_s * (ladder.count("wait") + any(step not in ("wait", *_STOPPING) for step in ladder))
+
+
+def _postponed(old: configuration.RecoveryPolicy, new: configuration.RecoveryPolicy) -> Iterator[RestrictionViolation]:
+    """A person is asked no later than under the baseline, whatever fails: waiting is no answer to a failure."""
+    by_wait: list[tuple[float, float]] = []
+    for failure in get_args(configuration.FailureClass):
+        before, after = old.ladders.get(failure, ()), new.ladders.get(failure, ())
+        was_s, would_s = longest_idle_s(before, old.wait_s), longest_idle_s(after, new.wait_s)
+        if would_s <= was_s + 1e-9:
+            continue
+        if after == before:
+            by_wait.append((was_s, would_s))
+            continue
+        facts: dict[str, Fact] = {"was_s": was_s, "would_s": would_s, "failure": failure}
+        yield _refusal("asks_later", f"recovery.ladders.{failure}", before, after, "person_asked_later", **facts)
+    if by_wait:
+        was_s, would_s = max(by_wait, key=lambda pair: pair[1])
+        yield _refusal(
+            "asks_later", "recovery.wait_s", old.wait_s, new.wait_s, "asked_later_by_wait", was_s=was_s, would_s=would_s
+        )
 
 
 def _ladder(

@@ -41,6 +41,7 @@ class SimulatedRobot:
         self._journal = RequestJournal(folder and folder / "requests.jsonl")
         self._starts = StartJournal(folder and folder / "starts.jsonl")
         self._running: dict[RequestId, RunningSkill] = {}
+        self._attended_s = self.world.at_s
         self.lying = False
         self._repeats: list[tuple[float, CapabilityCard, protocol.StartRequest]] = []
         self._providers = tuple(SimulatedProvider(self, card) for card in CARDS)
@@ -52,6 +53,11 @@ class SimulatedRobot:
     def at_s(self) -> float:
         """Mission time now."""
         return self.world.at_s
+
+    @property
+    def unattended_s(self) -> float:
+        """Mission time since somebody last read the sensors or kept an invocation alive."""
+        return self.world.at_s - self._attended_s
 
     @property
     def moving(self) -> bool:
@@ -88,7 +94,12 @@ class SimulatedRobot:
         )
 
     def observations(self, after: int, limit: int = 5000) -> protocol.Observations:
+        self.attend()
         return self.world.ring.after(after, limit=limit, at_s=self.world.at_s)
+
+    def attend(self) -> None:
+        """Whoever supervises the robot has come this far."""
+        self._attended_s = self.world.at_s
 
     def blob(self, digest: Digest) -> bytes:
         return self.world.blobs.get(digest)
@@ -254,6 +265,7 @@ class SimulatedProvider:
         return self._robot.find(request)
 
     def keepalive(self, handle: str) -> None:
+        self._robot.attend()
         invocation = self._robot.invocation(handle)
         if invocation is not None:
             invocation.keepalive(self._robot.at_s)

@@ -25,6 +25,11 @@ FREE_RUN_AFTER_S = 2.0
 SLIP_S = 0.25
 PICTURE_S = 0.5
 LONGEST_ADVANCE_S = 120.0
+REAL_TIME = 1.0
+LEAD_S = 0.75
+"""How far a robot runs ahead of who supervises it at more than real time, in mission seconds: less than its heartbeat
+watchdog and a pose's freshness allow."""
+GIVE_WAY_S = 0.05
 
 
 class Pace:
@@ -32,12 +37,17 @@ class Pace:
 
     At speed 0 only `advance` moves time; but when no request came for FREE_RUN_AFTER_S of wall time and something
     moves, time runs by itself, so that the heartbeat watchdog works when the harness is gone.
+
+    A speed above real time is a wish. Time is what the physics reached, so a slow machine slows it; and it drops to
+    real time while nobody has looked at the robot for LEAD_S, so that a slow supervisor is not left behind.
     """
 
     def __init__(self, robot: SimulatedRobot, speed: float) -> None:
         self.robot, self.speed = robot, speed
         self._lock = threading.Lock()
         self._asked_s = time.monotonic()
+        self._asking = 0
+        self._counting = threading.Lock()
         self._ended = threading.Event()
         self._orphaned = threading.Event()
         self._retired = False
@@ -69,32 +79,53 @@ class Pace:
     @contextmanager
     def turn(self) -> Iterator[None]:
         """One request at a time. Raises ProviderUnreachable once retired: nothing may adopt a robot that ends."""
-        with self._lock:
-            if self._retired:
-                raise ProviderUnreachable(
-                    "This robot process is ending", where=self.robot.robot_id, do="start the robot again"
-                )
-            self._asked_s = time.monotonic()
-            yield
-            self._asked_s = time.monotonic()
+        self._count(1)
+        try:
+            with self._lock:
+                if self._retired:
+                    raise ProviderUnreachable(
+                        "This robot process is ending", where=self.robot.robot_id, do="start the robot again"
+                    )
+                self._asked_s = time.monotonic()
+                yield
+                self._asked_s = time.monotonic()
+        finally:
+            self._count(-1)
 
     def standing(self) -> bool:
         """Whether nothing moves and nothing is about to move."""
         with self._lock:
             return not self.robot.moving
 
+    def speed_now(self) -> float:
+        """Mission seconds per second that are wanted now: 0 while time stands."""
+        if not self.speed:
+            return REAL_TIME if self._runs_free() else 0.0
+        return self.speed if self.robot.unattended_s <= LEAD_S else min(self.speed, REAL_TIME)
+
     def _run(self) -> None:
         due_s = time.monotonic()
         while not self._ended.is_set():
-            speed = self.speed or (1.0 if self._runs_free() else 0.0)
+            speed = self.speed_now()
             if speed == 0.0:
                 self._ended.wait(0.05)
                 due_s = time.monotonic()
                 continue
+            self._give_way()
             with self._lock:
                 self.robot.advance_to(self.robot.at_s + TICK_S)
             due_s = max(due_s + TICK_S / speed, time.monotonic() - SLIP_S / speed)
             self._ended.wait(max(due_s - time.monotonic(), 0.0))
+
+    def _give_way(self) -> None:
+        """Requests go before the next tick: where the physics cannot keep pace, it would hold the lock all the time."""
+        until_s = time.monotonic() + GIVE_WAY_S
+        while self._asking and time.monotonic() < until_s:
+            self._ended.wait(0.0005)
+
+    def _count(self, change: int) -> None:
+        with self._counting:
+            self._asking += change
 
     def _runs_free(self) -> bool:
         silent = self._orphaned.is_set() or self.silent_s > FREE_RUN_AFTER_S

@@ -1,7 +1,7 @@
 """What every test shares: markers that are checked, cheap tests first, one seed or many."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import hypothesis
@@ -14,6 +14,14 @@ hypothesis.settings.load_profile("house")
 ROOT = Path(__file__).resolve().parent.parent
 MUJOCO_MISSIONS = 6
 COST = {"architecture": 0, "unit": 1, "contract": 2, "replay": 3, "integration": 4, "faults": 5, "browser": 6}
+
+
+@pytest.fixture(scope="session", autouse=True)
+def key_of_the_tests(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Seal the snapshots of tests with a key of their own, here and in every process they start."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("REGEN_SNAPSHOT_KEY_FILE", str(tmp_path_factory.mktemp("key") / "installation.key"))
+        yield
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

@@ -18,7 +18,7 @@ from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.events import MissionCreated
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Place, Site
-from harness.contracts.ports import LogHead, Record, StoredEvent
+from harness.contracts.ports import LogHead, Record, SnapshotFindings, StoredEvent
 from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.goals.understanding import Understood
@@ -196,6 +196,10 @@ class GuardedRuntime:
     def verify(self) -> LogHead:
         """Recompute the chain and every record's digest; raises LogDamaged."""
         return self._runtime.verify()
+
+    def audit_snapshots(self) -> SnapshotFindings:
+        """Whether the stored snapshots say what the events say. Raises LogDamaged."""
+        return self._runtime.audit_snapshots()
 
     def record(self, digest: ids.Digest) -> Record:
         """Raises UnknownName."""

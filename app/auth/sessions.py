@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from app.auth.accounts import Accounts, Throttled
 from app.auth.permissions import Principal
 from harness.adapters.stores.accounts_rows import Session
+from harness.contracts.errors import StoreUnavailable
 from harness.contracts.ids import sha256
 
 INVITATION_S = 3600.0
@@ -100,7 +101,22 @@ class SessionService:
         A request that a page makes by itself is not `active`: it does not keep a session from becoming idle. What is
         one, the doorkeeper says (app/web/security.py).
         """
-        digest = sha256(cookie.encode())
+        return self._of(sha256(cookie.encode()), source=source, active=active)
+
+    def held(self, principal: Principal, *, authorization: str = "") -> "HeldAccess":
+        """What an open stream of this principal asks while it lasts; `authorization` is the header it came with."""
+        return HeldAccess(self, principal, authorization)
+
+    def still(self, principal: Principal, *, authorization: str = "") -> Principal | None:
+        """The same principal as they are now; None once their session, account, token or reading right is gone."""
+        if principal.session:
+            now = self._of(principal.session, source=principal.source, active=False)
+        else:
+            now = self.bearer(authorization, source=principal.source)
+        return now if now is not None and now.may("read") else None
+
+    def _of(self, digest: str, *, source: str, active: bool) -> Principal | None:
+        """Whose session has this digest, or had it until its cookie was exchanged."""
         session = self.accounts.store.session(digest)
         if session is None or not self._lasts(session, digest):
             return None
@@ -191,3 +207,19 @@ class SessionService:
             self.accounts.store.change_session(
                 session.digest, replace(session, previous_until_s=until_s, seen_at_s=seen_s)
             )
+
+
+class HeldAccess:
+    """The access of one open stream. It follows a session over its changes of cookie, and ends with it."""
+
+    def __init__(self, sessions: SessionService, principal: Principal, authorization: str) -> None:
+        self._sessions, self._principal, self._authorization = sessions, principal, authorization
+
+    def lasts(self) -> bool:
+        """Whether the stream may go on; not where the accounts cannot be read."""
+        try:
+            now = self._sessions.still(self._principal, authorization=self._authorization)
+        except StoreUnavailable:
+            return False
+        self._principal = now or self._principal
+        return now is not None

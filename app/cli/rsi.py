@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import msgspec
 import typer
@@ -19,18 +19,25 @@ from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.ids import RobotId
 from harness.contracts.reasons import because
 from rsi_reviews.candidate_queries import CandidateQueries, selected
-from rsi_reviews.candidates import LARGEST_BYTES
+from rsi_reviews.candidates import LARGEST_BYTES, values_at
+from rsi_reviews.contracts import BETTER, SECTIONS, Direction, Manifest
 from rsi_reviews.deciders import DECIDERS
 from rsi_reviews.difference import NAMES
 
 app = typer.Typer(no_args_is_help=True, help="Propose, evaluate, review, release and roll back configurations.")
+MANIFEST_HELP = (
+    f"Its manifest, JSON: component ({' | '.join(SECTIONS)}), reason, intended_effect, metric ({' | '.join(BETTER)}), "
+    f"direction ({' | '.join(get_args(Direction))}), smallest_effect, baseline, rollback, author (name, and kind: "
+    + " | ".join(values_at(Manifest, "$.author.kind"))
+    + "), and, if wanted, motives and canary. docs/reference/candidates.md says what they mean."
+)
 CandidateName = Annotated[str, typer.Argument(help="The candidate's digest, or a beginning of it.")]
 
 
 @app.command()
 def propose(
     file: Annotated[Path, typer.Option("--file", help="The candidate configuration, JSON.")],
-    manifest: Annotated[Path, typer.Option(help="Its manifest, JSON.")],
+    manifest: Annotated[Path, typer.Option(help=MANIFEST_HELP)],
     supersedes: Annotated[str, typer.Option(help="The candidate that this one edits.")] = "",
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,

@@ -21,12 +21,13 @@ def put_in_review(releases: ReleaseService, folder: Path, found: Shipped | None 
     shown. Nothing happens where anything was proposed or looked at before. What the predicate does not accept any more
     is listed with that answer, and no review is asked for. `folder` is the evaluator's: looks at the held-out suite
     that were taken for it are counted there, so that the next one has a number and an alpha of its own.
-    Raises ContractInvalid with the rule of a refusal.
+    A candidate that today's rules would not let be proposed is not shown either: they became stricter since it was
+    measured. Raises ContractInvalid with the rule of a later refusal.
     """
     if releases.pointer().version or len(Looks(folder)):
         return
     shipped = found or shipped_evaluation()
-    if shipped.candidate.manifest.baseline != releases.current():
+    if shipped.candidate.manifest.baseline != releases.current() or releases.refusals(shipped.candidate):
         return
     name = shipped.candidate.candidate_id
     plain = "ships with the program"

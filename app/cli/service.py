@@ -18,6 +18,7 @@ from app.background.release_watch import ReleaseWatch
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
 from app.cli import output
+from app.cli.audit import log_problems
 from app.cli.data_folder import duplicate_starts, opened
 from app.cli.identity import examine_issuer
 from app.cli.person import me
@@ -27,6 +28,7 @@ from app.main import bind, create_app, open_accounts, serve
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.web.starting import starting
+from harness.anchors import compared_with_file
 from harness.bootstrap import Harness, open_harness, owner_of, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
@@ -189,9 +191,16 @@ def doctor(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
 
 
 def _examine(data: Path, found: dict[str, Any]) -> None:
-    with read_harness(output.settings(data_folder=data)) as runtime:
+    settings = output.settings(data_folder=data)
+    with read_harness(settings, deciders=DECIDERS) as runtime:
         head = runtime.verify()
         found["events"], found["head"] = head.position, head.digest
+        snapshots = runtime.audit_snapshots()
+        anchors = compared_with_file(runtime, settings.anchor_file) if settings.anchor_file else ()
+        found["snapshots"] = {"sealed": snapshots.sealed, "unsealed": snapshots.unsealed}
+        if snapshots.unkeyed is not None:
+            found["snapshots"]["unused"] = sentence(snapshots.unkeyed)
+        found["problems"] += log_problems(snapshots, anchors)
         missions = runtime.missions()
         found["missions"] = len(missions)
         found["open_missions"] = [mission.mission_id for mission in missions if not mission.ended]

@@ -1,5 +1,6 @@
 """/audit: verify and anchor the log, and read who decided what; /audit/access: who signed in from where."""
 
+from dataclasses import replace
 from typing import Annotated
 
 from fastapi import APIRouter, Query
@@ -7,15 +8,18 @@ from starlette.responses import HTMLResponse, PlainTextResponse
 
 from app.console import Console, ConsoleDep
 from app.i18n.languages import explained
-from app.i18n.messages import lazy_gettext
+from app.i18n.messages import lazy_gettext, reasoned
 from app.views import audit
 from app.web.rendering import render
 from app.web.security import PrincipalDep
-from harness.contracts.errors import LogDamaged
+from harness.anchors import compared_with_text
+from harness.contracts.errors import ContractInvalid, LogDamaged
+from harness.contracts.reasons import because
 from harness.contracts.stored_commands import command_of
 
 router = APIRouter(prefix="/audit")
 SHOWN, WINDOW, SCANNED = 50, 500, 5000
+LONGEST_ANCHOR = 4000
 Filter = Annotated[str, Query(max_length=200)]
 Before = Annotated[int, Query(ge=0, le=2**62)]
 
@@ -29,8 +33,11 @@ def show(
     everything: bool = False,
     before: Before = 0,
     verify: bool = False,
+    anchor: Annotated[str, Query(max_length=LONGEST_ANCHOR)] = "",
+    anchor_key: Annotated[str, Query(max_length=200)] = "",
 ) -> HTMLResponse:
     wanted = audit.Wanted(actor=actor.strip(), kind=kind.strip(), everything=everything)
+    given = audit.GivenAnchor(text=anchor.strip(), key=anchor_key.strip())
     deeds, scanned_from = newest_first(console, wanted, before=before)
     shell = console.shell("Audit", "audit", principal.actor)
     page = audit.AuditPage(
@@ -39,7 +46,8 @@ def show(
         deeds=tuple(deeds),
         wanted=wanted,
         scanned_from=scanned_from,
-        found=_log_sum(console) if verify else audit.Sum(),
+        found=_log_sum(console) if verify or given.text else audit.Sum(),
+        anchor=_compared(console, given),
         keeps_trail=principal.may("trail"),
     )
     return render("audit/index.html", page)
@@ -101,14 +109,28 @@ def newest_first(
 def _log_sum(console: Console) -> audit.Sum:
     try:
         head = console.runtime.verify()
+        forged = console.runtime.audit_snapshots().forged
     except LogDamaged as error:
         return audit.Sum(damage=explained(error))
+    if forged:
+        return audit.Sum(damage=reasoned(because("snapshot_forged", stream=forged[0])))
     return audit.Sum(
         verified=lazy_gettext(
             "Every hash of the log and of its records was computed again: {count} events, intact.", count=head.position
         ),
         note=_before_commands(console),
     )
+
+
+def _compared(console: Console, given: audit.GivenAnchor) -> audit.GivenAnchor:
+    """The anchors that were pasted, compared with the log; unchanged where nothing was given."""
+    if not given.text:
+        return given
+    try:
+        found = compared_with_text(console.runtime, given.text, key=given.key)
+    except ContractInvalid as error:
+        return replace(given, problem=explained(error))
+    return replace(given, found=found)
 
 
 def _before_commands(console: Console) -> str:

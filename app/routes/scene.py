@@ -34,8 +34,8 @@ def export(console: ConsoleDep, principal: PrincipalDep, mission_id: MissionId, 
 
 @router.get("/{view}/")
 async def page(request: Request, console: ConsoleDep, mission_id: MissionId, view: ViewPath) -> Response:
-    port = await run_in_threadpool(console.scenes.port, mission_id, view)
-    return await proxy.page(port, queries=frozenset(request.query_params))
+    viewer = await run_in_threadpool(console.scenes.socket, mission_id, view)
+    return await proxy.page(viewer, queries=frozenset(request.query_params))
 
 
 @router.post("/{view}/instant")
@@ -57,8 +57,8 @@ async def viewer(socket: WebSocket, mission_id: MissionId, view: str) -> None:
     """The viewer strips the trailing slash of its own address, so both are answered."""
     console: Console = socket.app.state.console
     try:
-        port = await run_in_threadpool(console.scenes.port, mission_id, view)
+        address = await run_in_threadpool(console.scenes.socket, mission_id, view)
     except HarnessError:
         await socket.close(code=1008)
         return
-    await proxy.relay(socket, port, touch=lambda: console.scenes.touch(mission_id, view))
+    await proxy.relay(socket, address, touch=lambda: console.scenes.touch(mission_id, view))

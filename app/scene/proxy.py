@@ -2,14 +2,15 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 
 import anyio
 import msgspec
 import viser
-from httpx import AsyncClient, HTTPError
+from httpx import AsyncClient, AsyncHTTPTransport, HTTPError
 from starlette.responses import Response
 from starlette.websockets import WebSocket, WebSocketDisconnect
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import ClientConnection, unix_connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
@@ -35,12 +36,13 @@ def admitted(message: bytes) -> bool:
     return isinstance(said, dict) and said.get("type") in ADMITTED
 
 
-async def page(port: int, *, queries: frozenset[str]) -> Response:
+async def page(viewer: Path, *, queries: frozenset[str]) -> Response:
     """The viewer's page under the viewer's policy. Refuses queries that point it at another server or file."""
     if queries & BANNED_QUERIES:
         return problem(400, code="query_refused", title="Refused", detail="The 3D view shows this mission only.")
     try:
-        async with AsyncClient(base_url=f"http://127.0.0.1:{port}", trust_env=False, timeout=10.0) as client:
+        way = AsyncHTTPTransport(uds=str(viewer))
+        async with AsyncClient(base_url="http://viewer", transport=way, timeout=10.0) as client:
             answer = await client.get("/", headers={"Accept-Encoding": "identity"})
     except HTTPError as error:
         return problem(502, code="scene_gone", title="The 3D view does not answer", detail=str(error))
@@ -49,7 +51,7 @@ async def page(port: int, *, queries: frozenset[str]) -> Response:
     return Response(body, status_code=answer.status_code, media_type="text/html", headers=headers)
 
 
-async def relay(socket: WebSocket, port: int, *, touch: Callable[[], None]) -> None:
+async def relay(socket: WebSocket, address: Path, *, touch: Callable[[], None]) -> None:
     """Relay both directions until either end disconnects; `touch` is called while somebody watches.
 
     Needs the viewer's own version as subprotocol.
@@ -58,8 +60,8 @@ async def relay(socket: WebSocket, port: int, *, touch: Callable[[], None]) -> N
         await socket.close(code=1002, reason=f"the viewer must speak {PROTOCOL}")
         return
     try:
-        viewer = await connect(
-            f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol(PROTOCOL)], max_size=None, compression=None, proxy=None
+        viewer = await unix_connect(
+            str(address), "ws://viewer/", subprotocols=[Subprotocol(PROTOCOL)], max_size=None, compression=None
         )
     except (OSError, InvalidHandshake):
         await socket.close(code=1011, reason="the 3D view does not answer")

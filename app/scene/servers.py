@@ -1,18 +1,18 @@
-"""Runs one viser server on loopback per reader of a mission; the servers show and never take a command."""
+"""Runs one viser server per reader of a mission; the servers show, listen on no port and never take a command."""
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 from threading import Lock
 from typing import Literal
 
-import rich
-import viser
 from cachetools import LRUCache
 
 from app.i18n.catalogues import N_
 from app.scene.feed import Feed
 from app.scene.view import SceneView
+from app.scene.viewer_server import ViewerFolder, ViewerServer
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import MissionId
 from harness.runtime import Runtime
@@ -22,7 +22,6 @@ TICK_S = 0.5
 SOUGHT = 256
 EXPORT_S, EXPORT_STEPS = 30.0, 60
 Form = Literal["viser", "html"]
-_printing = Lock()
 
 
 class Scenes:
@@ -41,16 +40,17 @@ class Scenes:
         self._feeds: dict[MissionId, Feed] = {}
         self._params: LRUCache[tuple[MissionId, str], float | None] = LRUCache(SOUGHT)
         self._lock, self._stepping = Lock(), Lock()
+        self._folder = ViewerFolder()
         self._worker = Worker("scenes", self.step, every_s=TICK_S)
 
-    def port(self, mission_id: MissionId, view: str = "") -> int:
-        """The loopback port of one reader's viewer; raises UnknownName for a mission that does not exist."""
+    def socket(self, mission_id: MissionId, view: str = "") -> Path:
+        """The Unix socket of one reader's viewer; raises UnknownName for a mission that does not exist."""
         self._runtime.mission(mission_id)
         with self._lock:
             seat = self._open.get((mission_id, view))
             if seat is None:
                 feed = self._feeds.setdefault(mission_id, Feed(self._runtime, mission_id))
-                seat = self._open[mission_id, view] = _Seat(feed, str(mission_id))
+                seat = self._open[mission_id, view] = _Seat(feed, str(mission_id), self._folder.socket())
                 seat.view.seek(self._params.get((mission_id, view)))
                 self._worker.start()
             seat.seen_s = self._clock()
@@ -59,7 +59,7 @@ class Scenes:
             self._drop_feeds()
         for old in surplus:
             old.close()
-        return seat.port
+        return seat.server.socket
 
     def touch(self, mission_id: MissionId, view: str = "") -> None:
         """Note that somebody still looks at this view."""
@@ -85,7 +85,7 @@ class Scenes:
         """The whole mission as a recording that plays in EXPORT_S: a .viser file, or a page that needs nothing else."""
         feed = Feed(self._runtime, mission_id)
         feed.step()
-        seat = _Seat(feed, str(mission_id), whole=True)
+        seat = _Seat(feed, str(mission_id), self._folder.socket(), whole=True)
         try:
             seat.view.step()
             seat.view.seek(begin_s)
@@ -103,6 +103,7 @@ class Scenes:
         self._worker.close()
         for seat in seats:
             seat.close()
+        self._folder.close()
 
     def step(self) -> None:
         """Close the views that nobody watches and update the others."""
@@ -130,25 +131,10 @@ class Scenes:
 class _Seat:
     """One reader's viewer: the server, and what is drawn on it."""
 
-    def __init__(self, feed: Feed, label: str, *, whole: bool = False) -> None:
-        with _quiet():
-            self.server = viser.ViserServer(host="127.0.0.1", port=0, label=label, verbose=False)
-        self.port: int = self.server.get_port()
+    def __init__(self, feed: Feed, label: str, socket: Path, *, whole: bool = False) -> None:
+        self.server = ViewerServer(socket, label=label)
         self.view = SceneView(self.server, feed, whole=whole)
         self.seen_s = 0.0
 
     def close(self) -> None:
-        with _quiet():
-            self.server.stop()
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """viser announces itself on the console where `regen up` prints its one line."""
-    console = rich.get_console()
-    with _printing:
-        before, console.quiet = console.quiet, True
-        try:
-            yield
-        finally:
-            console.quiet = before
+        self.server.close()

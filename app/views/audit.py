@@ -7,6 +7,7 @@ import msgspec
 
 from app.i18n.messages import listed, reasoned
 from app.views.shell import Shell
+from harness.contracts.anchors import AnchorFinding
 from harness.contracts.ports import LogHead, StoredEvent
 from harness.contracts.reasons import Reason
 from harness.contracts.upcasting import name_of
@@ -57,6 +58,19 @@ class Sum:
     note: str = ""
 
 
+@dataclass(frozen=True)
+class GivenAnchor:
+    """Anchors that a person pasted, the key that must have signed them, and how the log compares with each.
+
+    `problem` is set where the text is no anchor.
+    """
+
+    text: str = ""
+    key: str = ""
+    found: tuple[AnchorFinding, ...] = ()
+    problem: str = ""
+
+
 def entry(stored: StoredEvent) -> AuditEvent:
     """One event with whoever asked for it."""
     body: dict[str, Any] = msgspec.json.decode(stored.body)
@@ -92,6 +106,7 @@ class AuditPage:
     wanted: Wanted
     scanned_from: int
     found: Sum
+    anchor: GivenAnchor
     keeps_trail: bool
 
 

@@ -90,6 +90,11 @@ REFUSALS = {
         N_("This caller asks faster than anybody is served here."),
         N_("Wait, then go on."),
     ),
+    "too_many_streams": (
+        N_("Too many live views at once"),
+        N_("Each person, and each token, holds a limited number of live pages and 3D views here."),
+        N_("Close some of them, then open this one again."),
+    ),
     "unexpected": (
         N_("The console failed to answer"),
         N_("Nothing that was recorded is lost, and missions go on without this page."),

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from msgspec.structs import replace
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
+from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -50,7 +51,10 @@ class Idempotency:
         await self._once(scope, receive, send, caller=f"{principal.name} {principal.actor.role}", key=key)
 
     async def _once(self, scope: Scope, receive: Receive, send: Send, *, caller: str, key: str) -> None:
-        body = await _read(receive)
+        try:
+            body = await _read(receive)
+        except ClientDisconnect:
+            return
         said = b"\n".join((scope["method"].encode(), scope["path"].encode(), scope["query_string"], body))
         begun = StoredAnswer(
             caller=caller, key=key, request=sha256(said), begun_at_s=self._clock(), status=0, media_type="", body=b""
@@ -121,9 +125,12 @@ def _again(now: StoredAnswer, known: StoredAnswer) -> Response:
 
 
 async def _read(receive: Receive) -> bytes:
+    """The whole body. Raises ClientDisconnect for one that was broken off: half a request is none."""
     body = bytearray()
     while True:
         message = await receive()
+        if message["type"] == "http.disconnect":
+            raise ClientDisconnect
         body += message.get("body", b"")
         if not message.get("more_body"):
             return bytes(body)

@@ -14,7 +14,8 @@ from app.auth.oidc_login import UNDER_WAY_S
 from app.auth.permissions import Principal
 from app.auth.rate_limits import LARGEST_BODY, Buckets, TooLarge, bounded
 from app.auth.sessions import SessionService
-from app.web.errors import refused
+from app.web.errors import problem, refused
+from app.web.streams import AGAIN_S, GuardedStream, StreamCounts
 from harness.contracts.actors import Actor
 
 PAGE_POLICY = (
@@ -23,8 +24,8 @@ PAGE_POLICY = (
 )
 SCENE_POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; style-src 'self' 'unsafe-inline'; "
-    "worker-src blob:; img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: data: blob:; "
-    "frame-ancestors 'self'"
+    "worker-src blob:; img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' data: blob:; "
+    "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
 )
 BY_ITSELF = "x-by-itself"
 """The header of a request that a page's script makes by itself, without a person."""
@@ -41,13 +42,15 @@ OWN_VIEW = re.compile(r"/missions/[^/]+/scene/[^/]+/instant")
 
 @dataclass(frozen=True)
 class SecurityPolicy:
-    """The policy of the middleware. `known` and `anonymous` limit callers; `secure`: browsers come over TLS."""
+    """The policy of the middleware. `known` and `anonymous` limit callers, `streams` what each of them may hold open;
+    `secure`: browsers come over TLS."""
 
     hosts: frozenset[str]
     cookie: str
     secure: bool
     known: Buckets
     anonymous: Buckets
+    streams: StreamCounts
 
 
 @dataclass(frozen=True)
@@ -83,20 +86,37 @@ class SecurityMiddleware:
             return
         mark = PRINCIPAL.set(principal) if principal else None
         try:
-            await self._let_in(connection, scope, receive, send)
+            await self._let_in(connection, principal, receive, send)
         finally:
             if mark:
                 PRINCIPAL.reset(mark)
 
-    async def _let_in(self, connection: HTTPConnection, scope: Scope, receive: Receive, send: Send) -> None:
+    async def _let_in(
+        self, connection: HTTPConnection, principal: Principal | None, receive: Receive, send: Send
+    ) -> None:
+        scope = connection.scope
         if scope["type"] == "websocket":
-            await self._app(scope, receive, send)
+            await self._answered(connection, principal, receive, send)
             return
         guarded = _with_headers(send, secure=self._policy.secure, cookie=self._fresh_cookie(connection))
         try:
-            await self._app(scope, bounded(receive), guarded)
+            await self._answered(connection, principal, bounded(receive), guarded)
         except TooLarge:
             await refused(scope, status=413, code="too_large")(scope, receive, guarded)
+
+    async def _answered(
+        self, connection: HTTPConnection, principal: Principal | None, receive: Receive, send: Send
+    ) -> None:
+        """The answer of the application, which ends when the caller may read no longer."""
+        scope = connection.scope
+        if principal is None:
+            await self._app(scope, receive, send)
+            return
+        held = self._sessions.held(principal, authorization=connection.headers.get("authorization", ""))
+        stream = GuardedStream(self._policy.streams, caller=_caller(principal), lasts=held.lasts)
+        await stream.run(self._app, scope, receive, send)
+        if stream.too_many:
+            await _too_many_streams(scope, receive, send)
 
     def _fresh_cookie(self, connection: HTTPConnection) -> str:
         """A `Set-Cookie` for the rotated session, if it is due and this is a page that a person opened."""
@@ -139,6 +159,22 @@ class SecurityMiddleware:
         if principal is None:
             return self._policy.anonymous.wait_s(source_of(connection))
         return self._policy.known.wait_s(principal.session or principal.name)
+
+
+def _caller(principal: Principal) -> str:
+    return f"{'person' if principal.roles else 'token'} {principal.name}"
+
+
+async def _too_many_streams(scope: Scope, receive: Receive, send: Send) -> None:
+    """429; a socket is told so before it is opened, where the server can answer it like a request."""
+    if scope["type"] == "http":
+        await refused(scope, status=429, code="too_many_streams", wait_s=AGAIN_S)(scope, receive, send)
+    elif "websocket.http.response" in scope.get("extensions", {}):
+        answer = problem(429, code="too_many_streams", title="Too many streams", detail="Close some of them first.")
+        answer.headers["retry-after"] = str(int(AGAIN_S))
+        await answer(scope, receive, send)
+    else:
+        await send({"type": "websocket.close", "code": 1008, "reason": "too_many_streams"})
 
 
 def _not_permitted(path: str, principal: Principal, *, unsafe: bool) -> RequestRefusal | None:

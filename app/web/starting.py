@@ -14,6 +14,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from app.settings import ConsoleSettings
+from app.web.connections import ConnectionLimits, bounded_protocol
 from app.web.rendering import render
 from app.web.security import PAGE_POLICY
 
@@ -33,6 +34,7 @@ def starting(settings: ConsoleSettings, listener: socket.socket, robots: Sequenc
     """Serve the page on this socket until the block ends; the socket stays open for the console."""
     config = uvicorn.Config(
         _app(settings, tuple(robots)),
+        http=bounded_protocol(ConnectionLimits(settings.connections)),
         log_level="warning",
         timeout_graceful_shutdown=GRACE_S,
         server_header=False,

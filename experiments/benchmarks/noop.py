@@ -13,6 +13,7 @@ from typing import Any
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SystemIds
 from harness.adapters.stores.blobs import FileBlobStore
+from harness.adapters.stores.installation_key import InstallationKey
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
 from harness.adapters.stores.snapshots import StoredSnapshots
 from harness.adapters.stores.spool import FileSpool
@@ -45,6 +46,8 @@ from harness.settings import HarnessSettings
 from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.supervisor import Supervisor
 
+KEY = InstallationKey(secret=bytes(32))
+"""Seals the snapshots of a benchmark's folder, which lasts as long as the benchmark."""
 STAGES = 7
 GOAL = "Do nothing, seven times, and prove it"
 OPERATOR = Actor(name="bench", role="operator")
@@ -292,7 +295,7 @@ def noop_harness(
         store = stack.enter_context(closing(SqlEventStore(log_url(folder))))
         parts = Parts(
             store=store,
-            snapshots=stack.enter_context(closing(StoredSnapshots(store))),
+            snapshots=stack.enter_context(closing(StoredSnapshots(store, KEY))),
             blobs=blobs,
             spool=FileSpool(folder / "spool"),
             ids=SystemIds(),

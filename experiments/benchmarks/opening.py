@@ -17,7 +17,7 @@ from statistics import median
 from tempfile import TemporaryDirectory
 
 from experiments.benchmarks.arms import BENCH, ROOT
-from experiments.benchmarks.noop import STAGES, NoopHarness, log_url, noop_harness
+from experiments.benchmarks.noop import KEY, STAGES, NoopHarness, log_url, noop_harness
 from experiments.benchmarks.ours import ONE, PACKAGES
 from experiments.benchmarks.records import Figure, Target, figure, keep, table
 from experiments.benchmarks.turns import versions
@@ -107,7 +107,7 @@ def _open(folder: Path, mission_id: MissionId, way: str) -> None:
     begun = time.perf_counter()
     with ExitStack() as stack:
         store = stack.enter_context(closing(SqlEventStore(log_url(folder))))
-        snapshots = StoredSnapshots(store, keeping=False) if way == "snapshots" else None
+        snapshots = StoredSnapshots(store, KEY, keeping=False) if way == "snapshots" else None
         gate = Gate(store=store, clock=SystemClock(), deciders=DECIDERS, snapshots=snapshots)
         version = gate.state(mission_stream(mission_id)).version
         print(json.dumps({"ms": 1e3 * (time.perf_counter() - begun), "version": version}))

@@ -24,6 +24,7 @@ from harness.adapters.failpoints import parse, with_failpoint
 from harness.adapters.ids import SystemIds
 from harness.adapters.stores.blobs import FileBlobStore
 from harness.adapters.stores.folder import prepare
+from harness.adapters.stores.installation_key import InstallationKey
 from harness.adapters.stores.memory import MemorySpool
 from harness.adapters.stores.memory_index import VolatileMemoryIndex
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
@@ -41,6 +42,8 @@ from harness.runtime import Runtime, Start
 
 ROBOT = RobotId("vbot-1")
 ASKING = Actor(name="ada", role="operator")
+KEY = InstallationKey(secret=bytes(32))
+"""The same for all callers, which share their snapshots."""
 ENOUGH = "enough"
 FOLLOWING = 25
 """After this many answers a caller brings the memory index, which all share, up to the log."""
@@ -81,7 +84,7 @@ def opened(data: Path, *, failpoint: str = "", keeping: bool = True, afresh: boo
             clock=LockstepClock(lambda until_s: until_s, at_s=NOW_S, wall=lambda: NOW_S),
             signals=NullSignals(),
             index=index,
-            snapshots=None if afresh else stack.enter_context(closing(StoredSnapshots(log, keeping=keeping))),
+            snapshots=None if afresh else stack.enter_context(closing(StoredSnapshots(log, KEY, keeping=keeping))),
         )
         yield runtime_on(parts)
 

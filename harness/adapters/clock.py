@@ -7,43 +7,56 @@ from collections.abc import Callable
 from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.values import Moment
 
-RESYNC_S = 0.5
+READ_EVERY_S = 0.2
+"""How old a reading may become, in mission time at the robot's nominal speed."""
+SHORTEST_S = 0.02
+RETRY_S = 0.5
+REAL_TIME = 1.0
 
 
 class RobotClock:
-    """Mission time read from a robot and extrapolated at its speed between readings; it never runs backwards.
+    """Mission time as the robot last told it: never ahead of the robot, however slow it is, and never backwards.
 
-    `read` returns the robot's mission time. While the robot does not answer, time is extrapolated.
+    `read` returns the robot's mission time; `speed` is what it is meant to reach, and only says how often to ask.
+    While the robot does not answer, time goes on from the last reading as fast as the machine's, so that whatever waits
+    for the robot ends; once it answers, time stands until the robot has come that far.
     """
 
     def __init__(self, read: Callable[[], float], speed: float) -> None:
         self._read, self._speed = read, speed
+        self._every_s = max(SHORTEST_S, READ_EVERY_S / speed)
         self._lock = threading.Lock()
-        self._latest_s = self._base_s = read()
-        self._read_s = time.monotonic()
+        self._latest_s = self._told_s = read()
+        self._told_at_s = time.monotonic()
+        self._due_s = self._told_at_s + self._every_s
+        self._silent = False
 
     def now(self) -> Moment:
         """Both clocks now."""
         with self._lock:
-            elapsed_s = time.monotonic() - self._read_s
-            if elapsed_s > RESYNC_S:
-                self._resync()
-                elapsed_s = time.monotonic() - self._read_s
-            self._latest_s = max(self._latest_s, self._base_s + elapsed_s * self._speed)
+            if time.monotonic() >= self._due_s:
+                self._ask()
+            reached_s = self._told_s
+            if self._silent:
+                reached_s += (time.monotonic() - self._told_at_s) * min(self._speed, REAL_TIME)
+            self._latest_s = max(self._latest_s, reached_s)
             return Moment(mission_s=self._latest_s, wall_s=time.time())
 
     def wait_until(self, mission_s: float) -> None:
-        """Sleep until mission time `mission_s`."""
+        """Sleep until mission time `mission_s`, for as long as the robot takes to come that far."""
         while (left_s := mission_s - self.now().mission_s) > 0:
-            time.sleep(min(left_s / self._speed, RESYNC_S))
+            time.sleep(min(max(left_s / self._speed, SHORTEST_S), RETRY_S))
 
-    def _resync(self) -> None:
-        sent_s = time.monotonic()
+    def _ask(self) -> None:
         try:
-            read_s = self._read()
+            self._told_s = self._read()
         except ProviderUnreachable:
+            self._silent = True
+            self._due_s = time.monotonic() + RETRY_S
             return
-        self._base_s, self._read_s = read_s, (sent_s + time.monotonic()) / 2
+        self._silent = False
+        self._told_at_s = time.monotonic()
+        self._due_s = self._told_at_s + self._every_s
 
 
 class LockstepClock:

@@ -18,7 +18,8 @@ from harness.projections.mission import Mission
 from harness.runtime import Runtime
 
 _DIGEST = re.compile(rb"[0-9a-f]{64}")
-_EVIDENCE = re.compile(rb'"blob":"([0-9a-f]{64})"')
+_EVIDENCE = re.compile(rb'"(?:blob|sound|recognition|report)":"([0-9a-f]{64})"')
+"""How events, records and documents name a blob that something rests on."""
 _DOCUMENT = b"{"
 """What a blob begins with that can cite others; pictures, sounds and point clouds begin otherwise."""
 
@@ -70,7 +71,8 @@ def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, ex
     )
     bodies = b"\n".join(event.body for event in events)
     records, files = _resolved(runtime, _cited(bodies) | {mission.configuration})
-    needed = {ids.Digest(found.decode()) for found in _EVIDENCE.findall(bodies)}
+    citing = (bodies, *(record.body for record in records), *(body for body in files.values() if _cites(body)))
+    needed = {ids.Digest(found.decode()) for body in citing for found in _EVIDENCE.findall(body)}
     files[EVENTS] = b"".join(encode(event) + b"\n" for event in events)
     files[RECORDS] = b"".join(encode(record) + b"\n" for record in records)
     contents = DossierContents(
@@ -139,6 +141,10 @@ def _cited(body: bytes) -> set[ids.Digest]:
     return {ids.Digest(found.decode()) for found in _DIGEST.findall(body)}
 
 
+def _cites(blob: bytes) -> bool:
+    return blob.startswith(_DOCUMENT)
+
+
 def _resolved(runtime: Runtime, cited: set[ids.Digest]) -> tuple[list[Record], dict[str, bytes]]:
     """Records and blobs among these digests, and among those that they cite in turn.
 
@@ -157,7 +163,7 @@ def _resolved(runtime: Runtime, cited: set[ids.Digest]) -> tuple[list[Record], d
         except UnknownName:
             if _sound(runtime, digest):
                 body = blobs[f"blobs/{digest}"] = runtime.blob(digest)
-                cited |= _cited(body) if body.startswith(_DOCUMENT) else set()
+                cited |= _cited(body) if _cites(body) else set()
         else:
             records.append(record)
             cited |= _cited(record.body)

@@ -99,11 +99,13 @@ def read_yaml(text: str, kind: type[T], *, where: str) -> T:
 
 
 class _Loader(yaml.SafeLoader):
-    """SafeLoader that takes no key twice."""
+    """SafeLoader that takes no key twice, no key that is a list or mapping, and no merged keys."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen: set[str] = set()
         for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode) or key.tag == "tag:yaml.org,2002:merge":
+                raise yaml.constructor.ConstructorError(None, None, "a key must be a plain word", key.start_mark)
             if key.value in seen:
                 raise yaml.constructor.ConstructorError(
                     None, None, f"the key {key.value!r} stands twice", key.start_mark

@@ -25,15 +25,22 @@ from harness.contexts.planner import goal_record
 from harness.contexts.selection import Selection, SelectionItem, compile_context
 from harness.contexts.skill import ancestors, relevant_facts
 from harness.contexts.view import StateView, accepted, configured, forbidden_m, plain, referenced
-from harness.contracts.capabilities import CapabilityCard, Risk
+from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.effects import Condition, Metric, Relational, Symbolic
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import NodeId
 from harness.contracts.measurements import RequestRecord
-from harness.contracts.rules import LINEAGE, RulesVersion, required_independence
-from harness.contracts.tasks import EvidencePolicy, Node, order
-from harness.contracts.verifier_inputs import CommittedNode, Execution, Origins, SafetyState, VerificationPolicy
+from harness.contracts.rules import LINEAGE, required_independence
+from harness.contracts.tasks import EvidencePolicy, Node, goal_independence, order, targets_of
+from harness.contracts.verifier_inputs import (
+    CommittedNode,
+    Execution,
+    Origins,
+    SafetyState,
+    VerificationPolicy,
+    origins_of,
+)
 from harness.projections.exploration import MAP, is_update
 from harness.projections.mission import declared_nodes
 
@@ -170,14 +177,10 @@ def _node_policy(view: StateView, node: Node, card: CapabilityCard) -> Verificat
 
 
 def _origins(view: StateView, card: CapabilityCard | None) -> Origins:
-    """Where each source comes from; one that the site vouches for is an origin of its own (D17)."""
+    """Where each source comes from, where the mission's rules ask for it (D17)."""
     if view.mission.rules < LINEAGE:
         return Origins()
-    sources = view.origins | {source: f"vouched {source}" for source in view.site.vouched}
-    if card is None or card.provider_id not in view.origins:
-        return Origins(sources=sources)
-    used = (view.origins[card.provider_id], *(sources[one] for one in card.sources if one in sources))
-    return Origins(sources=sources, provider=tuple(dict.fromkeys(used)))
+    return origins_of(view.origins, vouched=view.site.vouched, card=card)
 
 
 def _goal_policy(view: StateView) -> VerificationPolicy:
@@ -191,21 +194,12 @@ def _goal_policy(view: StateView) -> VerificationPolicy:
         ),
         risk="low",
         required={
-            one.condition_id: _required(one, contract.nodes, view.mission.rules)
+            one.condition_id: goal_independence(one, contract.nodes, rules=view.mission.rules)
             for one in contract.completion_conditions
         },
         rules=view.mission.rules,
         origins=_origins(view, None),
     )
-
-
-def _required(condition: Condition, nodes: tuple[Node, ...], rules: RulesVersion) -> int:
-    """Independence a completion condition needs: its own, and that of the nodes which had to reach its target."""
-    effect = condition.effect
-    risks: list[Risk] = ["low"]
-    if isinstance(effect, Metric):
-        risks += [node.risk for node in nodes if effect.target_m in _targets(node)]
-    return max(required_independence(rules, risk=risk, asked=condition.independence) for risk in risks)
 
 
 def _facts(view: StateView, node: Node) -> list[SelectionItem]:
@@ -320,7 +314,7 @@ def _histories(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[S
     wanted = {effect.target_m for effect in effects if isinstance(effect, Metric) and effect.predicate in HISTORIES}
     items = []
     for node_id, packet in packets.items():
-        if not _targets(view.node(node_id)) & wanted:
+        if not targets_of(view.node(node_id)) & wanted:
             continue
         for source in evidence.sources_of(view, packet):
             if source.lasting:
@@ -337,7 +331,3 @@ def _past(view: StateView, packet: EvidencePacket, reference: EvidenceReference)
     else:
         record = referenced(reference.kind, reference)
     return SelectionItem(record, barred=other_map(view, record, reference.map_version))
-
-
-def _targets(node: Node) -> set[tuple[float, float]]:
-    return {one.effect.target_m for one in node.success_conditions if isinstance(one.effect, Metric)}

@@ -58,12 +58,16 @@ class Codec(Generic[Event]):
 
 @dataclass(frozen=True)
 class Decider(Generic[State, Command, Event]):
-    """`decide` answers a command from the state and the instant alone; `apply` folds one event."""
+    """`decide` answers a command from the state and the instant alone; `apply` folds one event.
+
+    `from_events` are the commands that are decided on a fold of the stream's events, never on a snapshot of it.
+    """
 
     initial: State
     apply: Callable[[State, Event], State]
     decide: Callable[[State, Command, Moment], Decision[Event]]
     codec: Codec[Event]
+    from_events: tuple[type, ...] = ()
 
     def fold(self, state: State, events: Iterable[Event]) -> State:
         return reduce(self.apply, events, state)

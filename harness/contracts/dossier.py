@@ -50,7 +50,8 @@ class DossierContents(Value):
 
     `goal` is the source text. `judged` is unset for a mission without a reading, and in dossiers of earlier releases.
 
-    `absent` lists evidence that packets cite and that was missing or damaged when the dossier was written. `head` is
+    `absent` lists evidence that was missing or damaged when the dossier was written: what packets cite, and what a
+    context, a recognition or a lidar look cites in turn. `head` is
     the log's head at that time: the anchor to compare with a copy stored elsewhere.
     """
 

@@ -1,6 +1,6 @@
 """Ports: the interfaces through which the harness reaches the outside world. Adapters implement them."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Protocol, TypeVar
 
 from harness.contracts import ids, protocol, read_models
@@ -10,6 +10,7 @@ from harness.contracts.evidence import EvidenceReference
 from harness.contracts.measurements import Measurement, Sound, StoredMessage
 from harness.contracts.memory import FollowPosition, MemoryQuery, MemoryRecord, Remembered
 from harness.contracts.observations import AnySample
+from harness.contracts.reasons import Reason
 from harness.contracts.values import Moment, Value
 
 State = TypeVar("State")
@@ -118,16 +119,32 @@ class Configurations(Protocol):
 
 
 class StateSnapshot(Value):
-    """A stream's folded state up to `version`, as canonical JSON. `digest` is the body's SHA-256.
+    """A stream's folded state up to `version`, as canonical JSON. `event` is the digest of the event it ends with.
 
     `fingerprint` names the shape of the state and the code that folded it: another one makes the snapshot void.
+    `seal` is over all of it with the installation's key (D59). Release 0.1.0 wrote the SHA-256 of the body there.
     """
 
     stream: ids.StreamId
     version: int
+    event: ids.Digest
     fingerprint: ids.Digest
-    digest: ids.Digest
+    seal: ids.Digest
     body: bytes
+
+
+class SnapshotFindings(Value):
+    """What an audit of the stored snapshots found. Only sealed ones are used; the others are folded again.
+
+    `sealed` carry this installation's seal and say what the events say. `unsealed` are of another release or another
+    installation. `forged` are the streams whose snapshot says something else than the events, sealed or not.
+    `unkeyed` is why there is no key; None if there is one.
+    """
+
+    sealed: int = 0
+    unsealed: int = 0
+    forged: tuple[ids.StreamId, ...] = ()
+    unkeyed: Reason | None = None
 
 
 class Snapshots(Protocol):
@@ -139,6 +156,12 @@ class Snapshots(Protocol):
     def offer(self, stream: ids.StreamId, version: int, state: object) -> None:
         """Note that the stream has reached this version; a snapshot worth storing is written later, outside the
         caller's path."""
+
+    def audit(self, fold: Callable[[ids.StreamId, int], object]) -> SnapshotFindings:
+        """Compare every stored snapshot with `fold`: the state of a stream by its first so many events.
+
+        `fold` raises KeyError for a stream of a family that it does not know.
+        """
 
 
 class BlobStore(Protocol):

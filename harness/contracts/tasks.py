@@ -21,8 +21,8 @@ from harness.contracts.ids import ConditionId, Digest, NodeId, PlaceId, Resource
 from harness.contracts.protocol import Parameters
 from harness.contracts.readings import PROFILE, Act, Clause, ObjectKind, Reading, clause_id
 from harness.contracts.reasons import because
-from harness.contracts.rules import FIRST_RULES, RETIRED, Retired, RulesVersion
-from harness.contracts.values import Count, Name, Positive, Value
+from harness.contracts.rules import FIRST_RULES, RETIRED, Retired, RulesVersion, required_independence
+from harness.contracts.values import Count, Name, Point, Positive, Value
 
 
 class Goal(Value):
@@ -244,6 +244,20 @@ def named_nodes(effect: AnyEffect) -> tuple[NodeId, ...]:
             return tuple(NodeId(name) for name in effect.arguments.values())
         case Metric() | Visual():
             return ()
+
+
+def targets_of(node: Node) -> set[Point]:
+    """Where a stage's own conditions want the body to be, metres in the contract's frame."""
+    return {one.effect.target_m for one in node.success_conditions if isinstance(one.effect, Metric)}
+
+
+def goal_independence(condition: Condition, nodes: tuple[Node, ...], *, rules: RulesVersion) -> int:
+    """The level that a completion condition needs: its own, and that of the stages which had to reach its target."""
+    effect = condition.effect
+    risks: list[Risk] = ["low"]
+    if isinstance(effect, Metric):
+        risks += [node.risk for node in nodes if effect.target_m in targets_of(node)]
+    return max(required_independence(rules, risk=risk, asked=condition.independence) for risk in risks)
 
 
 def _check_required(contract: TaskContract) -> None:

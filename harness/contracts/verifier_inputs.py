@@ -4,9 +4,11 @@ Contexts write these values, the verifier reads them. The records that hold them
 `harness/contexts/verifier.py`.
 """
 
+from collections.abc import Mapping, Sequence
+
 import msgspec
 
-from harness.contracts.capabilities import Risk
+from harness.contracts.capabilities import CapabilityCard, Risk
 from harness.contracts.evidence import PacketIdentity
 from harness.contracts.ids import ConditionId, Digest, NodeId, RequestId
 from harness.contracts.observations import Trajectory
@@ -39,6 +41,19 @@ class Origins(Value):
 
     sources: dict[str, str] = msgspec.field(default_factory=dict)
     provider: tuple[str, ...] = ()
+
+
+def origins_of(origins: Mapping[str, str], *, vouched: Sequence[str], card: CapabilityCard | None) -> Origins:
+    """Where each source comes from, and who executes: the provider of `card`, with the origins of what it reads.
+
+    `origins` names the process or address behind each source and provider. A source that the site vouches for is an
+    origin of its own (D17).
+    """
+    sources = {**origins, **{source: f"vouched {source}" for source in vouched}}
+    if card is None or card.provider_id not in origins:
+        return Origins(sources=sources)
+    used = (origins[card.provider_id], *(sources[one] for one in card.sources if one in sources))
+    return Origins(sources=sources, provider=tuple(dict.fromkeys(used)))
 
 
 class VerificationPolicy(Value):

@@ -71,6 +71,7 @@ class Gate:
         self._locks: WeakValueDictionary[StreamId, RLock] = WeakValueDictionary()
         self._near: LRUCache[StreamId, RLock] = LRUCache(KEPT_STREAMS)
         self._making = Lock()
+        self._from_snapshots: set[StreamId] = set()
         self._authority = authority
 
     def state(self, stream: StreamId) -> Any:
@@ -78,11 +79,37 @@ class Gate:
         with self._lock(stream):
             return self._folded(stream)[0]
 
+    def _loaded(self, request: CommandEnvelope) -> tuple[Any, int]:
+        """What the command is decided on, and its version: where the decider asks for it, the events themselves."""
+        state, version = self._folded(request.stream)
+        decider = self._decider(request.stream)
+        if request.stream in self._from_snapshots and isinstance(request.command, decider.from_events):
+            events = self._store.load(request.stream)
+            state, version = self._fold_of(decider, events), len(events)
+            self._from_snapshots.discard(request.stream)
+            self._advance(request.stream, state, version)
+        return state, version
+
+    def audit_snapshots(self) -> ports.SnapshotFindings:
+        """Compare every stored snapshot with the fold of the events it stands for. Raises LogDamaged."""
+
+        def fold(stream: StreamId, version: int) -> Any:
+            decider = self._decider(stream)
+            return self._fold_of(decider, self._store.load(stream)[:version])
+
+        return self._snapshots.audit(fold) if self._snapshots else ports.SnapshotFindings()
+
+    @staticmethod
+    def _fold_of(decider: Decider[Any, Any, Any], events: Iterable[ports.StoredEvent]) -> Any:
+        return decider.fold(decider.initial, (decider.codec.decode(event) for event in events))
+
     def _folded(self, stream: StreamId) -> tuple[Any, int]:
         """The fold and its version; the caller holds the stream's lock."""
         decider = self._decider(stream)
         known = self._folds.get(stream)
         state, version = known or self._restored(stream, decider)
+        if known is None:
+            (self._from_snapshots.add if version else self._from_snapshots.discard)(stream)
         tail = self._store.load(stream, version)
         if tail:
             state = decider.fold(state, (decider.codec.decode(event) for event in tail))
@@ -106,7 +133,7 @@ class Gate:
                 for request in requests:
                     if revoked := self._authority(request.command):
                         return revoked
-                    state, version = self._folded(request.stream)
+                    state, version = self._loaded(request)
                     decision = self._decider(request.stream).decide(state, request.command, now)
                     if isinstance(decision, Refused):
                         return decision

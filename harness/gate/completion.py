@@ -74,7 +74,13 @@ def declarable(
     if mission.rules < LINEAGE or verdict.verdict != "ambiguous":
         return ()
     node = next((one for one in required_contract(mission).nodes if one.node_id == packet.identity.node_id), None)
-    effects = declared_effects_of(verdict, packet=packet, node=node) if node else ()
+    effects = (
+        declared_effects_of(
+            verdict, packet=packet, node=node, proposals=proposals_for(packet, mission.of(node.node_id).packets)
+        )
+        if node
+        else ()
+    )
     named = {effect.condition_id for effect in effects}
     others = tuple(result for result in verdict.results if result.condition_id not in named)
     accepted = strictest(tuple(result.verdict for result in others)) if others else "satisfied"

@@ -1,6 +1,6 @@
 """Compiles a person's request to the task contract of a mission; equal requests are compiled once."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from threading import Lock
 
 from cachetools import LRUCache
@@ -13,6 +13,7 @@ from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import encode
 from harness.goals.reader import GoalReader
 from harness.goals.satisfiable import check_sources
+from harness.goals.sources import RobotSources
 from harness.goals.understanding import GoalRequest, Understood, compiled, read_again, understand
 
 CACHED = 16
@@ -20,8 +21,9 @@ CACHED = 16
 
 
 class ContractCompiler:
-    """`beside`: templates that may be started although no configuration holds them. `measured`: what the independent
-    sources of each connected robot can show; a robot without a connection has none that could be asked.
+    """`beside`: templates that may be started although no configuration holds them.
+
+    `sources`: what each connected robot can be judged by; nothing is known of a robot without a connection.
     """
 
     def __init__(
@@ -29,10 +31,10 @@ class ContractCompiler:
         *,
         beside: Sequence[TaskTemplate],
         reader: GoalReader,
-        measured: Mapping[RobotId, Collection[str]],
+        sources: Mapping[RobotId, RobotSources],
         rules: RulesVersion,
     ) -> None:
-        self._beside, self._reader, self._measured, self._rules = beside, reader, measured, rules
+        self._beside, self._reader, self._sources, self._rules = beside, reader, sources, rules
         self._contracts: LRUCache[bytes, TaskContract] = LRUCache(CACHED)
         self._caching = Lock()
 
@@ -51,17 +53,28 @@ class ContractCompiler:
         among it.
         """
         contract = self._compiled(request, self._templates(configuration, instead), site)
-        if robot_id in self._measured:
-            check_sources(contract, supplied=self._measured[robot_id], rules=self._rules)
+        return self.checked(contract, robot_id=robot_id, site=site)
+
+    def checked(self, contract: TaskContract, *, robot_id: RobotId, site: Site) -> TaskContract:
+        """The contract, where the sources of this robot can show its conditions to hold. Raises Unsatisfiable."""
+        if robot_id in self._sources:
+            check_sources(contract, robot=self._sources[robot_id], site=site, rules=self._rules)
         return contract
 
     def understood(self, request: GoalRequest, configuration: Configuration, *, site: Site) -> Understood:
         """What the goal of the request means now. Raises as `contract` does."""
         return understand(request, templates=self._templates(configuration, None), site=site, reader=self._reader)
 
-    def again(self, contract: TaskContract, configuration: Configuration, *, site: Site) -> TaskContract | None:
-        """A contract's reading compiled under another configuration; None for a contract without a reading (D62)."""
-        return read_again(contract, templates=self._templates(configuration, None), site=site, rules=self._rules)
+    def again(
+        self, contract: TaskContract, configuration: Configuration, *, robot_id: RobotId, site: Site
+    ) -> TaskContract | None:
+        """A contract's reading compiled under another configuration; None for a contract without a reading (D62).
+
+        Raises as `contract` does.
+        """
+        templates = self._templates(configuration, None)
+        again = read_again(contract, templates=templates, site=site, rules=self._rules)
+        return self.checked(again, robot_id=robot_id, site=site) if again is not None else None
 
     def _templates(self, configuration: Configuration, instead: TaskTemplate | None) -> tuple[TaskTemplate, ...]:
         """What may be started: the configuration's own, then those beside it."""

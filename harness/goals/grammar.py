@@ -6,9 +6,10 @@ Whatever no rule takes stays unread, with the reason.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import takewhile
 
 from harness.contracts.readings import Act, Clause, ClauseObject, TextSpan, Unread, UnreadWhy
-from harness.goals.lexicon import LOOKING_AROUND
+from harness.goals.lexicon import LOOKING_AROUND, TELLING_SIGHT
 from harness.goals.tokens import QUOTES, TextToken
 from harness.goals.words import Item, Meaning, Phrases
 
@@ -27,6 +28,8 @@ ACCEPTED: dict[Act, tuple[str, ...]] = {
 }
 """What kinds of object a verb takes. A prohibition may also name a zone."""
 NEEDS_OBJECT = frozenset({"go", "inspect", "walk_route"})
+GOING = "去"
+VERBS = frozenset({"verb", "asks", "passes", "done", "tail", "attached", "avoid"})
 SWALLOWED: dict[str, UnreadWhy] = {"condition": "condition", "time": "time", "or": "alternative"}
 MOST_TIMES = 99
 LOOKING: tuple[Act, ...] = ("photograph", "describe")
@@ -47,6 +50,8 @@ class ClauseDraft:
     asking: bool = False
     passing: bool = False
     around: bool = False
+    telling: bool = False
+    """A report of what is seen: of a picture, or on the way to a place, a description."""
     meant: ClauseObject | None = None
     """The place named last before this verb: what it is about if it names none itself."""
     beside: ClauseObject | None = None
@@ -78,7 +83,8 @@ def items(found: Sequence[TextToken], phrases: Phrases) -> list[Item]:
         phrase = phrases.at(found, index) if token.kind == "word" else None
         length, word = phrase if phrase else (1, _unknown(token))
         last = found[index + length - 1]
-        made.append(Item(word, token.start, last.end, token.text))
+        written = " ".join(one.text for one in found[index : index + length])
+        made.append(Item(word, token.start, last.end, written))
         index += length
     return _numbered(made)
 
@@ -89,6 +95,22 @@ def parse(found: Sequence[Item]) -> Parse:
     for sentence in _sentences(found):
         _sentence(sentence, state)
     return state
+
+
+def described(drafts: Sequence[ClauseDraft]) -> list[ClauseDraft]:
+    """The drafts, with reports of what is seen as descriptions where they tell of a picture or of where the way led.
+
+    "Take a picture and tell me what is there"; by itself "tell me what you see" is of here. What was inspected,
+    explored or described is told by its own report.
+    """
+    made: list[ClauseDraft] = []
+    for draft in drafts:
+        before = made[-1] if made else None
+        seen = before is None or (before.act in ("photograph", "go") and not before.negated)
+        if draft.telling and seen and not draft.negated and draft.count == 1:
+            draft = replace(draft, act="describe")
+        made.append(draft)
+    return made
 
 
 def clause_of(draft: ClauseDraft) -> Clause:
@@ -122,13 +144,15 @@ def _quotation(found: Sequence[TextToken], index: int, phrases: Phrases, made: l
 
 
 def _numbered(made: Sequence[Item]) -> list[Item]:
-    """Numbers with their unit become counts or laps: "3 times", "two laps of"."""
+    """Numbers with their unit become counts, laps or times: "3 times", "two laps of", "ten minutes"."""
     joined: list[Item] = []
     for item in made:
         before = joined[-1] if joined else None
         if item.kind in ("times", "laps") and before is not None and before.kind == "number":
             kind = "count" if item.kind == "times" else "laps"
             joined[-1] = Item(Meaning(kind, number=before.word.number), before.start, item.end, kind)
+        elif item.kind == "time" and before is not None and before.kind == "number":
+            joined[-1] = Item(item.word, before.start, item.end, "time")
         else:
             joined.append(item)
     return joined
@@ -149,7 +173,7 @@ def _sentence(sentence: Sequence[Item], state: Parse) -> None:
     part: list[Item] = []
     began = len(state.clauses)
     ordering = _Ordering(state, began)
-    kept = _swallowed(sentence, state)
+    kept = _led_on(_swallowed(sentence, state))
     for index, item in enumerate(kept):
         following = kept[index + 1].kind if index + 1 < len(kept) else "stop"
         if item.kind == "and" and part and (_joins_nothing(part) or ordering.names_only(part)):
@@ -165,6 +189,27 @@ def _sentence(sentence: Sequence[Item], state: Parse) -> None:
             part.append(item)
     ordering.part(links, part)
     ordering.close(() if part else links)
+
+
+def _led_on(found: Sequence[Item]) -> list[Item]:
+    """ "再去储物区": where no other verb follows, the connector's own 去 is the verb of its part, its last word too."""
+    made: list[Item] = []
+    for index, item in enumerate(found):
+        follows = list(takewhile(lambda one: one.kind not in CONNECTORS, found[index + 1 :]))
+        kinds = {one.kind for one in follows}
+        led = not follows or ("name" in kinds and not kinds & VERBS)
+        if item.kind in ("then", "first") and item.text.endswith(GOING) and led:
+            if not made or made[-1].kind != "neg":
+                made.append(Item(item.word, item.start, item.end - 1, item.text[:-1]))
+            made.append(Item(Meaning("verb", act="go"), _begin_of(made, item), item.end, GOING))
+        else:
+            made.append(item)
+    return made
+
+
+def _begin_of(made: Sequence[Item], item: Item) -> int:
+    """Where the verb in a connector begins: behind the connector, or with it where a "do not" swallowed that."""
+    return item.start if made and made[-1].kind == "neg" else item.end - 1
 
 
 def _joins_nothing(part: Sequence[Item]) -> bool:
@@ -306,9 +351,11 @@ class _Builder:
                 self._counted(item)
             case "tail" | "attached":
                 self._tail(item)
+            case "both" if after is None or after.kind not in ("name", "preposition", "filler"):
+                self._leave(item, "ambiguous")
             case "preposition":
                 self._glue.append(_span(item))
-            case "filler" | "stop" | "sep" | "and" | "then" | "first":
+            case "filler" | "stop" | "sep" | "and" | "then" | "first" | "both":
                 self._state.fillers.append(_span(item))
             case _:
                 self._leave(item)
@@ -359,6 +406,7 @@ class _Builder:
             asking=item.kind == "asks",
             passing=item.kind == "passes",
             around=item.word.number == LOOKING_AROUND,
+            telling=item.word.number == TELLING_SIGHT,
             meant=self._state.place,
         )
         self._glue = []
@@ -369,6 +417,8 @@ class _Builder:
             self._leave(item)
             return
         self._made.append(self._led(draft))
+        if draft.act == "return":
+            return
         waiting, self._named = self._named, []
         for number, one in enumerate(waiting):
             if number and one.kind == "name":
@@ -491,7 +541,8 @@ class _Builder:
     def _coordinate(self) -> None:
         """ "check the dock and the storage area": the second name takes the verb of the first."""
         before = self._state.clauses[-1] if self._state.clauses else None
-        if before is None or before.object is None or before.negated or not {"and", "sep"} >= set(self._links):
+        linked = {"and", "sep", "then"} >= set(self._links)
+        if before is None or before.object is None or before.negated or before.act == "return" or not linked:
             return
         waiting, self._named = self._named, []
         self._made.append(ClauseDraft(act=before.act, spans=tuple(self._glue)))

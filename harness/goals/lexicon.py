@@ -14,6 +14,8 @@ from harness.goals.words import Meaning
 LANGUAGES = ("en", "zh")
 LOOKING_AROUND = 2
 """The `number` of a verb that explores where nothing is named, and inspects a place that is."""
+TELLING_SIGHT = 3
+"""The `number` of a report that tells what is seen: of a picture, or at a place, that is a description."""
 
 
 class Lexicon(Value):
@@ -28,6 +30,7 @@ class Lexicon(Value):
     counts: dict[str, int] = msgspec.field(default_factory=dict)
     passes: str = ""
     looks: str = ""
+    sights: str = ""
     appearances: str = ""
     done: dict[Act, str] = msgspec.field(default_factory=dict)
     asks: str = ""
@@ -46,6 +49,7 @@ def meanings() -> Iterator[tuple[str, Meaning]]:
     """Every phrase with its meaning; of equal phrases the first one counts."""
     for lexicon in lexicons():
         yield from _counting(lexicon)
+        yield from _listed(lexicon.sights, Meaning("verb", act="report", number=TELLING_SIGHT))
         for act, text in lexicon.verbs.items():
             yield from _listed(text, Meaning("verb", act=act))
         for act, text in lexicon.done.items():

@@ -15,7 +15,7 @@ from harness.contracts.ids import sha256
 from harness.contracts.places import Site
 from harness.contracts.readings import Clause, ClauseObject, Reading, TextSpan, Unread
 from harness.contracts.reasons import because
-from harness.goals.grammar import ClauseDraft, clause_of, items, parse
+from harness.goals.grammar import LOOKING, ClauseDraft, clause_of, described, items, parse
 from harness.goals.lexicon import meanings
 from harness.goals.names import known_object, object_of_route, site_names
 from harness.goals.tokens import tokens
@@ -40,9 +40,13 @@ def read_goal(text: str, *, site: Site) -> Reading:
     Raises ContractInvalid for a site whose names are ambiguous.
     """
     found = parse(items(tokens(text), _phrases(site)))
-    tied = [draft for draft in found.clauses if _tied(draft, site)]
-    torn = [span for draft in found.clauses if draft not in tied for span in draft.spans]
-    clauses = [_bound(clause_of(draft), site) for draft in tied]
+    drafts = described(found.clauses)
+    tied = [draft for draft in drafts if _tied(draft, site)]
+    torn = [span for draft in drafts if draft not in tied for span in draft.spans]
+    read = [_bound(clause_of(draft), site) for draft in tied]
+    several = _of_several(read)
+    clauses = [one for one in read if all(one is not other for other in several)]
+    torn += [span for clause in several for span in clause.spans]
     unread = [*found.unread, *_unbound(clauses), *(Unread(span=span, why="ambiguous") for span in torn)]
     kept = [_tidy(clause, text) for clause in _joined(_looking([one for one in clauses if _is_bound(one)]))]
     reading = Reading(
@@ -59,7 +63,7 @@ def read_goal(text: str, *, site: Site) -> Reading:
     return replace(reading, unread=_merged_unread([*unread, *missed], text))
 
 
-GRAMMAR_NAME, GRAMMAR_VERSION = "grammar", "1"
+GRAMMAR_NAME, GRAMMAR_VERSION = "grammar", "2"
 GRAMMAR = GoalReader(name=GRAMMAR_NAME, version=GRAMMAR_VERSION, read=lambda text, site: read_goal(text, site=site))
 """The deterministic reader: no model."""
 
@@ -136,13 +140,29 @@ def _looking(clauses: Sequence[Clause]) -> list[Clause]:
     """A picture or description without a place is of the place that the clause before it is about, else from here."""
     made: list[Clause] = []
     for clause in clauses:
-        if clause.act in ("photograph", "describe") and clause.object is None and not clause.negated:
+        if _placeless(clause):
             before = made[-1] if made else None
             there = before is not None and not before.negated and before.object is not None
             same = there and before is not None and before.act in ("go", "inspect", "photograph", "describe")
             clause = replace(clause, object=before.object if before and same else ClauseObject(kind="here"))
         made.append(clause)
     return made
+
+
+def _placeless(clause: Clause) -> bool:
+    return clause.act in LOOKING and clause.object is None and not clause.negated
+
+
+def _of_several(clauses: Sequence[Clause]) -> list[Clause]:
+    """Pictures and descriptions without a place that follow those of two places: of which, nobody said."""
+    found = []
+    for index, clause in enumerate(clauses):
+        one, two = clauses[index - 2 : index] if index > 1 else (None, None)
+        listed = one is not None and two is not None and one.act == two.act and one.act in LOOKING
+        apart = listed and one is not None and two is not None and None not in (one.object, two.object)
+        if _placeless(clause) and apart and one is not None and two is not None and one.object != two.object:
+            found.append(clause)
+    return found
 
 
 def _is_bound(clause: Clause) -> bool:

@@ -1,6 +1,6 @@
 """Finds conditions that could never be shown to hold, before anything moves (D42). Pure."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 
 from harness.contracts.capabilities import Capability
@@ -9,10 +9,12 @@ from harness.contracts.errors import Unsatisfiable
 from harness.contracts.places import Site
 from harness.contracts.readings import ClauseObject
 from harness.contracts.reasons import because
-from harness.contracts.rules import LINEAGE, RulesVersion
-from harness.contracts.tasks import Node, TaskContract
+from harness.contracts.rules import LINEAGE, RulesVersion, required_independence
+from harness.contracts.tasks import Node, TaskContract, goal_independence, rests_on
 from harness.contracts.values import Point
+from harness.goals.sources import Reachable, RobotSources, rests_on_sources
 from harness.planning.clauses import region_of
+from harness.verification.finding import BOOKKEEPING, RECEIPTS
 from harness.verification.geometry import contains
 from harness.verification.predicates.registry import predicate_of
 
@@ -67,30 +69,50 @@ MEASURED_APART = frozenset({"heard", "message_stored", "passage_checked"})
 """The predicates that nothing but an independent source can show to hold; such a source is installed with a robot."""
 
 
-def check_sources(contract: TaskContract, *, supplied: Collection[str], rules: RulesVersion) -> None:
-    """Raise Unsatisfiable for the first condition that no source of this robot can show to hold (D17, D42).
+def check_sources(contract: TaskContract, *, robot: RobotSources, site: Site, rules: RulesVersion) -> None:
+    """Raise Unsatisfiable for the first condition that the sources of this robot cannot show to hold (D17, D42).
 
-    `supplied`: the predicates that its independent sources are able to measure. A condition that its stage declares
-    needs none, nor does one of the goal that rests on such a stage.
+    Either no source measures it at all, or none is as independent as the condition must be. A condition that its stage
+    declares needs none, nor does one of the goal that rests on such a stage.
     """
     if rules < LINEAGE:
         return
-    declared = {
-        one.effect.predicate
-        for node in contract.nodes
-        for one in node.success_conditions
-        if one.condition_id in (node.evidence.declared or ())
-    }
-    stages = ((f"nodes.{node.node_id}", node, one) for node in contract.nodes for one in node.success_conditions)
-    needed = [(where, one) for where, node, one in stages if one.condition_id not in (node.evidence.declared or ())]
-    goal = [one for one in contract.completion_conditions if one.effect.predicate not in declared]
-    for where, condition in (*needed, *(("completion_conditions", one) for one in goal)):
-        if condition.effect.predicate in MEASURED_APART - set(supplied):
-            raise Unsatisfiable(
-                f"No source apart from the provider can show {condition.condition_id}: {condition.effect.predicate}",
-                where=where,
-                do="connect such a source to this robot, or declare the condition in the stage's evidence policy",
-            )
+    reachable = Reachable(contract, robot, site.vouched)
+    for node in contract.nodes:
+        where = f"nodes.{node.node_id}"
+        for one in node.success_conditions:
+            if one.condition_id in node.declared:
+                continue
+            _check_measured(one, robot, where)
+            required = required_independence(rules, risk=node.risk, asked=one.independence)
+            _check_level(one, reachable.of_stage(one, node), required, where)
+    declaring = frozenset(node.node_id for node in contract.nodes if node.declared)
+    for one in contract.completion_conditions:
+        if rests_on(one.effect, declaring):
+            continue
+        _check_measured(one, robot, "completion_conditions")
+        required = goal_independence(one, contract.nodes, rules=rules)
+        _check_level(one, reachable.of_goal(one), required, "completion_conditions")
+
+
+def _check_measured(condition: Condition, robot: RobotSources, where: str) -> None:
+    predicate = condition.effect.predicate
+    if predicate in MEASURED_APART - robot.measures:
+        raise Unsatisfiable(
+            because("source_missing", condition_id=condition.condition_id, predicate=predicate), where=where
+        )
+
+
+def _check_level(condition: Condition, level: int | None, required: int, where: str) -> None:
+    if level is None or level >= required:
+        return
+    sources = tuple(one for one in rests_on_sources(condition.effect) or () if one not in (*BOOKKEEPING, RECEIPTS))
+    name = condition.condition_id
+    if not sources:
+        raise Unsatisfiable(because("word_alone", condition_id=name, predicate=condition.effect.predicate), where=where)
+    raise Unsatisfiable(
+        because("level_out_of_reach", condition_id=name, sources=sources, level=level, required=required), where=where
+    )
 
 
 def _conditions(contract: TaskContract) -> Iterator[tuple[str, Condition]]:

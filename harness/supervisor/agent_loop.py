@@ -224,6 +224,7 @@ class AgentLoop:
             if now_s < self._relook_s:
                 return min(now_s + POLL_S, self._relook_s)
         measured = self._measurements.of_goal(mission)
+        self._observations.collect(None)  # measuring took its time: what the goal says of now is judged on now
         context = goal_context(replace(self._roles.view(mission), measured=measured))
         verdict = verify_goal(context, self._runtime.blob)
         self._runtime.submit(

@@ -59,7 +59,8 @@ def _recompiled(runtime: Runtime, mission: Mission, configuration: Configuration
     if mission.template not in {template.name for template in runtime.configuration_of(mission).templates}:
         return contract
     template = by_name(mission.template, configuration.templates)
-    return compile_again(contract, template=template, site=runtime.site, rules=runtime.rules)
+    again_named = compile_again(contract, template=template, site=runtime.site, rules=runtime.rules)
+    return runtime.checked(mission.robot_id, again_named)
 
 
 def check_readable(runtime: Runtime, mission: Mission) -> None:

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from harness.contexts.view import forbidden_m
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Refused
 from harness.contracts.effects import Metric
@@ -18,7 +19,7 @@ from harness.contracts.observations import Trajectory
 from harness.contracts.ports import Record
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.reasons import Reason, because
-from harness.contracts.revision_commands import ReviseToRecover
+from harness.contracts.revision_commands import PassOverStep, ReviseToRecover
 from harness.contracts.tasks import Node, TaskContract
 from harness.contracts.values import Point, decode, digest
 from harness.exploration.detours import detour
@@ -58,42 +59,67 @@ class Revisions:
         self._roles = roles
         self._runtime = roles.runtime
 
+    def takes_frames_anew(self, mission: Mission, failure: Failure, proposal: RecoveryProposal) -> bool:
+        """Whether the step looks again by taking frames anew, from where the body stands."""
+        contract = required_contract(mission)
+        reads = views.frames_of(contract, contract.node(failure.node_id))
+        return proposal.action == "re_perceive" and reads is not None
+
     def carry_out(self, mission: Mission, failure: Failure, proposal: RecoveryProposal, c4: Context) -> bool:
-        """Whether the step became a revision; False where it can change nothing this way, or the gate refused it."""
+        """Whether the step is done with: as a revision, or passed over where there is no other route to plan.
+
+        False where the step is an invocation of its own, or the gate refused the revision.
+        """
         contract = required_contract(mission)
         node = contract.node(failure.node_id)
         planned = self._planned(mission, contract, node, proposal)
         if planned is None:
             return False
-        command = ReviseToRecover(
+        signature = Signature(
+            action=proposal.action,
+            provider_id=proposal.provider_id or ProviderId(PLANNER),
+            provider_version=PLANNER,
+            parameters=digest(planned.contract if isinstance(planned, Revision) else contract),
+            failure=proposal.failure,
+        )
+        command = self._command(node, proposal, planned, signature=signature, c4=c4)
+        records = (context_record(c4), *(planned.records if isinstance(planned, Revision) else ()))
+        return not isinstance(self._runtime.submit(mission.mission_id, command, records=records), Refused)
+
+    def _command(
+        self, node: Node, proposal: RecoveryProposal, planned: Revision | Reason, *, signature: Signature, c4: Context
+    ) -> ReviseToRecover | PassOverStep:
+        if isinstance(planned, Reason):
+            return PassOverStep(
+                node_id=node.node_id,
+                proposal=proposal,
+                signature=signature,
+                context=c4.digest,
+                reason=because("step_not_applicable", action=proposal.action, why=planned),
+                at_s=self._roles.connection.clock.now().mission_s,
+            )
+        return ReviseToRecover(
             node_id=node.node_id,
             contract=planned.contract,
             reopened=planned.reopened,
             proposal=proposal,
-            signature=Signature(
-                action=proposal.action,
-                provider_id=proposal.provider_id or ProviderId(PLANNER),
-                provider_version=PLANNER,
-                parameters=digest(planned.contract),
-                failure=proposal.failure,
-            ),
+            signature=signature,
             context=c4.digest,
             planner=PLANNER,
             reason=planned.reason,
         )
-        records = (context_record(c4), *planned.records)
-        return not isinstance(self._runtime.submit(mission.mission_id, command, records=records), Refused)
 
     def _planned(
         self, mission: Mission, contract: TaskContract, node: Node, proposal: RecoveryProposal
-    ) -> Revision | None:
+    ) -> Revision | Reason | None:
+        """What the step changes; why it can change nothing; None where it is an invocation of its own."""
         source = views.frames_of(contract, node)
         if proposal.action in OBSERVING and source is not None:
             again = views.seen_anew(contract, node, source)
             if proposal.action == "re_perceive":
                 return Revision(contract, again, because("frames_taken_anew", stage=source.node_id))
             return self._elsewhere(mission, contract, node, source, again)
-        if proposal.action == "local_replan" and "navigate" in node.capabilities:
+        if proposal.action == "local_replan":
             return self._around(mission, contract, node)
         return None
 
@@ -127,17 +153,19 @@ class Revisions:
         )
         return Revision(revised, again, reason, (record("local-map", grid),))
 
-    def _around(self, mission: Mission, contract: TaskContract, node: Node) -> Revision | None:
-        """Another route around what the lidar showed on the old one."""
+    def _around(self, mission: Mission, contract: TaskContract, node: Node) -> Revision | Reason:
+        """Another route around what the lidar showed on the old one, or why there is none."""
         position, route = self._roles.position(), _points(node.parameters.get("route"))
-        if position is None or len(route) < 2:
-            return None
+        if "navigate" not in node.capabilities or len(route) < 2:
+            return because("drives_no_route", stage=node.node_id)
+        if position is None:
+            return because("not_localised_now")
         grid, ways = self._map(mission, position, clearance_cells=NARROWEST_CELLS)
         effects = [one.effect for one in node.success_conditions]
         beside = any(isinstance(one, Metric) and one.predicate in ROUND for one in effects)
         found = detour(grid, ways, route, position, beside=beside)
         if not found:
-            return None
+            return because("no_detour", stage=node.node_id)
         length_m = math.fsum(math.dist(a, b) for a, b in pairwise(found))
         reason = because("route_revised", stage=node.node_id, corners=len(found), length_m=length_m)
         return Revision(views.rerouted(contract, node, found), (), reason, (record("local-map", grid),))
@@ -153,7 +181,7 @@ class Revisions:
             decode(self._runtime.blob(one.blob), Trajectory) for packet in ordered for one in packet.estimates
         ]
         grid = merged(nothing, usable(nothing, trajectories), self._runtime.blob)
-        keep_out = tuple(one.region_m for one in site.places if one.place_id in contract.constraints.keep_out)
+        keep_out = tuple(forbidden_m(site, contract.constraints.keep_out).values())
         return grid, Ways(grid, position, keep_out_m=keep_out, clearance_cells=clearance_cells)
 
 

@@ -58,12 +58,19 @@ def facts_of(
     )
 
 
-def declared_effects_of(verdict: NodeVerdict, *, packet: EvidencePacket, node: Node) -> tuple[DeclaredEffect, ...]:
+def declared_effects_of(
+    verdict: NodeVerdict, *, packet: EvidencePacket, node: Node, proposals: Sequence[ProposedFact] = ()
+) -> tuple[DeclaredEffect, ...]:
     """The effects that the node's evidence policy lets stand on the provider's word, where only that word shows them.
 
-    Nothing that was refuted, and nothing that lacks mandatory evidence.
+    Nothing that was refuted, nothing that lacks mandatory evidence, and nothing that the provider did not propose:
+    where it gave no word there is none to stand on (D52).
     """
-    conditions = {one.condition_id: one for one in node.success_conditions if one.condition_id in node.declared}
+    conditions = {
+        one.condition_id: one
+        for one in node.success_conditions
+        if one.condition_id in node.declared and (written_by_harness(packet) or proposed(one, proposals))
+    }
     return tuple(
         DeclaredEffect(
             name=condition.effect.predicate,

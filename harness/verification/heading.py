@@ -58,10 +58,14 @@ def _share(hits: Floats, walls: tuple[Point, ...], near: Point, yaw: float) -> f
 
 def _from_walls(points: Floats, walls: tuple[Point, ...]) -> Floats:
     """Distance of points (..., 2) to the nearest side of the outline, metres."""
+    x, y = points[..., 0], points[..., 1]
     nearest = np.full(points.shape[:-1], np.inf)
-    for start, end in zip(walls, (*walls[1:], walls[0]), strict=True):
-        along = np.array(end) - np.array(start)
-        length = max(float(along @ along), 1e-12)
-        share = np.clip(((points - np.array(start)) @ along) / length, 0.0, 1.0)
-        nearest = np.minimum(nearest, np.linalg.norm(points - (np.array(start) + share[..., None] * along), axis=-1))
-    return nearest
+    for (from_x, from_y), (to_x, to_y) in zip(walls, (*walls[1:], walls[0]), strict=True):
+        along_x, along_y = to_x - from_x, to_y - from_y
+        length = max(along_x * along_x + along_y * along_y, 1e-12)
+        off_x, off_y = x - from_x, y - from_y
+        share = np.clip((off_x * along_x + off_y * along_y) / length, 0.0, 1.0)
+        off_x -= share * along_x
+        off_y -= share * along_y
+        nearest = np.minimum(nearest, off_x * off_x + off_y * off_y)
+    return np.asarray(np.sqrt(nearest))

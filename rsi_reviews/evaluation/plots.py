@@ -21,6 +21,10 @@ PLOTS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
 )  # fmt: skip
 
 
+BarGroup = tuple[str, Sequence[tuple[int, str, ConfidenceInterval]]]
+"""A group's name, and its bars."""
+
+
 def plots(found: EvaluationReport) -> dict[str, str]:
     """File name without its suffix -> SVG text."""
     return {name: plot(found, measure, title, arms) for name, measure, title, arms in PLOTS}
@@ -28,29 +32,44 @@ def plots(found: EvaluationReport) -> dict[str, str]:
 
 def plot(found: EvaluationReport, measure: str, title: str, arms: Sequence[str]) -> str:
     """Shares of missions by condition (rows) and arm (bars), with 95 % intervals."""
+    groups = [
+        (
+            condition.name,
+            [
+                (at, f"{one.arm}, {condition.name}", getattr(one, measure))
+                for at, name in enumerate(arms)
+                if (one := found.cell(name, condition.name)) is not None
+            ],
+        )
+        for condition in found.conditions
+    ]
+    return bars(title, f"share of {found.missions_per_cell} missions, 95 % Clopper-Pearson", groups, legend=arms)
+
+
+def bars(title: str, unit: str, groups: Sequence[BarGroup], *, legend: Sequence[str], most: float = 1.0) -> str:
+    """Shares with their intervals, one group of bars below the other; the scale ends at `most`.
+
+    A bar is the place of its colour in the legend, what it is, and the share.
+    """
     parts: list[str] = []
-    y = TOP + 6 + ROW * ((len(arms) + 2) // 3)
-    top = y
-    for condition in found.conditions:
-        cells = [(at, one) for at, name in enumerate(arms) if (one := found.cell(name, condition.name)) is not None]
-        if not cells:
+    y = top = TOP + 6 + ROW * ((len(legend) + 2) // 3)
+    for name, rates in groups:
+        if not rates:
             continue
-        middle = y + ROW * len(cells) / 2 + 1
-        parts.append(_text(LEFT - 10, middle, condition.name, anchor="end"))
-        for at, one in cells:
-            parts += _bar(y, getattr(one, measure), COLOURS[at % len(COLOURS)], f"{one.arm}, {condition.name}")
+        parts.append(_text(LEFT - 10, y + ROW * len(rates) / 2 + 1, name, anchor="end"))
+        for at, label, rate in rates:
+            parts += _bar(y, rate, COLOURS[at % len(COLOURS)], label, most)
             y += ROW
         y += GROUP
-    scale = [_tick(share, top, y) for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
     height = y + 24
     return "\n".join(
         [
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {LEFT + WIDTH + 70} {height}" role="img"'
             f' font-family="system-ui, sans-serif" font-size="12">',
             f"<title>{escape(title)}</title>",
-            _text(12, 20, f"{title} (share of {found.missions_per_cell} missions, 95 % Clopper-Pearson)"),
-            *_legend(arms),
-            *scale,
+            _text(12, 20, f"{title} ({unit})"),
+            *_legend(legend),
+            *(_tick(share, top, y, most) for share in (0.0, 0.25, 0.5, 0.75, 1.0)),
             *parts,
             "</svg>",
             "",
@@ -58,11 +77,11 @@ def plot(found: EvaluationReport, measure: str, title: str, arms: Sequence[str])
     )
 
 
-def _bar(y: float, rate: ConfidenceInterval, colour: str, name: str) -> list[str]:
+def _bar(y: float, rate: ConfidenceInterval, colour: str, name: str, most: float) -> list[str]:
     at = y + ROW / 2
-    x = LEFT + WIDTH * rate.value
-    low, high = LEFT + WIDTH * rate.low, LEFT + WIDTH * rate.high
-    said = f"{name}: {100 * rate.value:.0f} % ({100 * rate.low:.1f} to {100 * rate.high:.1f}), n = {rate.n}"
+    x, low, high = (LEFT + WIDTH * min(one / most, 1.0) for one in (rate.value, rate.low, rate.high))
+    digits = 0 if most >= 0.1 else 2
+    said = f"{name}: {100 * rate.value:.{digits}f} % ({100 * rate.low:.{digits + 1}f} to {100 * rate.high:.{digits + 1}f}), n = {rate.n}"
     return [
         f'<g><title>{escape(said)}</title><rect x="{LEFT}" y="{at - BAR / 2:.1f}" width="{max(x - LEFT, 1):.1f}"'
         f' height="{BAR}" fill="{colour}"/>',
@@ -71,10 +90,11 @@ def _bar(y: float, rate: ConfidenceInterval, colour: str, name: str) -> list[str
     ]
 
 
-def _tick(share: float, top: float, bottom: float) -> str:
+def _tick(share: float, top: float, bottom: float, most: float) -> str:
     x = LEFT + WIDTH * share
     line = f'<path d="M{x:.1f} {top - 4:.1f}V{bottom:.1f}" stroke="{INK}" stroke-opacity="0.3"/>'
-    return line + _text(x, bottom + 14, f"{100 * share:.0f} %", anchor="middle")
+    digits = 0 if most >= 0.1 else 2
+    return line + _text(x, bottom + 14, f"{100 * share * most:.{digits}f} %", anchor="middle")
 
 
 def _legend(arms: Sequence[str]) -> list[str]:

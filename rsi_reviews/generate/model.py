@@ -30,8 +30,7 @@ from rsi_reviews.generate.errors import ModelSilent
 from rsi_reviews.generate.interface import GenerationBudget
 from rsi_reviews.generate.summary import TraceSummary, summary
 from rsi_reviews.generate.trace import Trace
-from rsi_reviews.manifest import unfounded
-from rsi_reviews.restrictions import loosened
+from rsi_reviews.static_check import objections
 
 NO_KEY = "none"
 INSTRUCTIONS = f"""You tune the recovery of a robot's task harness. You are given counts of what missions recorded and
@@ -102,7 +101,7 @@ class ModelGenerator:
         """
         change = read_answer(self._asked(encode(shown(trace, current)).decode()), current, trace)
         found = candidate(change, current, author=Author(name=self.name, kind="optimiser"))
-        refused = (*loosened(current, found.configuration), *unfounded(found, current))
+        refused = objections(found, current)
         if refused:
             raise CandidateInvalid(refused[0].reason, rule=refused[0].rule, where=refused[0].path, do="ask again")
         _check(found.configuration)

@@ -15,7 +15,7 @@ from rsi_reviews.generate.ladders import SMALLEST_EFFECT
 from rsi_reviews.generate.miner import ranked
 from rsi_reviews.generate.times import SMALLEST_S
 from rsi_reviews.generate.trace import Trace
-from rsi_reviews.restrictions import LOCKED_LADDERS, WAIT_CEILING_S, WEIGHT_CEILING
+from rsi_reviews.restrictions import LOCKED_LADDERS, WAIT_CEILING_S, WEIGHT_CEILING, loosened
 
 FACTORS = (0.5, 2.0, 4.0)
 TIMEOUT_FACTORS = (0.4, 0.6, 0.8)
@@ -36,7 +36,8 @@ class RandomSearch:
     def propose(self, trace: Trace, current: Configuration, budget: GenerationBudget) -> tuple[Candidate, ...]:
         """As many different changes as the budget allows."""
         author = Author(name=self.name, kind="optimiser")
-        shuffled = sorted(self._all(current), key=lambda change: self._order(change, budget.seen))
+        legal = (change for change in self._all(current) if not loosened(current, change.configuration))
+        shuffled = sorted(legal, key=lambda change: self._order(change, budget.seen))
         found = ranked(tuple(shuffled), current, budget)
         return tuple(changes.candidate(change, current, author=author) for change in islice(found, budget.candidates))
 

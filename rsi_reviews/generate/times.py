@@ -10,7 +10,7 @@ from harness.contracts.reasons import plain
 from rsi_reviews.generate import changes
 from rsi_reviews.generate.ladders import SMALLEST_EFFECT, TASK_BUDGET
 from rsi_reviews.generate.trace import Trace, TracedExecution
-from rsi_reviews.restrictions import ITEM_CEILINGS, WAIT_CEILING_S
+from rsi_reviews.restrictions import ITEM_CEILINGS, longest_idle_s
 
 WAITED: tuple[FailureClass, ...] = ("precondition_unmet", "resource_conflict")
 LEAST = 2
@@ -23,7 +23,9 @@ SMALLEST_S = 2.0
 
 
 def wait_changes(trace: Trace, current: Configuration) -> Iterator[changes.ProposedChange]:
-    """Longer waits, where waits ended without the result and a person was asked."""
+    """Where waits ended without the result and a person was asked: wait again in the place of a step that cannot help,
+    or, where no wait ever helped, half as long. A person is asked no later than before (D30a).
+    """
     for failure in WAITED:
         waits = [
             step for mission in trace.missions for step in mission.rungs
@@ -31,19 +33,35 @@ def wait_changes(trace: Trace, current: Configuration) -> Iterator[changes.Propo
         ]  # fmt: skip
         in_vain = sum(1 for step in waits if step.came in ("failed_again", "handed_off"))
         asked = sum(1 for mission in trace.missions for one in mission.handoffs if one.failure == failure)
-        longer = min(2.0 * current.recovery.wait_s, WAIT_CEILING_S)
-        if min(in_vain, asked) < LEAST or longer <= current.recovery.wait_s:
+        if min(in_vain, asked) < LEAST:
+            continue
+        wait_s, ladder = current.recovery.wait_s, current.recovery.ladders[failure]
+        if longer := _waiting_again(ladder, wait_s):
+            configuration = changes.with_ladder(current, failure, longer)
+            intended = f"After {failure} it waits again instead of a step that frees nothing."
+        elif in_vain == len(waits):
+            configuration = changes.with_wait(current, 0.5 * wait_s)
+            intended = f"A wait lasts {0.5 * wait_s:g} s instead of {wait_s:g} s, and a person is asked sooner."
+        else:
             continue
         yield changes.ProposedChange(
             section="recovery",
-            configuration=changes.with_wait(current, longer),
+            configuration=configuration,
             reason=f"{in_vain} of {len(waits)} waits after {failure} were in vain; a person was asked {asked} times.",
-            intended=f"A wait lasts {longer:g} s instead of {current.recovery.wait_s:g} s; it costs nothing but time.",
+            intended=intended,
             metric="recovery_cost",
             smallest_effect=SMALLEST_EFFECT,
             worth=0.5 * TASK_BUDGET * asked / len(trace.missions),
             motives=changes.motives(trace, changes.failures_of(failure)),
         )
+
+
+def _waiting_again(ladder: changes.Ladder, wait_s: float) -> changes.Ladder | None:
+    """The ladder with a second wait for the last step before a person; None where a person would be asked later."""
+    if len(ladder) < 3 or ladder[-2] == "wait":
+        return None
+    longer: changes.Ladder = (*ladder[:-2], "wait", "human")
+    return longer if longest_idle_s(longer, wait_s) <= longest_idle_s(ladder, wait_s) else None
 
 
 def timeout_changes(trace: Trace, current: Configuration) -> Iterator[changes.ProposedChange]:

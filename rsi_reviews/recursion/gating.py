@@ -19,6 +19,7 @@ from rsi_reviews.manifest import unfounded
 from rsi_reviews.recursion.missions import TEMPLATE, Stop, suite_cases
 from rsi_reviews.regression.cases import Case, seeds_digest
 from rsi_reviews.restrictions import loosened
+from rsi_reviews.runnable import unrunnable
 
 EVALUATOR = "recursion-1"
 NOT_LOOKED = "the held-out look was not taken"
@@ -64,7 +65,8 @@ class SiteGate:
 
     def judge(self, candidate: contracts.Candidate, current: Configuration, site: HiddenSite) -> GateJudgement:
         """Accept or refuse. A candidate that fails an early check runs no further missions."""
-        refused = (*loosened(current, candidate.configuration), *unfounded(candidate, current))
+        changed = candidate.configuration
+        refused = (*loosened(current, changed), *unrunnable(current, changed), *unfounded(candidate, current))
         if refused:
             return _judgement(candidate, clause=f"static:{refused[0].rule}", sentence=plain(refused[0].reason))
         cases = suite_cases(site, self._key, "regression", per_family=self._scale.per_family)

@@ -38,12 +38,17 @@ DESCRIBED = {
 
 
 def two_pictures(*, declared: bool = True, goals: tuple[dict[str, Any], ...] = (ORDER,)) -> TaskTemplate:
-    """Take a picture, take another, describe the first: with or without consent to the describer's own word."""
+    """Take a picture, take another, describe the first: with consent to the describer's own word, or where a person
+    would have to attest what it says.
+    """
     base = by_name("camera-report", further())
     capture, _, describe = base.nodes
     second = capture | {"node_id": SECOND, "depends_on": [FIRST]}
     second["success_conditions"] = [capture["success_conditions"][0] | {"condition_id": "second.pictured"}]
-    evidence = {name: value for name, value in describe["evidence"].items() if declared or name != "declared"}
+    evidence = dict(describe["evidence"])
+    if not declared:
+        del evidence["declared"]
+        evidence["attestation"] = True
     return replace(
         base,
         name="two-pictures",

@@ -311,7 +311,10 @@ def test_a_log_of_schema_1_is_migrated_and_goes_on(url: str) -> None:
     with opened(url) as store:
         assert store.append([batch(A, 0, "Asked")], [], NOW).position == 1
         body = b'{"version":1}'
-        snapshot = StateSnapshot(stream=A, version=1, fingerprint=CONTEXT.digest, digest=sha256(body), body=body)
+        (event,) = store.load(A)
+        snapshot = StateSnapshot(
+            stream=A, version=1, event=event.digest, fingerprint=CONTEXT.digest, seal=sha256(body), body=body
+        )
         store.keep(snapshot)
         assert store.snapshot(A) == snapshot
         store.keep(msgspec.structs.replace(snapshot, fingerprint=sha256(b"newer")))

@@ -2,9 +2,12 @@
 
 silent: it proposes nothing. elsewhere: its arrivals are proposed for another target. more: it proposes a fact that no
 stage has. older: it speaks protocol 1.0, and refuses a request with a field that this protocol does not know.
+carried:STAGE: seconds after each success of that stage, somebody carries the robot away and sets it down elsewhere.
+wheels: its navigators steer by sensors that nobody else reads.
 """
 
 import json
+import math
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -36,12 +39,44 @@ def older(report: Report) -> Report:
     return {name: value for name, value in report.items() if name != "proposed_facts"}
 
 
+def wheels(card: Report) -> Report:
+    return card | {"sources": ["wheels"]} if card["capability"] == "navigate" else card
+
+
+class Carrier:
+    """Somebody who carries the robot away, each time that it has done a stage: `after_s` of its time later."""
+
+    def __init__(self, pace: Pace, stage: str, *, after_s: float = 3.0) -> None:
+        self._pace, self._stage, self._after_s = pace, stage, after_s
+        self._done: set[str] = set()
+        self._due_s = math.inf
+
+    def watch(self, answer: Any) -> None:
+        """Note a success of the stage, and carry the robot away once its time has come."""
+        if isinstance(answer, dict) and answer.get("status") == "succeeded" and "identity" in answer:
+            of = answer["identity"]["node_id"].rpartition(".")[2]
+            if of == self._stage and answer["handle"] not in self._done:
+                self._done.add(answer["handle"])
+                self._due_s = self._pace.robot.at_s + self._after_s
+        with self._pace.turn():
+            if self._pace.robot.at_s >= self._due_s and not self._pace.robot.moving:
+                body = self._pace.robot.world.body.state
+                body.x_m, body.y_m = ELSEWHERE
+                self._due_s = math.inf
+
+
+ELSEWHERE = (1.0, 2.5)
+"""Where the robot is set down: beside its routes, in no place of the site."""
 MODES: dict[str, Callable[[Report], Report]] = {
     "silent": silent, "elsewhere": elsewhere, "more": more, "older": older,
 }  # fmt: skip
 
 
 def changed(answer: Any, mode: str) -> Any:
+    if mode == "wheels" and isinstance(answer, list) and answer and "provider_id" in answer[0]:
+        return [wheels(card) for card in answer]
+    if mode not in MODES:
+        return answer
     if isinstance(answer, dict) and "handle" in answer and "identity" in answer:
         return MODES[mode](answer)
     if mode == "older" and isinstance(answer, list) and answer and "provider_id" in answer[0]:
@@ -52,6 +87,7 @@ def changed(answer: Any, mode: str) -> Any:
 def service(mode: str) -> Callable[[Pace, str], FastAPI]:
     def made(pace: Pace, token: str) -> FastAPI:
         app = robot_service(pace, token)
+        carrier = Carrier(pace, mode.partition(":")[2]) if mode.startswith("carried:") else None
 
         @app.middleware("http")
         async def change(request: Request, call_next: Any) -> Response:
@@ -60,7 +96,10 @@ def service(mode: str) -> Callable[[Pace, str], FastAPI]:
             answered = await call_next(request)
             body = b"".join([part async for part in answered.body_iterator])
             if answered.headers.get("content-type") == "application/json":
-                body = json.dumps(changed(json.loads(body), mode)).encode()
+                answer = json.loads(body)
+                if carrier is not None:
+                    carrier.watch(answer)
+                body = json.dumps(changed(answer, mode)).encode()
             return Response(body, answered.status_code, media_type=answered.headers.get("content-type"))
 
         return app

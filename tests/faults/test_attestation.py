@@ -20,7 +20,7 @@ from tests.builders.missions_run import OPERATOR, Ran
 CLOSED = "circuit.closed"
 
 
-def doubted(*, attestable: bool = True, faults: tuple[str, ...] = ()) -> TaskTemplate:
+def doubted(*, attestable: bool = True) -> TaskTemplate:
     """A circuit whose arrival needs a source that the robot does not have: only a person can supply it."""
     base = template("circuit")
     node = dict(base.nodes[1])
@@ -113,7 +113,7 @@ def test_an_attestation_of_something_else_is_refused(asked: Asked, changes: dict
 @pytest.mark.ledger("R107", symbol="harness.gate.attestation:attested")
 def test_where_the_policy_names_none_a_persons_word_is_no_evidence() -> None:
     with staged() as stage:
-        asked = Asked(stage, stage.begin(doubted(attestable=False)))
+        asked = Asked(stage, stage.begin(template("circuit"), "early-success:persistent"))
         refused = asked.attest()
         assert isinstance(refused, Refused) and refused.rule == "not_attestable"
         assert not any(isinstance(event, AttestationRecorded) for event in asked.ran.events)

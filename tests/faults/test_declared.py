@@ -231,7 +231,11 @@ def test_a_declared_stage_ends_a_dependency_and_survives_a_restart() -> None:
 def test_a_declared_stage_gives_no_fact_to_a_condition_that_needs_one() -> None:
     """A stage whose condition reads the description's fact cannot be accepted on a declared one."""
     base = two_pictures()
-    copy = dict(base.nodes[2]) | {"node_id": "again", "depends_on": [DESCRIBE], "evidence": {"mandatory": ["receipts"]}}
+    copy = dict(base.nodes[2]) | {
+        "node_id": "again",
+        "depends_on": [DESCRIBE],
+        "evidence": {"mandatory": ["receipts"], "attestation": True},
+    }
     copy["success_conditions"] = [
         {
             "condition_id": "again.of_description",

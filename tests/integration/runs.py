@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+KEY = "REGEN_SNAPSHOT_KEY_FILE"
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -17,7 +18,9 @@ def command(*words: object) -> list[str]:
 
 
 def environment(**changes: str) -> dict[str, str]:
-    return {name: value for name, value in os.environ.items() if not name.startswith("REGEN_")} | changes
+    """Without settings of the person who runs the tests; snapshots are sealed with the tests' own key."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("REGEN_") or name == KEY}
+    return kept | changes
 
 
 def regen(*words: object, **changes: str) -> subprocess.CompletedProcess[str]:

@@ -147,6 +147,31 @@ def test_an_author_is_told_before_the_click_and_refused_after_it(house: House) -
     assert house.bench.releases.review(name).approvals == ()
 
 
+def test_an_author_who_asks_the_api_is_refused_by_the_same_rule(house: House) -> None:
+    name = house.bench.in_review(candidate())
+    shown = house.people["author"].get(f"/api/v1/candidates/{name}").json()
+    body = {"reason": "it is mine", "key": "mine", "cycle": shown["cycle"], "subject": shown["digest"]}
+    answer = house.people["author"].post(f"/api/v1/candidates/{name}/approve", json=body)
+    assert (answer.status_code, answer.json()["rule"]) == (409, "own_candidate")
+    assert "lea is an author of it" in answer.text
+    assert house.bench.releases.review(name).approvals == ()
+
+
+def test_a_proposal_that_cannot_run_or_asks_later_or_says_a_key_twice_is_refused_by_the_api(house: House) -> None:
+    author = house.people["author"]
+
+    def refused(configuration: str, about: str) -> None:
+        body = {"configuration": configuration, "manifest": encode(candidate().manifest).decode()}
+        answer = author.post("/api/v1/candidates", json=body)
+        assert answer.status_code in (409, 422) and about in answer.text, answer.text
+
+    later = encode(tried(wait_s=120.0)).decode()
+    refused(later, "instead of 40 s")
+    refused(encode(tried()).decode().replace('"wait_s":', '"wait_s":1.0,"wait_s":', 1), "wait_s")
+    refused(encode(tried()).decode().replace('"depends_on":["request"]', '"depends_on":["moon"]', 1), "moon")
+    assert house.bench.releases.reviews() == []
+
+
 def test_a_word_without_a_reason_is_sent_back_and_a_form_sent_twice_counts_once(house: House) -> None:
     name = house.bench.in_review(candidate())
     assert house.said("reviewer", name, "approve", reason=" ")[0] == 422

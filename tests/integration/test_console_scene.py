@@ -98,7 +98,7 @@ def test_a_viewer_of_another_version_is_refused(stand: Stand, mission_id: Missio
 
 def test_the_scene_grows_from_measured_sweeps_and_says_what_it_shows(scenes: Scenes, mission_id: MissionId) -> None:
     assert "when somebody looks" in scenes.note(mission_id)
-    scenes.port(mission_id)
+    scenes.socket(mission_id)
     scenes.step()
     note = scenes.note(mission_id)
     points = int(note.split(" points")[0].replace(" ", ""))
@@ -108,7 +108,7 @@ def test_the_scene_grows_from_measured_sweeps_and_says_what_it_shows(scenes: Sce
 
 def test_a_mission_without_poses_says_why_its_scene_is_blank(stand: Stand, scenes: Scenes) -> None:
     blank = stand.created()
-    scenes.port(blank)
+    scenes.socket(blank)
     scenes.step()
     assert scenes.note(blank) == "Nothing to draw yet: no pose has been measured in this mission."
 
@@ -116,11 +116,11 @@ def test_a_mission_without_poses_says_why_its_scene_is_blank(stand: Stand, scene
 def test_only_so_many_scenes_stay_open_and_the_one_longest_unseen_goes(
     stand: Stand, scenes: Scenes, mission_id: MissionId
 ) -> None:
-    scenes.port(mission_id)
+    scenes.socket(mission_id)
     first, second = stand.created(), stand.created()
-    scenes.port(first)
-    scenes.port(mission_id)
-    scenes.port(second)
+    scenes.socket(first)
+    scenes.socket(mission_id)
+    scenes.socket(second)
     assert "when somebody looks" in scenes.note(first)
     assert "when somebody looks" not in scenes.note(mission_id)
 
@@ -129,7 +129,7 @@ def test_a_scene_that_nobody_watches_is_closed(stand: Stand, mission_id: Mission
     now_s = [0.0]
     scenes = Scenes(stand.harness.runtime, idle_s=600.0, clock=lambda: now_s[0])
     try:
-        scenes.port(mission_id)
+        scenes.socket(mission_id)
         now_s[0] = 599.0
         scenes.touch(mission_id)
         now_s[0] = 1190.0
@@ -144,13 +144,13 @@ def test_a_scene_that_nobody_watches_is_closed(stand: Stand, mission_id: Mission
 
 def test_there_is_no_scene_without_a_mission(scenes: Scenes) -> None:
     with pytest.raises(UnknownName):
-        scenes.port(MissionId("msn_none"))
+        scenes.socket(MissionId("msn_none"))
 
 
 def test_two_readers_look_at_two_instants_of_one_mission(stand: Stand, scenes: Scenes, mission_id: MissionId) -> None:
     entries = stand.app.state.console.histories.of(mission_id)
     begin_s, end_s = entries[0].mission_s, entries[-1].mission_s
-    assert scenes.port(mission_id, "one") != scenes.port(mission_id, "two")
+    assert scenes.socket(mission_id, "one") != scenes.socket(mission_id, "two")
     scenes.step()
     scenes.step()
     scenes.seek(mission_id, "one", begin_s - 1.0)
@@ -166,7 +166,7 @@ def test_two_readers_look_at_two_instants_of_one_mission(stand: Stand, scenes: S
     assert shown[0] == set()
     assert shown[1]
     scenes.seek(mission_id, "three", begin_s - 1.0)
-    scenes.port(mission_id, "three")
+    scenes.socket(mission_id, "three")
     scenes.step()
     third = scenes._open[mission_id, "three"].view._drawing
     assert third is not None
@@ -175,7 +175,7 @@ def test_two_readers_look_at_two_instants_of_one_mission(stand: Stand, scenes: S
 
 
 def test_what_is_drawn_up_to_an_instant_was_measured_by_then(scenes: Scenes, mission_id: MissionId) -> None:
-    scenes.port(mission_id)
+    scenes.socket(mission_id)
     scenes.step()
     feed, view = scenes._feeds[mission_id], scenes._open[mission_id, ""].view
     middle_s = feed.track.stands[len(feed.track.stands) // 2].at_s

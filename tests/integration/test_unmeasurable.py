@@ -30,10 +30,10 @@ def without(predicate: str) -> Services:
 @pytest.mark.parametrize(
     ("services", "condition", "stage"),
     [
-        (without_room, "report.heard: heard", "nodes.report"),
-        (without("heard"), "report.heard: heard", "nodes.report"),
-        (without("message_stored"), "message_stored", "nodes.delivery"),
-        (without("passage_checked"), "passage_checked", "nodes.analysis"),
+        (without_room, "report.heard (heard)", "nodes.report"),
+        (without("heard"), "report.heard (heard)", "nodes.report"),
+        (without("message_stored"), "delivery.stored (message_stored)", "nodes.delivery"),
+        (without("passage_checked"), "analysis.checked (passage_checked)", "nodes.analysis"),
     ],
 )
 def test_an_inspection_that_could_never_be_verified_is_refused_and_named(

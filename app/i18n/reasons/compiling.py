@@ -25,6 +25,10 @@ SENTENCES: Mapping[str, str] = {
     "goal_read_otherwise": N_("The goal is not read as {digest} now"),
     "goal_too_long": N_("The goal has {characters} characters, at most {limit} are read"),
     "goal_words_unread": N_("The goal has words that were not read"),
+    "level_out_of_reach": N_(
+        "{condition_id} needs evidence of independence {required}; "
+        "what this robot has for it ({sources}) reaches {level}"
+    ),
     "name_misspelt": N_("There is no {kind:word} called “{name}”"),
     "name_of_two": N_("“{name}” names two things: {kind:word} {id} and {other_kind:word} {other_id}"),
     "name_unknown": N_("There is no {kind:word} called “{name}”"),
@@ -50,6 +54,7 @@ SENTENCES: Mapping[str, str] = {
     "predicate_retired": N_("Condition {condition_id} names {predicate}, which only its provider's word can show"),
     "reading_of_other_text": N_("The reading is of another text or site"),
     "route_between": N_("{name} ({start} to {end})"),
+    "source_missing": N_("Nothing at this robot except the provider itself can show {condition_id} ({predicate})"),
     "span_outside_text": N_("Characters {start} to {end} are not in the text"),
     "spot_inside_text": N_("{spot} is no text or number, so it cannot stand inside a text"),
     "spot_unbound": N_("{spot} is bound to nothing"),
@@ -61,6 +66,7 @@ SENTENCES: Mapping[str, str] = {
     "text_in_no_clause": N_("{count} parts of the text are in no clause"),
     "verifier_missing": N_("No verifier is installed for {predicate}, which {condition_id} needs"),
     "way_through_forbidden": N_("The way of {node_id} leads through {region}, which the goal forbids"),
+    "word_alone": N_("Only the provider's own word could show {condition_id} ({predicate}), and that is never enough"),
 }
 REMEDIES: Mapping[str, str] = {
     "argument_contradicts": N_("say the place in the goal, or leave the argument out"),
@@ -83,6 +89,10 @@ REMEDIES: Mapping[str, str] = {
     "goal_read_otherwise": N_("read the goal again and confirm what it says now"),
     "goal_too_long": N_("say it shorter"),
     "goal_words_unread": N_("confirm the reading, or say it otherwise"),
+    "level_out_of_reach": N_(
+        "connect a source that the provider does not use and that runs elsewhere, vouch for such a source in the site "
+        "file (vouched), let a person attest it in the stage's evidence policy, or ask for independence {level}"
+    ),
     "name_misspelt": N_("did you mean “{nearest}”? Known: {names}"),
     "name_of_two": N_("take the name from one of them"),
     "name_unknown": N_("known: {names}"),
@@ -109,6 +119,10 @@ REMEDIES: Mapping[str, str] = {
         "name the predicate that replaces it, or declare the condition in the node's evidence policy"
     ),
     "reading_of_other_text": N_("read the goal again"),
+    "source_missing": N_(
+        "connect a source of {predicate} to this robot, or name the condition under declared in the stage's evidence "
+        "policy: the mission is then verified in part"
+    ),
     "span_outside_text": N_("read the goal again"),
     "spot_inside_text": N_("let the spot be the whole value"),
     "spot_unbound": N_("bound: {names}"),
@@ -120,5 +134,9 @@ REMEDIES: Mapping[str, str] = {
     "text_in_no_clause": N_("mark them unread"),
     "verifier_missing": N_("install one, or test the condition by a predicate that is"),
     "way_through_forbidden": N_("allow the region, or ask for a place that can be reached without it"),
+    "word_alone": N_(
+        "name the condition under declared in the stage's evidence policy, let a person attest it there, or test it by "
+        "a predicate that measures"
+    ),
 }
 """What to do about it."""

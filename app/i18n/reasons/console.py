@@ -9,5 +9,6 @@ SENTENCES: Mapping[str, str] = {
     "no_supervisor_here": N_("No supervisor runs here, so no robot can be reached."),
     "role_revoked": N_("{actor} may no longer decide this: their role was taken back."),
     "unseen": N_("What was on your screen has changed since. Read it again, then decide."),
+    "viewer_not_private": N_("The 3D view would listen where others reach it, so it was stopped."),
     "wheel_not_taken": N_("Nobody has control of {robot_id}: take control first."),
 }

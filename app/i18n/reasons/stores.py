@@ -9,6 +9,19 @@ SENTENCES: Mapping[str, str] = {
     "accounts_newer": N_("The accounts were written by a later release"),
     "accounts_unopened": N_("The accounts cannot be opened: {error}"),
     "accounts_unusable": N_("The accounts cannot be used: {error}"),
+    "anchor_beyond_log": N_(
+        "The log ends at event {head}, the anchor names event {position}: {missing} events are gone"
+    ),
+    "anchor_differs": N_(
+        "Event {position} is not the one that the anchor names: the log was written anew, there or before"
+    ),
+    "anchor_file_in_data_folder": N_("Anchors are kept outside the data folder"),
+    "anchor_file_too_large": N_("A file of anchors has at most {limit_mib} MiB"),
+    "anchor_file_unusable": N_("The file of anchors cannot be used: {error}"),
+    "anchor_key_unusable": N_("The key for anchors cannot be used: {error}"),
+    "anchor_other_key": N_("The anchor of event {position} is not signed by the key you named"),
+    "anchor_signature_invalid": N_("The signature of the anchor of event {position} does not hold"),
+    "anchor_unreadable": N_("“{line}” is no anchor"),
     "answer_before_question": N_("An answer stands before the question it answers"),
     "append_unknown": N_(
         "The connection was lost while an append was committed, and whether it is stored is not known yet: {why}"
@@ -62,6 +75,12 @@ SENTENCES: Mapping[str, str] = {
     "folder_unownable": N_("The data folder cannot be owned: {error}"),
     "identity_known": N_("The account {name}, or the person it is for, is known already"),
     "invocation_id_invalid": N_("“{invocation}” is no invocation id"),
+    "installation_key_absent": N_("There is no installation key at {path} yet"),
+    "installation_key_exposed": N_("The installation key {path} is not its owner's alone"),
+    "installation_key_homeless": N_("There is no home folder to keep an installation key in"),
+    "installation_key_in_data_folder": N_("The installation key {path} lies in the data folder"),
+    "installation_key_length": N_("The installation key {path} has {bytes} bytes; 32 to 4096 are read"),
+    "installation_key_unusable": N_("The installation key {path} cannot be used: {error}"),
     "journal_mode_unsupported": N_("The file system allows journal mode {mode} only, the event log needs wal"),
     "lists_closed": N_("The lists are closed"),
     "lists_unusable": N_("The lists cannot be used: {error}"),
@@ -89,6 +108,11 @@ SENTENCES: Mapping[str, str] = {
     "no_log_here": N_("There is no data folder with a log here"),
     "no_log_to_move": N_("There is no log to move"),
     "owner_unknown": N_("The owner of the data folder does not say who it is"),
+    "parser_died": N_("The process that read it ended with code {code}"),
+    "parser_failed": N_("It cannot be read: {error}"),
+    "parser_out_of_memory": N_("Reading it takes more than {memory_mib} MiB of memory"),
+    "parser_out_of_time": N_("Reading it takes longer than {cpu_s} s of processor time, or {wall_s} s altogether"),
+    "parser_output_too_large": N_("It unpacks to more than {output_mib} MiB"),
     "record_damaged": N_("The {kind} record does not match its digest"),
     "record_misnamed": N_("A {kind} record comes with a digest that is not its body's"),
     "record_missing": N_("The log holds no record {digest}"),
@@ -97,11 +121,17 @@ SENTENCES: Mapping[str, str] = {
     "schema_absent": N_("let the user's search_path name a schema that is there"),
     "signing_key_unusable": N_("The signing key cannot be used: {error}"),
     "spool_unusable": N_("The sample spool cannot be used: {error}"),
+    "snapshot_forged": N_("The snapshot of {stream} says something else than the events; it is not used"),
     "stream_moved_on": N_("Stream {stream} is at version {actual}, not at the expected version {expected_version}"),
     "trail_damaged": N_("Entry {number} of the access trail does not verify"),
 }
 REMEDIES: Mapping[str, str] = {
     "account_exists": N_("choose another name"),
+    "anchor_file_in_data_folder": N_("set REGEN_ANCHOR_FILE to a file on another disk or host"),
+    "anchor_file_too_large": N_("keep its last lines in a file of their own"),
+    "anchor_file_unusable": N_("name a file that can be read and written, outside the data folder"),
+    "anchor_key_unusable": N_("make one with `openssl genpkey -algorithm ed25519 -out FILE`"),
+    "anchor_unreadable": N_("give what `regen audit anchor` printed: position and digest, or one JSON object a line"),
     "accounts_newer": N_("install the newer version of the program"),
     "accounts_unopened": N_("name a folder that can be written with --data"),
     "accounts_unusable": N_("check that the file is a database of this program and that its folder can be written"),
@@ -141,6 +171,12 @@ REMEDIES: Mapping[str, str] = {
     "folder_owned": N_("use that one, stop it, or choose another data folder"),
     "folder_unownable": N_("name a folder that can be written with --data"),
     "identity_known": N_("sign in again, or unlink it"),
+    "installation_key_absent": N_("run `regen up` once, or set REGEN_SNAPSHOT_KEY_FILE"),
+    "installation_key_exposed": N_("make it readable by its owner alone (chmod 600), or delete it to have a new one"),
+    "installation_key_homeless": N_("set REGEN_SNAPSHOT_KEY_FILE"),
+    "installation_key_in_data_folder": N_("set REGEN_SNAPSHOT_KEY_FILE to a file outside it"),
+    "installation_key_length": N_("delete it to have a new one made"),
+    "installation_key_unusable": N_("set REGEN_SNAPSHOT_KEY_FILE to a file that can be read"),
     "journal_mode_unsupported": N_("put the data folder on a local disk"),
     "lists_closed": N_("open them again"),
     "lists_unusable": N_(
@@ -173,6 +209,7 @@ REMEDIES: Mapping[str, str] = {
     "samples_unreadable": N_("remove the file; the invocation then counts as unobserved"),
     "signing_key_unusable": N_("make the data folder writable"),
     "spool_unusable": N_("free some space or make the folder writable, then try again"),
+    "snapshot_forged": N_("find out who can write the database; the log itself decides and is not changed by it"),
     "stream_moved_on": N_("load the stream again and decide anew"),
     "trail_damaged": N_("keep a copy of the file and find out who changed it; the trail is sound before this entry"),
 }

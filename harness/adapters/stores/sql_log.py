@@ -30,6 +30,8 @@ Arguments = tuple[str | int | bytes, ...]
 
 _LAST_CHARACTER = "\U0010ffff"
 _PAGE = 500
+_FEW = 8
+"""Snapshots that are read at once: one may be as large as its stream."""
 
 
 @dataclass
@@ -135,17 +137,26 @@ class SqlLog(ABC):
     def snapshot(self, stream: StreamId) -> ports.StateSnapshot | None:
         """The stored snapshot of a stream, if it was folded from the events this log holds."""
         rows = self._rows(self._sql.snapshot, (stream,))
-        if not rows:
-            return None
-        name, version, fingerprint, digest, body = rows[0]
-        return ports.StateSnapshot(stream=name, version=version, fingerprint=fingerprint, digest=digest, body=body)
+        return _snapshot(rows[0]) if rows else None
+
+    def snapshots(self) -> Iterator[ports.StateSnapshot]:
+        """Every stored snapshot by stream, also one that names no event of this log."""
+        stream = ""
+        while rows := self._rows(self._sql.snapshots, (stream, _FEW)):
+            yield from map(_snapshot, rows)
+            stream = rows[-1][0]
+
+    def event_digest(self, stream: StreamId, version: int) -> Digest | None:
+        """The digest of one event; None if the stream holds none of that version."""
+        rows = self._rows(self._sql.event_digest, (stream, version))
+        return Digest(rows[0][0]) if rows else None
 
     def keep(self, snapshot: ports.StateSnapshot) -> None:
-        """Replace the stream's snapshot; stores nothing for a stream without an event of that version."""
-        kept = (snapshot.version, snapshot.fingerprint, snapshot.digest, snapshot.body)
+        """Replace the stream's snapshot; stores nothing for a stream without that event at that version."""
+        kept = (snapshot.version, snapshot.fingerprint, snapshot.seal, snapshot.body)
         self._check_open()
         with self._translated(), self._aside.connect() as connection:
-            connection.exec_driver_sql(self._sql.keep, (*kept, snapshot.stream, snapshot.version))
+            connection.exec_driver_sql(self._sql.keep, (*kept, snapshot.stream, snapshot.version, snapshot.event))
 
     # moving ---------------------------------------------------------------------------------------------------------
 
@@ -338,6 +349,18 @@ def event_of(row: AnyRow) -> ports.StoredEvent:
         previous=previous,
         digest=digest,
     )
+
+
+def _snapshot(row: AnyRow) -> ports.StateSnapshot:
+    stream, version, event, fingerprint, seal, body = row
+    return ports.StateSnapshot(
+        stream=stream, version=version, event=event, fingerprint=fingerprint, seal=Digest(str(seal)), body=_bytes(body)
+    )
+
+
+def _bytes(value: Any) -> bytes:
+    """A stored body; empty for anything else that somebody put in its place."""
+    return bytes(value) if isinstance(value, bytes | memoryview) else b""
 
 
 def _record(row: AnyRow) -> ports.Record:

@@ -7,6 +7,7 @@ from harness.contracts.ports import MISSION_ENDED
 
 _EVENT = "position, stream, version, kind, body, mission_s, recorded_s, previous, digest"
 _RECORD = "digest, kind, body"
+_KEPT = "stream, version, event, fingerprint, digest, body"
 
 
 @dataclass(frozen=True)
@@ -15,7 +16,8 @@ class Statements:
 
     `load` takes (stream, after), `read` (after, limit), `streams` (first name, name behind the last), `ended`
     nothing, `ended_between` (after, up to), `record` and `snapshot` one name, `records` (after this digest, limit),
-    `holds` (position, digest), `keep` (version, fingerprint, digest, body, stream, version).
+    `holds` (position, digest), `event_digest` (stream, version), `snapshots` (after this stream, limit), `keep`
+    (version, fingerprint, seal, body, stream, version, digest of the event).
     """
 
     mark: str
@@ -30,7 +32,9 @@ class Statements:
     record: str
     records: str
     holds: str
+    event_digest: str
     snapshot: str
+    snapshots: str
     keep: str
 
     def ends(self, count: int) -> str:
@@ -59,7 +63,9 @@ def statements(mark: str) -> Statements:
         "record": f"SELECT {_RECORD} FROM record WHERE digest = ?",
         "records": f"SELECT {_RECORD} FROM record WHERE digest > ? ORDER BY digest LIMIT ?",
         "holds": "SELECT 1 FROM event WHERE position = ? AND digest = ?",
+        "event_digest": "SELECT digest FROM event WHERE stream = ? AND version = ?",
         "snapshot": _SNAPSHOT,
+        "snapshots": f"SELECT {_KEPT} FROM snapshot WHERE stream > ? ORDER BY stream LIMIT ?",
         "keep": _KEEP,
     }
     return Statements(mark=mark, **{name: text.replace("?", mark) for name, text in texts.items()})
@@ -67,13 +73,13 @@ def statements(mark: str) -> Statements:
 
 # A snapshot counts only where its stream's event at that version is the very event it was folded up to.
 _SNAPSHOT = (
-    "SELECT kept.stream, kept.version, kept.fingerprint, kept.digest, kept.body FROM snapshot AS kept "
+    "SELECT kept.stream, kept.version, kept.event, kept.fingerprint, kept.digest, kept.body FROM snapshot AS kept "
     "JOIN event ON event.stream = kept.stream AND event.version = kept.version AND event.digest = kept.event "
     "WHERE kept.stream = ?"
 )
 _KEEP = (
     "INSERT INTO snapshot (stream, version, event, fingerprint, digest, body) "
-    "SELECT stream, ?, digest, ?, ?, ? FROM event WHERE stream = ? AND version = ? "
+    "SELECT stream, ?, digest, ?, ?, ? FROM event WHERE stream = ? AND version = ? AND digest = ? "
     "ON CONFLICT (stream) DO UPDATE SET version = excluded.version, event = excluded.event, "
     "fingerprint = excluded.fingerprint, digest = excluded.digest, body = excluded.body"
 )

@@ -32,12 +32,16 @@ def facing(effect: AnyEffect, evidence: Evidence) -> Finding:
     scan = _at_rest(trajectory, until_s=evidence.speaks_at_s)
     if scan is None:
         return ambiguous(because("no_sweep_at_rest"))
-    points = np.frombuffer(evidence.bytes_of(scan.blob), dtype="<f4").reshape(-1, 3).astype(np.float64)
-    found = heading_by_walls(points, walls=effect.route_m, near=effect.target_m)
+    found = evidence.once(("heading", scan.blob, effect.route_m, effect.target_m), lambda: _match(effect, scan, evidence))
     if found is None or found.share < LEAST_SHARE or found.share < LEAST_LEAD * found.other:
         share = found.share if found else 0.0
         return ambiguous(because("sweep_fits_no_heading", percent=100.0 * share), share=share)
     return _judged(effect, found, scan, age_s=max(0.0, evidence.speaks_at_s - scan.at_s))
+
+
+def _match(effect: Metric, scan: Scan, evidence: Evidence) -> HeadingMatch | None:
+    points = np.frombuffer(evidence.bytes_of(scan.blob), dtype="<f4").reshape(-1, 3).astype(np.float64)
+    return heading_by_walls(points, walls=effect.route_m, near=effect.target_m)
 
 
 def _judged(effect: Metric, found: HeadingMatch, scan: Scan, *, age_s: float) -> Finding:

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from harness.adapters.clock import LockstepClock
+from harness.adapters.stores.installation_key import InstallationKey
 from harness.adapters.stores.memory import MemoryEventStore
 from harness.adapters.stores.opening import open_log
 from harness.adapters.stores.snapshots import StoredSnapshots
@@ -43,6 +44,7 @@ from tests.builders.gate import (
 )
 from tests.builders.missions_run import begin
 
+KEY = InstallationKey(secret=bytes(32))
 BASE = lease_stream(ResourceId("vbot-1/base"))
 NAMES = tuple(MissionId(f"msn_{number}") for number in range(4))
 LIFE: Sequence[Callable[[Mission], MissionCommand]] = (
@@ -110,10 +112,10 @@ def test_a_mission_that_was_given_up_comes_back_from_its_snapshot_and_tail_as_it
     ):
         mission = harness.supervisor.run(begin(harness, "warehouse-inspection"))
         stream = mission_stream(mission.mission_id)
-        with closing(StoredSnapshots(log)) as keeper:
+        with closing(StoredSnapshots(log, KEY)) as keeper:
             assert encode(gate_on(log, snapshots=keeper).state(stream)) == encode(mission)
         assert log.snapshot(stream) is not None
-        gate = gate_on(log, AggregateCache(missions=1), StoredSnapshots(log, keeping=False))
+        gate = gate_on(log, AggregateCache(missions=1), StoredSnapshots(log, KEY, keeping=False))
         for _ in range(2):
             assert encode(gate.state(stream)) == encode(mission)
             gate.state(mission_stream(MissionId("msn_other")))

@@ -1,17 +1,26 @@
 """Candidates and manifests from outside: strict, bounded, and refused by rule."""
 
-from typing import Any
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, get_args
 
 import msgspec
 import pytest
 from msgspec.structs import replace
 
 from harness.baseline.load import baseline
-from harness.contracts.configuration import Configuration
+from harness.contracts.configuration import Configuration, FailureClass, RecoveryAction
 from harness.contracts.ids import Digest
 from harness.contracts.values import encode
-from rsi_reviews.candidates import DEEPEST, LARGEST_BYTES, read_candidate, read_configuration, read_manifest
-from rsi_reviews.contracts import CanaryTest
+from rsi_reviews.candidates import (
+    DEEPEST,
+    LARGEST_BYTES,
+    read_candidate,
+    read_configuration,
+    read_manifest,
+    values_at,
+)
+from rsi_reviews.contracts import BETTER, SECTIONS, Author, CanaryTest, Manifest
 from rsi_reviews.errors import CandidateInvalid
 from rsi_reviews.manifest import unfounded
 from tests.builders.releases import candidate, manifest, tried
@@ -70,6 +79,73 @@ def test_what_lies_outside_cannot_be_named_inside_a_section_either() -> None:
 )
 def test_what_is_no_configuration_is_refused_with_its_rule(body: bytes, rule: str) -> None:
     assert rule_of(body) == rule
+
+
+@pytest.mark.parametrize(
+    "twice",
+    [
+        lambda body: body.replace(b'"wait_s":20.0', b'"wait_s":20.0,"wait_s":1.0'),
+        lambda body: body.replace(b'"wait_s":20.0', b'"wait_s":20.0,"w\\u0061it_s":1.0'),
+        lambda body: body[:-1] + b',"recovery":{}}',
+        lambda body: body.replace(b'"node_id":"request"', b'"node_id":"request","node_id":"go"', 1),
+    ],
+    ids=["a number", "written with an escape", "a section", "a stage's name"],
+)
+def test_a_key_that_stands_twice_is_refused_whichever_a_reader_would_take(twice: Callable[[bytes], bytes]) -> None:
+    body = twice(encode(baseline()))
+    assert body != encode(baseline())
+    assert rule_of(body) == "key_twice"
+
+
+def test_a_key_that_stands_twice_in_a_manifest_is_refused() -> None:
+    body = encode(manifest()).replace(b'"metric":', b'"metric":"handoffs","metric":', 1)
+    with pytest.raises(CandidateInvalid) as caught:
+        read_manifest(body)
+    assert caught.value.rule == "key_twice"
+
+
+@pytest.mark.parametrize(
+    ("changed", "listed"),
+    [
+        ({"metric": "applause"}, BETTER),
+        ({"component": "gate"}, SECTIONS),
+        ({"direction": "sideways"}, ("higher", "lower")),
+        ({"author": {"name": "ada", "kind": "robot"}}, ("person", "optimiser")),
+    ],
+)
+def test_a_value_that_is_not_in_a_fields_list_is_answered_with_the_list(
+    changed: dict[str, Any], listed: Iterable[str]
+) -> None:
+    with pytest.raises(CandidateInvalid) as caught:
+        read_manifest(msgspec.json.encode({**msgspec.to_builtins(manifest()), **changed}))
+    assert caught.value.rule == "wrong_type"
+    assert caught.value.reason.facts["values"] == tuple(sorted(listed))
+
+
+@pytest.mark.parametrize(
+    ("ladders", "listed"),
+    [
+        ({"violated": ["teleport", "human"]}, RecoveryAction),
+        ({"boredom": ["human"]}, FailureClass),
+    ],
+)
+def test_a_ladder_of_unknown_words_is_answered_with_the_known_ones(ladders: dict[str, Any], listed: Any) -> None:
+    tree = msgspec.json.decode(encode(baseline()))
+    tree["recovery"]["ladders"].update(ladders)
+    with pytest.raises(CandidateInvalid) as caught:
+        read_configuration(msgspec.json.encode(tree))
+    assert caught.value.reason.facts["values"] == tuple(sorted(get_args(listed)))
+
+
+def test_every_field_of_a_manifest_and_every_value_it_may_have_stands_in_the_reference() -> None:
+    page = Path("docs/reference/candidates.md").read_text(encoding="utf-8")
+    for kind, prefix in ((Manifest, ""), (Author, "author."), (CanaryTest, "canary.")):
+        for field in kind.__struct_fields__:
+            listed = values_at(Manifest, f"$.{prefix}{field}")
+            nested = field in ("author", "canary")
+            row = next((line for line in page.splitlines() if line.startswith(f"| `{prefix}{field}` |")), "")
+            assert nested or row, f"{prefix}{field} is not documented"
+            assert all(f"`{value}`" in row for value in listed), f"{prefix}{field} does not list its values"
 
 
 def test_a_number_beyond_all_bounds_is_no_number() -> None:

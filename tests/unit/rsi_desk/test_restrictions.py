@@ -92,6 +92,11 @@ LOOSENINGS: dict[str, tuple[Edit, str]] = {
     "spends after a switch": (
         lambda t: ladders(t).update(violated=["switch_skill", "retry", "human"]), "ladder_order"
     ),
+    "waits longer": (lambda t: t["recovery"].update(wait_s=21.0), "asks_later"),
+    "waits seven times": (
+        lambda t: ladders(t).update(precondition_unmet=["wait"] * 7 + ["human"]), "asks_later"
+    ),
+    "waits before it looks": (lambda t: ladders(t).update(violated=["wait", "re_perceive", "human"]), "asks_later"),
     "drowns the other terms": (lambda t: t["routing"].update(cost=1e6), "weight_bounds"),
 }  # fmt: skip
 
@@ -123,6 +128,14 @@ TIGHTENINGS: dict[str, Edit] = {
     "a larger planner's context": lambda t: t["context_rules"].update(c1_items=30),
     "other weights": lambda t: t["routing"].update(history=2.0),
     "less without a person": lambda t: t["recovery"].update(approval_share=0.25),
+    "shorter waits": lambda t: t["recovery"].update(wait_s=10.0),
+    "two waits of half the time": lambda t: (
+        t["recovery"].update(wait_s=10.0),
+        t["recovery"]["ladders"].update(precondition_unmet=["wait", "wait", "human"]),
+    ),
+    "a second wait for a step that frees nothing": lambda t: t["recovery"]["ladders"].update(
+        resource_conflict=["wait", "wait", "human"]
+    ),
     "another ladder": lambda t: t["recovery"]["ladders"].update(ambiguous=["adjust_view", "re_perceive", "human"]),
 }
 
@@ -155,6 +168,18 @@ def test_the_outer_bound_does_not_move_with_the_baseline() -> None:
     raised = edited(lambda t: stage(t)["recovery"].update(retry=2))
     assert [one.rule for one in loosened(lowered, baseline())] == []
     assert [one.rule for one in loosened(lowered, raised)] == ["budget_ceiling"]
+
+
+def test_waits_that_postpone_the_question_are_refused_with_both_times() -> None:
+    """Seven waits of 120 s: a person would be asked after 840 s, the baseline asks after 20 s."""
+
+    def seven(tree: Tree) -> None:
+        tree["recovery"].update(wait_s=120.0)
+        ladders(tree).update(precondition_unmet=["wait"] * 7 + ["human"])
+
+    found = [one for one in loosened(baseline(), edited(seven)) if one.path.endswith("precondition_unmet")]
+    assert [one.rule for one in found] == ["asks_later"]
+    assert found[0].reason.facts == {"was_s": 20.0, "would_s": 840.0, "failure": "precondition_unmet"}
 
 
 def test_the_same_configuration_loosens_nothing() -> None:

@@ -114,19 +114,35 @@ def test_a_rung_that_helps_stays_where_it_is() -> None:
     assert [one for one in mined(helped, H0) if one.section == "recovery"] == []
 
 
-def test_waits_that_were_in_vain_become_longer() -> None:
-    vain = trace(
+def waiting_in_vain(failure: FailureClass) -> Trace:
+    return trace(
         *(
             mission(
                 n,
-                failures=failing("precondition_unmet", times=2),
-                rungs=(replace(step("precondition_unmet", "wait", "failed_again"), cost=0),),
-                asked="precondition_unmet",
+                failures=failing(failure, times=2),
+                rungs=(replace(step(failure, "wait", "failed_again"), cost=0),),
+                asked=failure,
             )
             for n in range(4)
         )
     )
-    assert any(one.configuration.recovery.wait_s == 2 * H0.recovery.wait_s for one in mined(vain, H0))
+
+
+def test_waits_that_never_helped_become_shorter_so_that_a_person_is_asked_sooner() -> None:
+    found = mined(waiting_in_vain("precondition_unmet"), H0)
+    assert any(one.configuration.recovery.wait_s == 0.5 * H0.recovery.wait_s for one in found)
+
+
+def test_for_a_lease_it_waits_again_instead_of_a_step_that_frees_nothing() -> None:
+    found = mined(waiting_in_vain("resource_conflict"), H0)
+    ladders = [one.configuration.recovery.ladders["resource_conflict"] for one in found]
+    assert ("wait", "wait", "human") in ladders
+
+
+@pytest.mark.parametrize("failure", ["precondition_unmet", "resource_conflict"])
+def test_no_proposal_about_waits_asks_a_person_later(failure: FailureClass) -> None:
+    found = mined(waiting_in_vain(failure), H0)
+    assert found and all(loosened(H0, one.configuration) == () for one in found)
 
 
 def test_a_timeout_comes_down_to_what_stages_needed_and_the_slowest_provider_expects() -> None:

@@ -149,7 +149,7 @@ def test_two_arms_stand_still(arm: Arm) -> None:
     assert walked(arm, gate, fleet).current == H0 and not gate.asked and not fleet.under
 
 
-def test_what_an_expert_wrote_stands_in_the_configuration_and_passes_the_static_check() -> None:
+def test_what_an_expert_wrote_stands_in_the_configuration() -> None:
     for name in (*site_names(), *(f"blind/{one}" for one in site_names("sites/blind"))):
         for phase in site_file(name).phases:
             by_hand = written_by_hand(phase.expert)

@@ -2,6 +2,8 @@
 
 import time
 
+import pytest
+
 from harness.adapters.clock import LockstepClock, RobotClock
 from harness.contracts.errors import ProviderUnreachable
 from tests.unit.simulation.builders import bench
@@ -24,24 +26,53 @@ def test_a_lockstep_clock_does_not_run_backwards() -> None:
     assert clock.now().mission_s == before
 
 
-def test_a_robots_clock_is_extrapolated_at_its_speed_and_never_runs_backwards() -> None:
-    begun = time.monotonic()
-    clock = RobotClock(lambda: 1000.0 + 20.0 * (time.monotonic() - begun), speed=20.0)
-    clock.wait_until(1010.0)
-    assert 0.3 < time.monotonic() - begun < 10.0 / 2, "ten seconds of the robot, not ten of the machine"
-    readings = [clock.now().mission_s for _ in range(200)]
-    assert readings == sorted(readings)
+class SlowRobot:
+    """A robot whose physics reaches `pace` mission seconds with each reading of its clock, whatever it was meant to."""
+
+    def __init__(self, pace: float) -> None:
+        self.at_s, self._pace, self.silent = 1000.0, pace, False
+
+    def read(self) -> float:
+        if self.silent:
+            raise ProviderUnreachable("silent")
+        self.at_s += self._pace
+        return self.at_s
 
 
-def test_a_robots_clock_goes_on_while_the_robot_does_not_answer() -> None:
-    answers = iter([1000.0])
+@pytest.mark.parametrize("pace", [0.0, 0.001, 0.05, 3.0])
+def test_mission_time_is_never_ahead_of_a_robot_however_slow_its_physics_is(pace: float) -> None:
+    robot = SlowRobot(pace)
+    clock = RobotClock(robot.read, speed=40.0)
+    for _ in range(300):
+        time.sleep(0.0005)
+        assert clock.now().mission_s <= robot.at_s
 
-    def read() -> float:
-        try:
-            return next(answers)
-        except StopIteration:
-            raise ProviderUnreachable("silent") from None
 
-    clock = RobotClock(read, speed=40.0)
-    clock.wait_until(1030.0)
-    assert clock.now().mission_s >= 1030.0
+def test_waiting_lasts_until_the_robot_has_come_that_far() -> None:
+    robot = SlowRobot(0.25)
+    clock = RobotClock(robot.read, speed=40.0)
+    clock.wait_until(1003.0)
+    assert robot.at_s >= 1003.0
+
+
+def test_mission_time_never_runs_backwards() -> None:
+    told = iter([1000.0, 1005.0, 1002.0, 1001.0, *(1000.0 + n for n in range(1000))])
+    clock = RobotClock(lambda: next(told), speed=40.0)
+    readings = []
+    for _ in range(20):
+        time.sleep(0.002)
+        readings.append(clock.now().mission_s)
+    assert readings == sorted(readings) and readings[-1] > 1000.0
+
+
+def test_while_the_robot_does_not_answer_time_goes_on_and_then_waits_for_the_robot() -> None:
+    robot = SlowRobot(0.001)
+    clock = RobotClock(robot.read, speed=40.0)
+    robot.silent = True
+    clock.wait_until(1000.6)
+    alone_s = clock.now().mission_s
+    assert alone_s >= 1000.6
+    robot.silent = False
+    time.sleep(0.6)
+    assert robot.at_s < alone_s <= clock.now().mission_s
+    assert clock.now().mission_s == clock.now().mission_s

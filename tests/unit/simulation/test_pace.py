@@ -1,10 +1,12 @@
-"""A robot process that ends takes no more requests: nobody can adopt it in its last moment."""
+"""How a robot process lets time pass: as far as its physics and its supervisor reach, and not for a robot that ends."""
+
+import time
 
 import pytest
 
 from harness.contracts.errors import ProviderUnreachable
 from simulator.robot import SimulatedRobot
-from simulator.service import Pace
+from simulator.service import LEAD_S, Pace
 from simulator.world import WorldSettings
 
 
@@ -26,3 +28,44 @@ def test_a_retired_robot_refuses_the_request_that_would_have_adopted_it() -> Non
     assert pace.retire(after_s=0.0)
     with pytest.raises(ProviderUnreachable), pace.turn():
         pass
+
+
+class HeavyRobot(SimulatedRobot):
+    """A robot whose physics takes longer than its ticks last: its machine is busy with something else."""
+
+    ticks = 0
+
+    def advance_to(self, mission_s: float) -> float:
+        time.sleep(0.02)
+        self.ticks += 1
+        return super().advance_to(mission_s)
+
+
+def test_requests_go_before_the_next_tick_where_the_physics_cannot_keep_pace() -> None:
+    robot = HeavyRobot(WorldSettings(fidelity="kinematic"))
+    pace = Pace(robot, speed=40.0)
+    pace.start()
+    waited = []
+    for _ in range(20):
+        asked = robot.ticks
+        with pace.turn():
+            waited.append(robot.ticks - asked)
+    pace.end()
+    assert robot.ticks > 0 and max(waited) <= 2, waited
+
+
+def test_a_robot_that_nobody_looks_at_drops_to_real_time_and_back_to_its_speed() -> None:
+    robot = SimulatedRobot(WorldSettings(fidelity="kinematic"))
+    pace = Pace(robot, speed=4.0)
+    assert pace.speed_now() == 4.0
+    robot.advance_to(robot.at_s + LEAD_S + 0.1)
+    assert pace.speed_now() == 1.0
+    robot.observations(0)
+    assert pace.speed_now() == 4.0
+
+
+def test_a_slow_robot_is_not_hurried_to_real_time() -> None:
+    robot = SimulatedRobot(WorldSettings(fidelity="kinematic"))
+    pace = Pace(robot, speed=0.5)
+    robot.advance_to(robot.at_s + 2.0 * LEAD_S)
+    assert pace.speed_now() == 0.5

@@ -44,7 +44,14 @@ def test_a_log_of_schema_1_opens_with_every_event_and_goes_on(old: Path) -> None
         mission = gate.state(stream)
         assert isinstance(mission, Mission)
         assert (mission.status, mission.version, len(mission.facts) > 5) == ("succeeded", 41, True)
-        shape = StateSnapshot(stream=stream, version=41, fingerprint=HEAD.digest, digest=sha256(b"{}"), body=b"{}")
+        shape = StateSnapshot(
+            stream=stream,
+            version=41,
+            event=store.load(stream)[-1].digest,
+            fingerprint=HEAD.digest,
+            seal=sha256(b"{}"),
+            body=b"{}",
+        )
         store.keep(shape)
         assert store.snapshot(stream) == shape
         assert store.append([batch("mission/next", 0, "Asked")], [], NOW).position == 54

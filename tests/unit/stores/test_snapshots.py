@@ -6,19 +6,20 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
-import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from harness.adapters.clock import SystemClock
+from harness.adapters.stores.installation_key import InstallationKey, installation_key
 from harness.adapters.stores.memory import MemoryEventStore
 from harness.adapters.stores.snapshots import EVERY, StoredSnapshots, fingerprint
 from harness.adapters.stores.sql import SqlEventStore
 from harness.bootstrap import DECIDERS
 from harness.contracts.actors import Actor
 from harness.contracts.decider import Codec
-from harness.contracts.ids import InvocationId, MissionId, ResourceId, StreamId, lease_stream, sha256
+from harness.contracts.ids import Digest, InvocationId, MissionId, ResourceId, StreamId, lease_stream, sha256
 from harness.contracts.lease_events import LeaseAcquired, LeaseEvent, LeaseFreed, LeaseQuarantined, LeaseReleased
 from harness.contracts.ports import Batch, EventStore, StateSnapshot, StoredEvent
 from harness.contracts.values import decode, digest, encode
@@ -31,6 +32,7 @@ from tests.unit.stores.builders import NOW
 
 LOG = Path(__file__).parents[2] / "fixtures" / "logs" / "schema-1.db.gz"
 BASE = lease_stream(ResourceId("mobile_base"))
+KEY = InstallationKey(secret=bytes(32))
 CODEC: Codec[LeaseEvent] = Codec(LeaseEvent)
 
 
@@ -70,11 +72,21 @@ def lease_events(store: EventStore, *events: LeaseEvent) -> None:
     store.append([new], [], NOW)
 
 
-def snapshot_at(version: int, state: object) -> StateSnapshot:
-    body = encode(state)
-    shape = fingerprint(type(state))
-    assert shape is not None
-    return StateSnapshot(stream=BASE, version=version, fingerprint=shape, digest=sha256(body), body=body)
+def snapshot_at(log: SqlEventStore, version: int, state: object) -> StateSnapshot:
+    shape, event = fingerprint(type(state)), log.event_digest(BASE, version)
+    assert shape is not None and event is not None
+    unsealed = StateSnapshot(
+        stream=BASE, version=version, event=event, fingerprint=shape, seal=Digest(""), body=encode(state)
+    )
+    return sealed(log, unsealed)
+
+
+def sealed(log: SqlEventStore, found: StateSnapshot, *, key: InstallationKey = KEY) -> StateSnapshot:
+    """The same snapshot with the seal of that key."""
+    with closing(StoredSnapshots(log, key, keeping=False)) as snapshots:
+        return snapshots.sealed(
+            found.stream, found.version, event=found.event, shape=found.fingerprint, body=found.body
+        )
 
 
 class CountingLog:
@@ -128,11 +140,11 @@ def test_any_lease_folded_on_from_any_snapshot_is_the_lease_folded_whole(events:
 
 def test_opening_a_stream_again_costs_its_tail(log: SqlEventStore) -> None:
     lease_events(log, *(acquired(token) for token in range(1, EVERY + 1)))
-    with closing(StoredSnapshots(log)) as snapshots:
+    with closing(StoredSnapshots(log, KEY)) as snapshots:
         first = gate(log, snapshots).state(BASE)
     lease_events(log, acquired(500), acquired(501))
     counting = CountingLog(log)
-    with closing(StoredSnapshots(log)) as snapshots:
+    with closing(StoredSnapshots(log, KEY)) as snapshots:
         again = gate(counting, snapshots).state(BASE)  # type: ignore[arg-type]
     assert counting.loaded == 2
     assert (first.version, first.token) == (EVERY, EVERY)
@@ -140,7 +152,7 @@ def test_opening_a_stream_again_costs_its_tail(log: SqlEventStore) -> None:
 
 
 def test_a_stream_is_kept_again_only_after_an_eighth_of_its_length(log: SqlEventStore) -> None:
-    with closing(StoredSnapshots(log)) as snapshots:
+    with closing(StoredSnapshots(log, KEY)) as snapshots:
         watched = gate(log, snapshots)
         for token in range(1, 400):
             lease_events(log, acquired(token))
@@ -153,12 +165,12 @@ def test_a_stream_is_kept_again_only_after_an_eighth_of_its_length(log: SqlEvent
 def planted(log: SqlEventStore) -> StateSnapshot:
     """A snapshot that is not what the events say, so that its use shows."""
     lease_events(log, acquired(1), acquired(2), acquired(3))
-    return snapshot_at(2, Lease(version=2, resource=ResourceId("mobile_base"), token=2, reason="planted"))
+    return snapshot_at(log, 2, Lease(version=2, resource=ResourceId("mobile_base"), token=2, reason="planted"))
 
 
 def seen(log: SqlEventStore) -> str:
     """The version and the reason that are restored."""
-    with closing(StoredSnapshots(log, keeping=False)) as snapshots:
+    with closing(StoredSnapshots(log, KEY, keeping=False)) as snapshots:
         state, version = snapshots.restore(BASE, Lease())
         return f"{version} {state.reason}".strip()
 
@@ -169,19 +181,54 @@ def test_a_whole_snapshot_is_used(log: SqlEventStore) -> None:
 
 
 def test_a_snapshot_of_another_shape_or_of_other_code_is_ignored(log: SqlEventStore) -> None:
-    log.keep(msgspec.structs.replace(planted(log), fingerprint=sha256(b"another release")))
+    log.keep(sealed(log, replace(planted(log), fingerprint=sha256(b"another release"))))
     assert seen(log) == "0"
 
 
 def test_a_damaged_snapshot_is_ignored(log: SqlEventStore) -> None:
     snapshot = planted(log)
-    log.keep(msgspec.structs.replace(snapshot, body=snapshot.body.replace(b"planted", b"tampered")))
+    log.keep(replace(snapshot, body=snapshot.body.replace(b"planted", b"tampered")))
     assert seen(log) == "0"
+
+
+@pytest.mark.parametrize("forger", ["its own checksum", "another key"])
+def test_a_snapshot_without_the_seal_of_this_installation_is_ignored(log: SqlEventStore, forger: str) -> None:
+    snapshot = planted(log)
+    other = sealed(log, snapshot, key=InstallationKey(secret=b"x" * 32))
+    log.keep(replace(snapshot, seal=sha256(snapshot.body)) if forger == "its own checksum" else other)
+    assert seen(log) == "0"
+
+
+def test_without_a_key_nothing_is_restored_or_kept(log: SqlEventStore) -> None:
+    log.keep(planted(log))
+    with closing(StoredSnapshots(log, installation_key(None, data=Path("/"), make=True))) as snapshots:
+        assert snapshots.restore(BASE, Lease()) == (Lease(), 0)
+        snapshots.offer(BASE, EVERY, Lease(version=EVERY))
+    kept = log.snapshot(BASE)
+    assert kept is not None and kept.version == 2
+
+
+def test_an_audit_counts_the_sealed_and_names_what_says_something_else(log: SqlEventStore) -> None:
+    def findings() -> tuple[int, int, tuple[StreamId, ...]]:
+        with closing(StoredSnapshots(log, KEY, keeping=False)) as snapshots:
+            found = gate(log, snapshots).audit_snapshots()
+        return found.sealed, found.unsealed, found.forged
+
+    assert findings() == (0, 0, ())
+    log.keep(planted(log))
+    assert findings() == (0, 0, (BASE,)), "sealed, and yet not what the events say"
+    honest = snapshot_at(log, 2, LEASE.fold(LEASE.initial, map(CODEC.decode, log.load(BASE)[:2])))
+    log.keep(honest)
+    assert findings() == (1, 0, ())
+    log.keep(replace(honest, seal=sha256(honest.body)))
+    assert findings() == (0, 1, ())
+    log.keep(replace(honest, fingerprint=sha256(b"another release"), seal=sha256(honest.body)))
+    assert findings() == (0, 1, ())
 
 
 def test_a_snapshot_that_is_no_state_is_ignored(log: SqlEventStore) -> None:
     snapshot, body = planted(log), b'{"version":"two"}'
-    log.keep(msgspec.structs.replace(snapshot, body=body, digest=sha256(body)))
+    log.keep(sealed(log, replace(snapshot, body=body)))
     assert seen(log) == "0"
 
 
@@ -189,7 +236,9 @@ def test_a_snapshot_of_another_log_is_ignored(log: SqlEventStore, tmp_path: Path
     snapshot = planted(log)
     with closing(SqlEventStore(f"sqlite:///{tmp_path / 'other.db'}")) as other:
         lease_events(other, acquired(7), acquired(8))
-        other.keep(snapshot)
+        event = other.event_digest(BASE, 2)
+        assert event is not None
+        other.keep(sealed(other, replace(snapshot, event=event)))
     with closing(sqlite3.connect(tmp_path / "events.db")) as connection:
         connection.execute("ATTACH ? AS other", (str(tmp_path / "other.db"),))
         connection.execute("INSERT INTO snapshot SELECT * FROM other.snapshot")
@@ -198,27 +247,27 @@ def test_a_snapshot_of_another_log_is_ignored(log: SqlEventStore, tmp_path: Path
 
 
 def test_a_version_that_the_stream_does_not_have_is_not_kept(log: SqlEventStore) -> None:
-    log.keep(msgspec.structs.replace(planted(log), version=9))
+    log.keep(replace(planted(log), version=9))
     assert log.snapshot(BASE) is None
 
 
 def test_a_state_that_json_cannot_say_is_not_kept(log: SqlEventStore) -> None:
     lease_events(log, *(acquired(token) for token in range(1, EVERY + 1)))
-    with closing(StoredSnapshots(log)) as snapshots:
+    with closing(StoredSnapshots(log, KEY)) as snapshots:
         snapshots.offer(BASE, EVERY, Lease(version=EVERY, expires_s=float("nan")))
     assert log.snapshot(BASE) is None
 
 
 def test_a_reader_restores_and_keeps_nothing(log: SqlEventStore) -> None:
     lease_events(log, *(acquired(token) for token in range(1, EVERY + 1)))
-    with closing(StoredSnapshots(log, keeping=False)) as snapshots:
+    with closing(StoredSnapshots(log, KEY, keeping=False)) as snapshots:
         assert gate(log, snapshots).state(BASE).version == EVERY
     assert log.snapshot(BASE) is None
 
 
 def test_a_database_that_fails_costs_the_snapshot_and_nothing_else(log: SqlEventStore) -> None:
     lease_events(log, *(acquired(token) for token in range(1, EVERY + 1)))
-    snapshots = StoredSnapshots(log)
+    snapshots = StoredSnapshots(log, KEY)
     log.close()
     snapshots.offer(BASE, EVERY, Lease(version=EVERY))
     snapshots.close()
