@@ -57,8 +57,8 @@ def propose(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
 def proposed(console: Console, actor: Actor, candidate: Candidate, before: str) -> Accepted[Any] | Refused:
     """Put it on record as the successor of the candidate `before`, if it names one. Raises UnknownName."""
     supersedes = console.releases.review(before).candidate if before else None
-    say = SignedBy(actor, candidate.manifest.reason, f"propose:{candidate.candidate_id}")
-    return console.releases.propose(candidate, say, supersedes=supersedes)
+    signed = SignedBy(actor, candidate.manifest.reason, f"propose:{candidate.candidate_id}")
+    return console.releases.propose(candidate, signed, supersedes=supersedes)
 
 
 def read(console: Console, actor: Actor, typed: Mapping[str, str]) -> tuple[Candidate | None, Found]:

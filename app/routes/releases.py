@@ -45,9 +45,9 @@ def save_policy(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Respons
 def saved(console: Console, actor: Actor, act: SavePolicyAct) -> Accepted[object] | Refused:
     """Asked with the people who hold the roles now."""
     around = around_of(console)
-    say = SignedBy(actor, act.reason, f"policy:{act.key or console.sessions.key()}"[:200])
+    signed = SignedBy(actor, act.reason, f"policy:{act.key or console.sessions.key()}"[:200])
     return console.releases.save_policy(
-        act.policy(), say, reviewers=tuple(around.reviewers), releasers=tuple(around.releasers)
+        act.policy(), signed, reviewers=tuple(around.reviewers), releasers=tuple(around.releasers)
     )
 
 

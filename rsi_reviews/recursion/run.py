@@ -1,5 +1,6 @@
-"""Runs the fleets of one experiment on local processes. Each outcome is stored at once, so that a run can be
-resumed.
+"""Distributes the fleets of one experiment over the sites, blind ones too, and runs them on local processes.
+
+Each outcome is stored at once, so that a run can be resumed.
 """
 
 import multiprocessing
@@ -16,6 +17,7 @@ from harness.contracts.values import digest, encode
 from rsi_reviews.hidden_sites import FOLDER, site_file, site_names
 from rsi_reviews.recursion.experiment import FleetOutcome, Task, Terms, run_fleet
 
+FOLDER_PATH = Path(__file__).resolve().parents[1]
 BLIND = "blind"
 CALM, DRIFTING = "calm", "moving-boxes"
 FleetReport = Callable[[FleetOutcome, int, int], None]
@@ -53,9 +55,6 @@ def check_blind() -> None:
             where=f"{FOLDER}/sites/{BLIND}",
             do="restore the files that were hashed before the run; what was written after it is not blind",
         )
-
-
-FOLDER_PATH = Path(__file__).resolve().parents[1]
 
 
 def outcomes(

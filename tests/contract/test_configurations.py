@@ -13,11 +13,11 @@ from harness.adapters.stores.configurations import StoredConfigurations
 from harness.adapters.stores.memory import MemoryEventStore
 from harness.adapters.stores.opening import open_log
 from harness.baseline.load import baseline
+from harness.contracts.configuration_record import CONFIGURATION, configuration_record
 from harness.contracts.errors import ConfigurationMissing
 from harness.contracts.ids import Digest, RobotId, StreamId, sha256
 from harness.contracts.ports import Batch, Configurations, EventStore, NewEvent, Record
 from harness.contracts.values import Moment, encode
-from harness.contracts.versions import CONFIGURATION, configuration_record
 from tests.builders.pointers import sterner
 from tests.saying import raises_saying, where
 

@@ -5,12 +5,12 @@ from collections.abc import Callable, Iterable
 import msgspec
 
 from harness.contracts.configuration import Configuration
+from harness.contracts.configuration_record import configuration_record
 from harness.contracts.errors import ConfigurationMissing, LogDamaged, UnknownName
 from harness.contracts.ids import Digest, RobotId
 from harness.contracts.ports import EventStore, Record
 from harness.contracts.reasons import because
 from harness.contracts.values import decode
-from harness.contracts.versions import configuration_record
 
 
 def nothing_selected(robot_id: RobotId) -> Digest | None:

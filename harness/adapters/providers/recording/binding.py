@@ -12,7 +12,7 @@ from harness.contracts.reasons import because
 METADATA = "regen.mission"
 
 
-def bound(
+def bind_frame(
     positions: Positions,
     *,
     settings: TopicSettings,
@@ -36,7 +36,9 @@ def bound(
     return Binding(frame, settings.map_version or known or f"recording:{digest}", matrix)
 
 
-def timed(survey: Survey, *, roles: TopicRoles, settings: TopicSettings, where: str) -> tuple[Clocks, RecordingClock]:
+def choose_clock(
+    survey: Survey, *, roles: TopicRoles, settings: TopicSettings, where: str
+) -> tuple[Clocks, RecordingClock]:
     """Mission time on the clock of the settings, or on log time if header stamps are missing."""
     positions = survey.positions[roles.position]
     if not positions.count:

@@ -5,7 +5,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from harness.adapters.providers.recording.binding import METADATA, bound, timed
+from harness.adapters.providers.recording.binding import METADATA, bind_frame, choose_clock
 from harness.adapters.providers.recording.container import Container
 from harness.adapters.providers.recording.messages import Decoder
 from harness.adapters.providers.recording.roles import Topic, TopicRoles, assigned, listed
@@ -231,7 +231,7 @@ class Recording:
         self.roles = assigned(self.topics, self.settings, where=where)
         self._frames = Frames((*self.settings.static_transforms, *self._survey.transforms))
         self._recorded = reader.metadata.get(METADATA, {})
-        self._binding = bound(
+        self._binding = bind_frame(
             self._survey.positions[self.roles.position],
             settings=self.settings,
             frames=self._frames,
@@ -239,7 +239,7 @@ class Recording:
             recorded=self._recorded,
             where=where,
         )
-        self.clocks, self._times = timed(self._survey, roles=self.roles, settings=self.settings, where=where)
+        self.clocks, self._times = choose_clock(self._survey, roles=self.roles, settings=self.settings, where=where)
         self._latest = self._samples(self.roles)
 
     def _check_count(self) -> None:
