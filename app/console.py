@@ -173,8 +173,8 @@ class Console:
 
     def explained(self, question: Digest, found: CandidateSet) -> RoutingExplanation | None:
         """Why routing chose as it did; None where the log does not hold what it was asked."""
-        asked = self._record(question, RoutingQuestion)
-        return explained(asked, found) if asked else None
+        routing_question = self._record(question, RoutingQuestion)
+        return explained(routing_question, found) if routing_question else None
 
     def target_question(self, digest: Digest) -> TargetQuestion | None:
         return self._record(digest, TargetQuestion)

@@ -74,7 +74,7 @@ class Replayer:
             template="recording",
             arguments=arguments,
             replay=True,
-            labels={"recording": self.recording.sha256, "target_source": self.target_source},
+            labels=self._labels(),
         )
         decision = self.harness.runtime.start(start, template=template)
         if isinstance(decision, Refused):
@@ -83,18 +83,27 @@ class Replayer:
         mission = self.harness.supervisor.run(mission_id, watch=watch)
         return mission, self.facts(mission)
 
+    def _labels(self) -> dict[str, str]:
+        labels = {"recording": self.recording.sha256, "target_source": self.target_source}
+        return labels | ({"incomplete": "yes"} if self.recording.summary().incomplete else {})
+
     def facts(self, mission: Mission) -> dict[str, Any]:
-        """Path length and duration of the whole recording, the target and its source, and every leg's figures.
+        """Path length and duration of the whole recording, the target and its source, every leg's figures, and what
+        guards the recording's bytes, what a cut one lacks and what was not read of it.
 
         What the recorded supervisor declared comes from the recording; what was measured, from the gate's verdicts.
         """
         judged = [_measured(node) for node in mission.nodes.values()]
+        summary = self.recording.summary()
         return {
             "path_length_m": path_length(point for _, point in self.recording.track()),
             "duration_s": self.recording.duration_s,
             "target_source": self.target_source,
             "target_m": self.robot.segments[-1].target_m,
             "recording": self.recording.sha256,
+            "checks": summary.checks,
+            "incomplete": summary.incomplete,
+            "left_out": summary.left_out,
             "segments": [
                 {
                     "name": segment.name,
@@ -116,15 +125,17 @@ def replayed(
     target: Point | None,
     topics: Sequence[str],
     place: str = "",
+    recover: bool = False,
 ) -> Iterator[Replayer]:
     """The harness on this data folder with a recording in place of a robot.
 
     The arrival is tested at `target`, or at the approach of `place`, or where the recording's own goals and routes
-    lead. Raises RecordingInvalid for a recording that cannot be read, before anything is written, UnknownName for a
-    place and ContractInvalid for one on another map, before a mission is created.
+    lead. With `recover` a cut recording is replayed as far as it is whole. Raises RecordingInvalid for a recording that
+    cannot be read, before anything is written, UnknownName for a place and ContractInvalid for one on another map,
+    before a mission is created.
     """
     with ExitStack() as stack:
-        recording = open_recording(path, _topics(topics))
+        recording = open_recording(path, _topics(topics), recover=recover)
         stack.callback(recording.close)
         folder = prepare(settings.data_folder)
         lock = stack.enter_context(OwnerLock(folder.root))
@@ -164,10 +175,15 @@ def _approach(name: str, site: Site, recording: Recording) -> Point:
     if (recording.frame, recording.map_version) == (site.frame, site.map_version):
         return place.approach_m
     raise ContractInvalid(
-        f"Place {place.place_id} lies on map {site.map_version} in frame {site.frame}; the recording is on "
-        f"{recording.map_version} in frame {recording.frame}",
+        because(
+            "place_on_other_map",
+            place_id=place.place_id,
+            map_version=site.map_version,
+            frame=site.frame,
+            recorded_map_version=recording.map_version,
+            recorded_frame=recording.frame,
+        ),
         where="--place",
-        do=f"give --target X,Y, or --topic map_version={site.map_version} if it was recorded on that map",
     )
 
 
@@ -203,18 +219,18 @@ def _untargeted(template: TaskTemplate) -> TaskTemplate:
     """The template without its target: what it would test there becomes `arrival_without_target`."""
     effect = {"type": "symbolic", "predicate": "arrival_without_target", "arguments": {}}
 
-    def said(condition: dict[str, Any]) -> dict[str, Any]:
+    def untargeted(condition: dict[str, Any]) -> dict[str, Any]:
         return condition | {"text": "The body is at its target, which nobody named", "effect": effect}
 
     (pattern,) = template.nodes
     parameters = {name: value for name, value in pattern["parameters"].items() if name != "target"}
-    conditions = [said(one) for one in pattern["success_conditions"]]
+    conditions = [untargeted(one) for one in pattern["success_conditions"]]
     node = pattern | {"parameters": parameters, "success_conditions": conditions}
     return msgspec.structs.replace(
         template,
         nodes=(node,),
         parameters=tuple(one for one in template.parameters if not one.name.startswith("target_")),
-        completion_conditions=tuple(said(one) for one in template.completion_conditions),
+        completion_conditions=tuple(untargeted(one) for one in template.completion_conditions),
     )
 
 

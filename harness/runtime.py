@@ -34,32 +34,28 @@ from harness.contracts.ids import (
 )
 from harness.contracts.observations import AnySample
 from harness.contracts.person_commands import PersonCommand
-from harness.contracts.place_events import place_stream
 from harness.contracts.places import Place, Site
 from harness.contracts.protocol import InvocationReport, RobotStatus
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.tasks import TaskContract, TaskTemplate
-from harness.contracts.values import Value, encode
+from harness.contracts.values import Value
 from harness.gate.commit import CommandEnvelope, Gate
 from harness.gate.ended_missions import EndedMissions
 from harness.gate.open_missions import OpenMissions
-from harness.gate.places import DECIDER as PLACE
+from harness.gate.site_versions import SiteVersions
+from harness.goals.contract_compiler import ContractCompiler
 from harness.goals.reader import GRAMMAR, GoalReader
-from harness.goals.satisfiable import check_sources
 from harness.goals.sources import RobotSources
-from harness.goals.understanding import GoalRequest, Understood, compiled, read_again, understand
+from harness.goals.understanding import GoalRequest, Understood
 from harness.memory.fabric import MemoryFabric
 from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission, required_contract
-from harness.projections.places import Places, changed_site
+from harness.projections.places import Places
 
-KEPT_CONTRACTS = 16
-"""How many compiled contracts are cached: equal request, template and site give an equal contract."""
 KEPT_LIVE = 64
-"""For how many missions the latest observations are kept, and the places they were compiled with."""
-COMPILED = ("ContractCompiled", "ContractRecompiled")
+"""For how many missions the latest observations are kept."""
 
 
 AnswerHandoff = Callable[[HandoffId, PersonCommand], Decision[AnyEvent]]
@@ -121,6 +117,13 @@ class Start:
     channel: str = ""
     confirm_reading: str = ""
 
+    @property
+    def request(self) -> GoalRequest:
+        """What the person asked for, apart from who, where and how."""
+        return GoalRequest(
+            template=self.template, text=self.goal, arguments=self.arguments, confirm=self.confirm_reading
+        )
+
 
 class Runtime:
     """Reads are folds of the log; writes are requests to the gate. `rules`: the version new missions are pinned to.
@@ -151,49 +154,31 @@ class Runtime:
         self._ids = ids
         self._signals = signals
         self._configurations = configurations
-        self._shipped = site
-        self._beside = beside
-        self._reader = reader
-        self._sources = sources
-        self._sites: LRUCache[tuple[MissionId, Digest], Site] = LRUCache(KEPT_LIVE)
+        self._compiler = ContractCompiler(beside=beside, reader=reader, sources=sources, rules=rules)
+        self._sites = SiteVersions(store, gate.state, site)
         self.memory = memory
         self.rules = rules
         self._open_missions = OpenMissions(store)
         self._ended_missions = EndedMissions(store, gate.state)
-        self._contracts: LRUCache[bytes, TaskContract] = LRUCache(KEPT_CONTRACTS)
         self._live: LRUCache[MissionId, Live] = LRUCache(KEPT_LIVE)
         self._caching = Lock()
 
     @property
     def site(self) -> Site:
         """The places with people's changes: what new missions are compiled with (R193)."""
-        return changed_site(self._shipped, self.places())
+        return self._sites.now()
 
     def site_of(self, mission: Mission) -> Site:
         """The places that a mission was compiled with; later changes do not affect it."""
-        key = (mission.mission_id, mission.configuration)
-        with self._caching:
-            site = self._sites.get(key)
-        if site is None:
-            site = self._site_before(mission.mission_id)
-            with self._caching:
-                self._sites[key] = site
-        return site
-
-    def _site_before(self, mission_id: MissionId) -> Site:
-        changes = self._store.load(place_stream(self._shipped.name))
-        compiled = [one.position for one in self.events(mission_id) if one.kind in COMPILED] if changes else []
-        known = [PLACE.codec.decode(one) for one in changes if compiled and one.position < compiled[-1]]
-        return changed_site(self._shipped, PLACE.fold(PLACE.initial, known))
+        return self._sites.of(mission)
 
     def places(self) -> Places:
         """The changes to this site's places."""
-        places: Places = self._gate.state(place_stream(self._shipped.name))
-        return places
+        return self._sites.changes()
 
     def shipped_place(self, place_id: PlaceId) -> Place | None:
         """A place as it shipped, without people's changes."""
-        return next((one for one in self._shipped.places if one.place_id == place_id), None)
+        return self._sites.shipped_place(place_id)
 
     # commands -------------------------------------------------------------------------------------------------------
 
@@ -207,7 +192,7 @@ class Runtime:
         """
         pinned = self._configurations.current_id(start.robot_id)
         configuration = self._configurations.get(pinned)
-        contract = self.checked(start.robot_id, self._compiled(start, self._templates(configuration, template)))
+        contract = self._compiled(start, configuration, template)
         mission_id = self._ids.mission()
         create = CreateMission(
             mission_id=mission_id,
@@ -231,13 +216,12 @@ class Runtime:
 
     def draft(self, start: Start, *, template: TaskTemplate | None = None) -> TaskContract:
         """The contract that `start` would create now; nothing is written. Raises as `start` does."""
-        configuration = self._configurations.get(self._configurations.current_id(start.robot_id))
-        return self.checked(start.robot_id, self._compiled(start, self._templates(configuration, template)))
+        return self._compiled(start, self._configurations.current(start.robot_id), template)
 
     def understood(self, start: Start) -> Understood:
         """What the goal of a request means now; nothing is written. Raises as `start` does."""
-        configuration = self._configurations.get(self._configurations.current_id(start.robot_id))
-        return self._read(start, self._templates(configuration, None))
+        configuration = self._configurations.current(start.robot_id)
+        return self._compiler.understood(start.request, configuration, site=self.site)
 
     def compiled_under(self, mission: Mission, configuration: Configuration) -> TaskContract | None:
         """A mission's reading compiled under another configuration; None for a mission without a reading (D62).
@@ -245,43 +229,16 @@ class Runtime:
         Raises as `start` does.
         """
         contract = required_contract(mission)
-        templates = self._templates(configuration, None)
-        again = read_again(contract, templates=templates, site=self.site, rules=self.rules)
-        return self.checked(mission.robot_id, again) if again is not None else None
+        return self._compiler.again(contract, configuration, robot_id=mission.robot_id, site=self.site)
 
     def checked(self, robot_id: RobotId, contract: TaskContract) -> TaskContract:
         """The contract, where the sources of this robot can show its conditions to hold. Raises Unsatisfiable."""
-        if robot_id in self._sources:
-            check_sources(contract, robot=self._sources[robot_id], site=self.site, rules=self.rules)
-        return contract
+        return self._compiler.checked(contract, robot_id=robot_id, site=self.site)
 
-    def _templates(self, configuration: Configuration, instead: TaskTemplate | None) -> tuple[TaskTemplate, ...]:
-        """What may be started: the configuration's own, then those beside it; `instead` takes the place of its name."""
-        own = configuration.templates
-        names = {one.name for one in own}
-        every = (*own, *(one for one in self._beside if one.name not in names))
-        if instead is None:
-            return every
-        kept = tuple(instead if one.name == instead.name else one for one in every)
-        return kept if instead in kept else (*kept, instead)
-
-    def _compiled(self, start: Start, templates: tuple[TaskTemplate, ...]) -> TaskContract:
-        arguments, site = start.arguments or {}, self.site
-        asked = encode((start.goal, start.template, start.confirm_reading, templates, arguments, site))
-        with self._caching:
-            known = self._contracts.get(asked)
-        if known is None:
-            found = self._read(start, templates)
-            known = compiled(found, templates=templates, site=site, arguments=arguments, rules=self.rules)
-            with self._caching:
-                self._contracts[asked] = known
-        return known
-
-    def _read(self, start: Start, templates: tuple[TaskTemplate, ...]) -> Understood:
-        request = GoalRequest(
-            template=start.template, text=start.goal, arguments=start.arguments, confirm=start.confirm_reading
+    def _compiled(self, start: Start, configuration: Configuration, template: TaskTemplate | None) -> TaskContract:
+        return self._compiler.contract(
+            start.request, configuration, robot_id=start.robot_id, site=self.site, instead=template
         )
-        return understand(request, templates=templates, site=self.site, reader=self._reader)
 
     def submit(
         self, mission_id: MissionId, command: MissionCommand, *, records: Sequence[ports.Record] = ()

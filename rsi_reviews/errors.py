@@ -15,6 +15,6 @@ class CandidateInvalid(ContractInvalid):
 
     code = "candidate_invalid"
 
-    def __init__(self, what: Explanation, *, rule: str, where: str = "", do: Explanation = "") -> None:
+    def __init__(self, what: Explanation, *, rule: str, where: Explanation = "", do: Explanation = "") -> None:
         super().__init__(what, where=where, do=do)
         self.rule = rule

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from harness.contracts.actors import Actor
+from harness.contracts.configuration_record import configuration_record
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.ids import Digest, MissionId, RobotId, StreamId
 from harness.contracts.ports import Record
 from harness.contracts.reasons import because
 from harness.contracts.values import Value, digest, encode
-from harness.contracts.versions import configuration_record
 from harness.runtime import Runtime
 from rsi_reviews import commands, contracts
 from rsi_reviews.acceptance import Evaluation, accepted
@@ -59,7 +59,9 @@ class ReleaseService(CandidateQueries):
 
     # proposing and evaluating ---------------------------------------------------------------------------------------
 
-    def propose(self, candidate: contracts.Candidate, say: SignedBy, *, supersedes: Digest | None = None) -> Answered:
+    def propose(
+        self, candidate: contracts.Candidate, signed: SignedBy, *, supersedes: Digest | None = None
+    ) -> Answered:
         """Record a candidate. Its authors are those of every candidate it edits or repeats, and the person who
         proposes it.
         """
@@ -78,66 +80,66 @@ class ReleaseService(CandidateQueries):
             baseline=self._runtime.stored_configuration(current),
             supersedes=supersedes,
             earlier=tuple(sorted(earlier)),
-            **say.fields,
+            **signed.fields,
         )
         confirm = commands.Confirm(baseline=candidate.baseline, configuration=configuration)
         records = (configuration_record(candidate.configuration), self._runtime.configuration_record(current))
         return self._asked(candidate.candidate_id, command, confirm, *records)
 
-    def begin(self, terms: contracts.EvaluationTerms, say: SignedBy) -> Answered:
+    def begin(self, terms: contracts.EvaluationTerms, signed: SignedBy) -> Answered:
         """Fix the terms of the evaluation, before anything runs."""
-        command = commands.BeginEvaluation(terms=terms, **say.fields)
+        command = commands.BeginEvaluation(terms=terms, **signed.fields)
         return self._asked(self.review(terms.candidate).candidate, command, commands.Confirm(baseline=terms.baseline))
 
-    def submit_results(self, evaluation: Evaluation, say: SignedBy) -> Answered:
+    def submit_results(self, evaluation: Evaluation, signed: SignedBy) -> Answered:
         """Record what was measured, judged here by the acceptance predicate itself."""
         report = self._judge(evaluation)
         terms, results = evaluation.terms, evaluation.results
-        command = commands.RecordEvaluation(terms=terms, results=results, report=report, **say.fields)
+        command = commands.RecordEvaluation(terms=terms, results=results, report=report, **signed.fields)
         look = results.held_out
         counted = commands.CountLook(candidate=terms.candidate, terms=digest(terms), answer=look) if look else None
         records = (_record("result_set", results), _record("acceptance_report", report))
         return self._asked(self.review(terms.candidate).candidate, command, counted, *records)
 
-    def add_case(self, mission_id: MissionId, say: SignedBy) -> Answered:
+    def add_case(self, mission_id: MissionId, signed: SignedBy) -> Answered:
         """A disputed mission becomes a case of the regression suite here. Raises UnknownName for an unknown mission."""
         case = case_of(self._runtime.mission(mission_id))
         if isinstance(case, Refused):
             return case
-        command = AddCase(actor=say.actor, mission_id=mission_id, case=case, reason=say.reason)
+        command = AddCase(actor=signed.actor, mission_id=mission_id, case=case, reason=signed.reason)
         return self._runtime.decide([(GROWTH, command)])
 
     # reviewing ------------------------------------------------------------------------------------------------------
 
-    def submit(self, candidate: Digest, say: SignedBy) -> Answered:
+    def submit(self, candidate: Digest, signed: SignedBy) -> Answered:
         """Ask people to review the candidate, in a new cycle."""
         review = self.review(candidate)
         confirm = commands.Confirm(baseline=review.baseline, configuration=review.configuration)
-        return self._asked(candidate, commands.OpenReview(**say.fields), confirm)
+        return self._asked(candidate, commands.OpenReview(**signed.fields), confirm)
 
-    def comment(self, candidate: Digest, say: SignedBy) -> Answered:
-        return self._asked(self.review(candidate).candidate, commands.AddComment(**say.fields))
+    def comment(self, candidate: Digest, signed: SignedBy) -> Answered:
+        return self._asked(self.review(candidate).candidate, commands.AddComment(**signed.fields))
 
-    def recall(self, candidate: Digest, say: SignedBy) -> Answered:
-        return self._asked(self.review(candidate).candidate, commands.RecallReview(**say.fields))
+    def recall(self, candidate: Digest, signed: SignedBy) -> Answered:
+        return self._asked(self.review(candidate).candidate, commands.RecallReview(**signed.fields))
 
-    def request_changes(self, candidate: Digest, say: SignedBy, seen: SeenSubject) -> Answered:
-        command = commands.RequestChanges(cycle=seen.cycle, subject=seen.subject, **say.fields)
+    def request_changes(self, candidate: Digest, signed: SignedBy, seen: SeenSubject) -> Answered:
+        command = commands.RequestChanges(cycle=seen.cycle, subject=seen.subject, **signed.fields)
         return self._asked(self.review(candidate).candidate, command)
 
-    def reject(self, candidate: Digest, say: SignedBy, seen: SeenSubject) -> Answered:
-        command = commands.RejectCandidate(cycle=seen.cycle, subject=seen.subject, **say.fields)
+    def reject(self, candidate: Digest, signed: SignedBy, seen: SeenSubject) -> Answered:
+        command = commands.RejectCandidate(cycle=seen.cycle, subject=seen.subject, **signed.fields)
         return self._asked(self.review(candidate).candidate, command)
 
-    def approve(self, candidate: Digest, say: SignedBy, seen: SeenSubject) -> Answered:
+    def approve(self, candidate: Digest, signed: SignedBy, seen: SeenSubject) -> Answered:
         """One person's approval of exactly what they saw. Refused if the baseline is no longer current."""
         review, policy = self.review(candidate), self.pointer().policy
-        command = commands.ApproveCandidate(policy=policy, cycle=seen.cycle, subject=seen.subject, **say.fields)
+        command = commands.ApproveCandidate(policy=policy, cycle=seen.cycle, subject=seen.subject, **signed.fields)
         return self._asked(candidate, command, _still(review, policy))
 
     # releasing ------------------------------------------------------------------------------------------------------
 
-    def authorise(self, candidate: Digest, say: SignedBy, seen: SeenSubject) -> Answered:
+    def authorise(self, candidate: Digest, signed: SignedBy, seen: SeenSubject) -> Answered:
         """The fourth clause. The rollback target is loaded here, before anything is decided."""
         review, policy = self.review(candidate), self.pointer().policy
         rollback = review.manifest.rollback if review.manifest else review.baseline
@@ -147,11 +149,11 @@ class ReleaseService(CandidateQueries):
             proven=self.loads(rollback),
             cycle=seen.cycle,
             subject=seen.subject,
-            **say.fields,
+            **signed.fields,
         )
         return self._asked(candidate, command, _still(review, policy))
 
-    def release(self, candidate: Digest, say: SignedBy, seen: SeenSubject, *, robot_id: RobotId) -> Answered:
+    def release(self, candidate: Digest, signed: SignedBy, seen: SeenSubject, *, robot_id: RobotId) -> Answered:
         """Begin the canary on one robot: the pointer moves in the same transaction."""
         self._runtime.decide([(candidate_stream(candidate), commands.ExpireAuthorisation())])
         review, policy = self.review(candidate), self.pointer().policy
@@ -162,17 +164,17 @@ class ReleaseService(CandidateQueries):
             recent=recent_values(self._runtime, metric, review.baseline, robot_id),
             cycle=seen.cycle,
             subject=seen.subject,
-            **say.fields,
+            **signed.fields,
         )
-        move = self._move(review, "canary", say.actor, say.reason, robot_id=robot_id)
+        move = self._move(review, "canary", signed.actor, signed.reason, robot_id=robot_id)
         return self._asked(candidate, command, move)
 
     def adjudicate(
-        self, candidate: Digest, mission_id: MissionId, finding: contracts.Finding, say: SignedBy
+        self, candidate: Digest, mission_id: MissionId, finding: contracts.Finding, signed: SignedBy
     ) -> Answered:
         """Record the finding on one canary mission, by somebody who did not release it, and act on it at once."""
         command = commands.AdjudicateCanaryMission(
-            mission_id=mission_id, finding=finding, policy=self.pointer().policy, **say.fields
+            mission_id=mission_id, finding=finding, policy=self.pointer().policy, **signed.fields
         )
         decision = self._asked(self.review(candidate).candidate, command)
         if isinstance(decision, Accepted):
@@ -183,43 +185,48 @@ class ReleaseService(CandidateQueries):
         """Add finished canary missions to the canary and act on them; call this when a mission has ended."""
         return catch_up(self._runtime, duplicate_starts=duplicate_starts)
 
-    def rollback(self, candidate: Digest, say: SignedBy) -> Answered:
+    def rollback(self, candidate: Digest, signed: SignedBy) -> Answered:
         """Go back to the version before it, at once; its unfinished missions are paused for a person's decision."""
         review, trial = self.review(candidate), self.pointer().trial
         requests: list[tuple[StreamId, Any]] = [
-            (POINTER, self._move(review, "rolled_back", say.actor, say.reason)),
+            (POINTER, self._move(review, "rolled_back", signed.actor, signed.reason)),
         ]
         if trial is not None and trial != candidate:
-            why = because("baseline_rolled_back", why=say.reason)
+            why = because("baseline_rolled_back", why=signed.reason)
             withdrawn = commands.WithdrawCandidate(actor=DESK, reason=why, key=f"baseline:{candidate}")
             requests.append((candidate_stream(trial), withdrawn))
-        decision = self._decided(candidate, commands.RollBack(**say.fields), requests)
+        decision = self._decided(candidate, commands.RollBack(**signed.fields), requests)
         if isinstance(decision, Accepted) and decision.events:
-            revoked = because("pinned_rolled_back", why=say.reason)
-            self._runtime.pause_pinned(review.configuration, actor=say.actor, reason=revoked)
+            revoked = because("pinned_rolled_back", why=signed.reason)
+            self._runtime.pause_pinned(review.configuration, actor=signed.actor, reason=revoked)
         return decision
 
-    def withdraw(self, candidate: Digest, say: SignedBy) -> Answered:
+    def withdraw(self, candidate: Digest, signed: SignedBy) -> Answered:
         """Withdraw without a fault; the configuration is not quarantined."""
         review = self.review(candidate)
         in_canary = review.status == "canary"
-        move = self._move(review, "withdrawn", say.actor, say.reason) if in_canary else None
-        return self._asked(candidate, commands.WithdrawCandidate(**say.fields), move)
+        move = self._move(review, "withdrawn", signed.actor, signed.reason) if in_canary else None
+        return self._asked(candidate, commands.WithdrawCandidate(**signed.fields), move)
 
     # policy and versions --------------------------------------------------------------------------------------------
 
     def save_policy(
-        self, policy: contracts.ReleasePolicy, say: SignedBy, *, reviewers: tuple[str, ...], releasers: tuple[str, ...]
+        self,
+        policy: contracts.ReleasePolicy,
+        signed: SignedBy,
+        *,
+        reviewers: tuple[str, ...],
+        releasers: tuple[str, ...],
     ) -> Answered:
         """Who must agree before a release, with the people who hold these roles now."""
         self._open_pointer()
-        command = commands.SavePolicy(policy=policy, reviewers=reviewers, releasers=releasers, **say.fields)
+        command = commands.SavePolicy(policy=policy, reviewers=reviewers, releasers=releasers, **signed.fields)
         return self._runtime.decide([(POINTER, command)])
 
-    def retire(self, configuration: Digest, say: SignedBy) -> Answered:
+    def retire(self, configuration: Digest, signed: SignedBy) -> Answered:
         """Never select this version again; refused while missions are pinned to it."""
         pinned = self.pins().get(configuration, ())
-        command = commands.RetireVersion(configuration=configuration, pinned=pinned, **say.fields)
+        command = commands.RetireVersion(configuration=configuration, pinned=pinned, **signed.fields)
         return self._runtime.decide([(POINTER, command)])
 
     def take_up(self, worker: str) -> Answered:

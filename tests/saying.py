@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import pytest
 from click.testing import Result
 
-from app.i18n.reasons.rendering import explained
+from app.i18n.reasons.rendering import explained, sentence
 from harness.contracts.errors import HarnessError
 
 
@@ -19,6 +19,11 @@ def raises_saying(
     with pytest.raises(kind) as raised:
         yield raised
     assert re.search(match, explained(raised.value)), explained(raised.value)
+
+
+def where(error: HarnessError) -> str:
+    """Where an error is, as a person reads it."""
+    return sentence(error.where)
 
 
 def said(result: Result) -> str:

@@ -64,11 +64,11 @@ class ActModel(BaseModel):
             fields = dict.fromkeys(str(one["loc"][0]) for one in error.errors() if one["loc"])
         strange = next((name for name in fields if name not in (*WHY, *cls.sentences)), None)
         if strange is not None:
-            raise ContractInvalid(because("answer_unbound"), where=f"form field {strange}")
-        return tuple(Wrong(name, text) for name in fields for text in cls._told(name, given.get(name, "")))
+            raise ContractInvalid(because("answer_unbound"), where=strange)
+        return tuple(Wrong(name, text) for name in fields for text in cls._messages(name, given.get(name, "")))
 
     @classmethod
-    def _told(cls, name: str, value: Any) -> list[str]:
+    def _messages(cls, name: str, value: Any) -> list[str]:
         return [cls.sentences[name]] if name in cls.sentences else forms.wrong_reason(str(value))
 
 

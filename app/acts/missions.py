@@ -57,22 +57,22 @@ class StartMissionAct(base.Act):
         }
         parameters = template.parameters if template else ()
         given = [(one, typed.get(one.name, "").strip()) for one in parameters]
-        said = super().from_form(chosen)
+        act = super().from_form(chosen)
         wrong = [Wrong(name, cls.sentences[name]) for name, text in chosen.items() if not text]
-        wrong += said if isinstance(said, tuple) else ()
+        wrong += act if isinstance(act, tuple) else ()
         wrong += [Wrong(one.name, sentence) for one, text in given for sentence in _wrong_argument(one, text)]
-        if wrong or isinstance(said, tuple):
+        if wrong or isinstance(act, tuple):
             return tuple(wrong)
         arguments = {one.name: float(text) if one.type == "number" else text for one, text in given if text}
         more = {"arguments": arguments, "confirm_reading": typed.get("confirm_reading", "")}
         more |= {"labels": {"rerun_of": again}} if again else {}
-        return cls.of(**dict(said) | more | ({"template": ""} if by_goal else {}))
+        return cls.of(**dict(act) | more | ({"template": ""} if by_goal else {}))
 
     @classmethod
-    def _told(cls, name: str, value: Any) -> list[str]:
+    def _messages(cls, name: str, value: Any) -> list[str]:
         if name == "goal":
             return [lazy_gettext("Keep the goal below {count} characters.", count=forms.GOAL_SIGNS)]
-        return super()._told(name, value)
+        return super()._messages(name, value)
 
     def to_command(self, actor: Actor, **named: Any) -> Start:
         """What the runtime compiles to a CreateMission with its contract."""

@@ -65,10 +65,10 @@ class SavePlaceAct(base.Act):
         given["basis"] = given["basis"] or 0
         given["aliases"] = tuple(dict.fromkeys(one.strip() for one in given["aliases"].split(",") if one.strip()))
         given["region_m"] = [one.split(",") for one in given["region_m"].split(";") if one.strip()]
-        said = cls._read(given)
-        if isinstance(said, tuple):
-            return tuple(Wrong(TYPED_AS.get(one.field, one.field), one.text) for one in said)
-        return said
+        act = cls._read(given)
+        if isinstance(act, tuple):
+            return tuple(Wrong(TYPED_AS.get(one.field, one.field), one.text) for one in act)
+        return act
 
     def fields(self) -> dict[str, Any]:
         """The place itself is named apart: see `place`."""

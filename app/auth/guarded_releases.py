@@ -70,6 +70,6 @@ class GuardedReleaseService(CandidateQueries):
         self._audit_log(principal(), actor, kind.__name__, subject, outcome)
 
 
-def _signed(kind: type[Command], say: SignedBy) -> SignedBy:
+def _signed(kind: type[Command], signed: SignedBy) -> SignedBy:
     """The principal as an actor in the role that allows the act. Raises NotPermitted."""
-    return SignedBy(actor=principal().acting(asked_permission(kind)), reason=say.reason, key=say.key)
+    return SignedBy(actor=principal().acting(asked_permission(kind)), reason=signed.reason, key=signed.key)

@@ -60,7 +60,7 @@ class GuardedRuntime:
         decision = self._runtime.start(replace(start, actor=actor), template=template)
         created = decision.events if isinstance(decision, Accepted) else ()
         names = (event.mission_id for event in created if isinstance(event, MissionCreated))
-        self._told(actor, CreateMission, f"mission/{next(names, '')}", decision)
+        self._record(actor, CreateMission, f"mission/{next(names, '')}", decision)
         return decision
 
     def submit(self, mission_id: ids.MissionId, command: MissionCommand) -> Accepted[AnyEvent] | Refused:
@@ -68,7 +68,7 @@ class GuardedRuntime:
         actor = _acting(type(command))
         _same_robot(self._runtime.mission(mission_id).robot_id)
         decision = self._runtime.submit(mission_id, _signed(command, actor))
-        self._told(actor, type(command), f"mission/{mission_id}", decision)
+        self._record(actor, type(command), f"mission/{mission_id}", decision)
         return decision
 
     def decide(self, requests: Sequence[tuple[ids.StreamId, Command]]) -> Accepted[Any] | Refused:
@@ -77,7 +77,7 @@ class GuardedRuntime:
         signed = [(stream, _signed(command, actor)) for (stream, command), actor in zip(requests, actors, strict=True)]
         decision = self._runtime.decide(signed)
         for (stream, command), actor in zip(signed, actors, strict=True):
-            self._told(actor, type(command), stream, decision)
+            self._record(actor, type(command), stream, decision)
         return decision
 
     def answer(self, handoff_id: ids.HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
@@ -86,7 +86,7 @@ class GuardedRuntime:
         opened = self._runtime.handoff(handoff_id).opened
         _same_robot(opened.robot_id if opened else "")
         decision = self._answer(handoff_id, msgspec.structs.replace(command, actor=actor))
-        self._told(actor, type(command), f"handoff/{handoff_id}", decision)
+        self._record(actor, type(command), f"handoff/{handoff_id}", decision)
         return decision
 
     def free(self, resource: ids.ResourceId, *, reason: str) -> Decision[AnyEvent]:
@@ -94,14 +94,14 @@ class GuardedRuntime:
         actor = _acting(FreeLease)
         _same_robot(resource.partition("/")[0])
         decision = self._free(resource, actor=actor, reason=reason)
-        self._told(actor, FreeLease, f"lease/{resource}", decision)
+        self._record(actor, FreeLease, f"lease/{resource}", decision)
         return decision
 
     def keep(self, body: bytes) -> ids.Digest:
         """Store bytes that a command or a page refers to; returns their digest."""
         return self._runtime.keep(body)
 
-    def _told(self, actor: Actor, kind: type[Command], subject: str, decision: Decision[AnyEvent]) -> None:
+    def _record(self, actor: Actor, kind: type[Command], subject: str, decision: Decision[AnyEvent]) -> None:
         outcome = f"refused: {decision.rule}" if isinstance(decision, Refused) else "accepted"
         self._audit_log(principal(), actor, kind.__name__, subject, outcome)
 

@@ -49,7 +49,7 @@ class Identities:
         account = self._accounts.known(name)
         if not issuer or not 0 < len(subject) <= 255:
             raise ContractInvalid(
-                because("identity_incomplete"), where=f"issuer {issuer[:60]!r}, subject {subject[:60]!r}"
+                because("identity_incomplete"), where=because("at_identity", issuer=issuer[:60], subject=subject[:60])
             )
         made = ExternalIdentity(
             issuer=issuer, subject=subject, name=account.name, by_groups=False, linked_at_s=self._clock()
@@ -92,8 +92,8 @@ class Identities:
             issuer=claims.issuer, subject=claims.subject, name=account.name, by_groups=True, linked_at_s=now_s
         )
         self._accounts.store.link(identity, account=account)
-        told = f"{' '.join(roles)}, {claims.subject} at {claims.issuer}"
-        self._accounts.note(_issuer(source), "account.added", subject=account.name, detail=told)
+        text = f"{' '.join(roles)}, {claims.subject} at {claims.issuer}"
+        self._accounts.note(_issuer(source), "account.added", subject=account.name, detail=text)
         return account
 
     def _kept(self, account: Account, claims: Claims, *, source: str) -> Account:
@@ -108,8 +108,8 @@ class Identities:
         changed = replace(account, roles=roles, changed_at_s=self._clock())
         self._accounts.store.change_account(changed)
         self._accounts.store.close_sessions(name=account.name)
-        told = f"{' '.join(account.roles)} before, {' '.join(roles)} now"
-        self._accounts.note(_issuer(source), "account.changed", subject=account.name, detail=told)
+        text = f"{' '.join(account.roles)} before, {' '.join(roles)} now"
+        self._accounts.note(_issuer(source), "account.changed", subject=account.name, detail=text)
         return changed
 
     def _free_name(self, claims: Claims) -> str:

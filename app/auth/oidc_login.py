@@ -17,7 +17,7 @@ from app.auth.rate_limits import Buckets
 from app.auth.sessions import Origin, SessionService
 from harness.contracts import identity
 from harness.contracts.ids import sha256
-from harness.contracts.reasons import because
+from harness.contracts.reasons import because, plain
 
 MOST_UNDER_WAY = 1000
 STARTS_PER_S, STARTS_AT_ONCE = 0.5, 20.0
@@ -92,7 +92,7 @@ class OidcLogin:
         try:
             name = self._recognised(begun, answer, origin)
         except identity.SignInRefused as error:
-            self._note("sign_in.issuer_refused", "", f"{error.code} {error.where}", origin)
+            self._note("sign_in.issuer_refused", "", f"{error.code} {plain(error.where)}", origin)
             raise
         self._note("sign_in.accepted", name, f"identity provider {self.provider.issuer}", origin)
         if begun.replaces:

@@ -212,14 +212,14 @@ class AlertWatch:
     def _robot(self, robot_id: str) -> None:
         word, now_s = self.watched.fleet.word(robot_id), self.watched.clock()
         battery = self._standing(causes.causes_of_robot(robot_id)["battery_low"])
-        heard = causes.RobotReport(
+        report = causes.RobotReport(
             robot_id=robot_id,
             status=word.status,
             age_s=None if word.heard_s is None else max(now_s - word.heard_s, 0.0),
             trouble=word.trouble,
             low_before="battery_low" in battery,
         )
-        wrong = {one.kind: one for one in causes.of_robot(heard)}
+        wrong = {one.kind: one for one in causes.of_robot(report)}
         silent = "robot_lost" in wrong
         for kind, cause in causes.causes_of_robot(robot_id).items():
             if kind in wrong:

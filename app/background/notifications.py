@@ -33,7 +33,7 @@ class Notices:
     address: str
     waits_s: Sequence[float] = WAITS_S
     _line: Queue[tuple[str, Alert]] = field(default_factory=lambda: Queue(MOST_QUEUED))
-    _told: dict[str, tuple[float, Priority]] = field(default_factory=dict)
+    _notified: dict[str, tuple[float, Priority]] = field(default_factory=dict)
     _worker: Worker = field(init=False)
 
     def __post_init__(self) -> None:
@@ -52,10 +52,10 @@ class Notices:
             return
         if alert.priority not in PRESSING or status(alert, self.clock()) != "unacknowledged":
             return
-        episode, told = self._told.get(name, (-1.0, PRIORITIES[0]))
-        if episode == alert.first_s and PRIORITIES.index(alert.priority) <= PRIORITIES.index(told):
+        episode, priority = self._notified.get(name, (-1.0, PRIORITIES[0]))
+        if episode == alert.first_s and PRIORITIES.index(alert.priority) <= PRIORITIES.index(priority):
             return
-        self._told[name] = (alert.first_s, alert.priority)
+        self._notified[name] = (alert.first_s, alert.priority)
         try:
             self._line.put_nowait((name, alert))
         except Full:

@@ -34,7 +34,7 @@ class Subscription:
         self._loop = loop
         self._woken = asyncio.Event()
         self._pending: dict[str, None] = {}
-        self._told: dict[str, float] = {}
+        self._sent: dict[str, float] = {}
         self._lock = Lock()
         self._offered = 0
         self.joined = 0
@@ -79,12 +79,12 @@ class Subscription:
     def _due(self) -> tuple[list[str], float]:
         now_s = self._loop.time()
         with self._lock:
-            self._told = {name: at_s for name, at_s in self._told.items() if now_s - at_s < SPACING_S}
-            waits = {name: self._told.get(name, now_s - SPACING_S) + SPACING_S - now_s for name in self._pending}
+            self._sent = {name: at_s for name, at_s in self._sent.items() if now_s - at_s < SPACING_S}
+            waits = {name: self._sent.get(name, now_s - SPACING_S) + SPACING_S - now_s for name in self._pending}
             due = [name for name, wait_s in waits.items() if wait_s <= 0]
             for name in due:
                 del self._pending[name]
-                self._told[name] = now_s
+                self._sent[name] = now_s
         return due, min(waits.values(), default=HEARTBEAT_S)
 
     def _wake(self) -> None:

@@ -29,9 +29,9 @@ def add(
     as_json: output.Json = False,
 ) -> None:
     """Add somebody. The first account must be an admin; from then on one-time links let nobody in."""
-    said = AddAccountAct.of(name=name, roles=role, password=_password(from_stdin=password_stdin))
+    act = AddAccountAct.of(name=name, roles=role, password=_password(from_stdin=password_stdin))
     with api_without_robots(data) as api:
-        added = api.post("/accounts", said.body())
+        added = api.post("/accounts", act.body())
     output.show(added, as_json=as_json, lines=[f"{added['name']} may sign in as {', '.join(added['roles'])}."])
 
 
@@ -78,8 +78,8 @@ def password(
 ) -> None:
     """Give somebody a new password and sign them out everywhere."""
     with api_without_robots(data) as api:
-        said = ChangeAccountAct.of(password=_password(from_stdin=password_stdin))
-        api.patch(f"/accounts/{name}", said.body())
+        act = ChangeAccountAct.of(password=_password(from_stdin=password_stdin))
+        api.patch(f"/accounts/{name}", act.body())
     output.show({"name": name}, as_json=as_json, lines=[f"{name} has a new password."])
 
 
@@ -93,9 +93,9 @@ def create(
     as_json: output.Json = False,
 ) -> None:
     """Make a token and print it, once."""
-    said = IssueTokenAct.of(name=name, scopes=scope, robot_id=robot, days=days)
+    act = IssueTokenAct.of(name=name, scopes=scope, robot_id=robot, days=days)
     with api_without_robots(data) as api:
-        issued = api.post("/tokens", said.body())
+        issued = api.post("/tokens", act.body())
     lines = [issued["token"], f"{issued['token_id']} is shown this once: {', '.join(issued['scopes'])}."]
     output.show(issued, as_json=as_json, lines=lines)
 

@@ -55,7 +55,7 @@ def ack(
     """Say that you have seen it."""
     with api_without_robots(data) as api:
         seen = api.get(f"/alerts/{alert_id}")["total"]
-        _say(api, alert_id, "acknowledge", acts.AcknowledgeAlertAct.of(seen=seen, note=note), as_json=as_json)
+        _post(api, alert_id, "acknowledge", acts.AcknowledgeAlertAct.of(seen=seen, note=note), as_json=as_json)
 
 
 @app.command()
@@ -68,7 +68,7 @@ def shelve(
 ) -> None:
     """Put it out of the way for a while; it comes back by itself."""
     with api_without_robots(data) as api:
-        _say(api, alert_id, "shelve", acts.ShelveAlertAct.of(reason=reason, for_s=minutes * 60), as_json=as_json)
+        _post(api, alert_id, "shelve", acts.ShelveAlertAct.of(reason=reason, for_s=minutes * 60), as_json=as_json)
 
 
 @app.command()
@@ -77,14 +77,14 @@ def suppress(
 ) -> None:
     """Put it out of the way until somebody restores it."""
     with api_without_robots(data) as api:
-        _say(api, alert_id, "suppress", acts.SuppressAlertAct.of(reason=reason), as_json=as_json)
+        _post(api, alert_id, "suppress", acts.SuppressAlertAct.of(reason=reason), as_json=as_json)
 
 
 @app.command()
 def restore(alert_id: AlertArgument, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Unshelve or unsuppress an alert."""
     with api_without_robots(data) as api:
-        _say(api, alert_id, "restore", acts.RestoreAlertAct.of(), as_json=as_json)
+        _post(api, alert_id, "restore", acts.RestoreAlertAct.of(), as_json=as_json)
 
 
 @app.command()
@@ -96,10 +96,10 @@ def assign(
 ) -> None:
     """Say who looks after it."""
     with api_without_robots(data) as api:
-        _say(api, alert_id, "assign", acts.AssignAlertAct.of(assignee=to), as_json=as_json)
+        _post(api, alert_id, "assign", acts.AssignAlertAct.of(assignee=to), as_json=as_json)
 
 
-def _say(api: Api, alert_id: str, word: str, said: Act, *, as_json: bool) -> None:
+def _post(api: Api, alert_id: str, word: str, act: Act, *, as_json: bool) -> None:
     """Post the act and print the alert after it. Raises UnknownName, and HarnessError where it is refused."""
-    found: dict[str, Any] = api.post(f"/alerts/{alert_id}/{word}", said.body())
+    found: dict[str, Any] = api.post(f"/alerts/{alert_id}/{word}", act.body())
     output.show(found, as_json=as_json, lines=[f"{alert_id} is {found['state']}: {found['title']}"])

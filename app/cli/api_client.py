@@ -33,8 +33,12 @@ class Api(ABC):
         return msgspec.convert(self.get("/handoffs?limit=500"), list[Handoff])
 
     @abstractmethod
-    def follow(self, mission_id: str) -> dict[str, Any]:
-        """The mission's outcome once it is over or waits for a person."""
+    def follow(self, mission_id: str, *, wait: bool = False) -> dict[str, Any]:
+        """The mission's outcome once it is over or waits for a person; ended by Ctrl-C, it exits with code 130.
+
+        Where an earlier mission of the robot waits for a person, that is said at once and the outcome is that of a
+        mission that has not begun; with `wait` it is waited for.
+        """
 
     @abstractmethod
     def finish_earlier(self, mission_id: str) -> None:
@@ -59,5 +63,5 @@ class Api(ABC):
         if response.status_code == 409:
             raise ActRefused(problem)
         kind = UnknownName if response.status_code in (404, 422) else HarnessError
-        told = problem.get("detail") or problem.get("title") or f"The owner answered {response.status_code}"
-        raise kind(told, do=problem.get("do", ""))
+        message = problem.get("detail") or problem.get("title") or f"The owner answered {response.status_code}"
+        raise kind(message, do=problem.get("do", ""))

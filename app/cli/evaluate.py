@@ -62,10 +62,10 @@ def evaluate(
     with _progress() as progress:
         task = progress.add_task("missions", total=None)
 
-        def told(done: int, of: int) -> None:
+        def progressed(done: int, of: int) -> None:
             progress.update(task, completed=done, total=of)
 
-        judged = rows(ask, SIMULATOR, processes=processes, kept=kept, told=told)
+        judged = rows(ask, SIMULATOR, processes=processes, kept=kept, progress=progressed)
         roles = _roles(progress, model=model, url=model_url)
         found = report.evaluation(judged, ask, code=code(SIMULATOR), roles=roles, suites=checks(seed, SIMULATOR))
     if output is not None:
@@ -97,7 +97,7 @@ def _roles(progress: Progress, *, model: str, url: str) -> RoleReport:
     task = progress.add_task(f"{model} as verifier", total=len(trials))
     with httpx.Client(timeout=MODEL_S) as client:
         return asked(
-            trials, endpoint(client, model, url), name=model, told=lambda n: progress.update(task, completed=n)
+            trials, endpoint(client, model, url), name=model, progress=lambda n: progress.update(task, completed=n)
         )
 
 

@@ -63,7 +63,7 @@ def _claimed(verb: str) -> Callable[..., None]:
         as_json: output.Json = False,
         token: Claim = "terminal",
     ) -> None:
-        _say(data, handoff_id, verb, lambda _: acts.ACTS[verb].of(claim=token), as_json=as_json)
+        _post(data, handoff_id, verb, lambda _: acts.ACTS[verb].of(claim=token), as_json=as_json)
 
     return command
 
@@ -76,10 +76,10 @@ def _held(verb: str, wanted: str) -> Callable[..., None]:
         as_json: output.Json = False,
         token: Claim = "terminal",
     ) -> None:
-        def said(_: Handoff) -> Act:
+        def act_of(_: Handoff) -> Act:
             return acts.ACTS[verb].of(claim=token, key=_key(handoff_id, verb, reason), reason=reason)
 
-        _end(data, handoff_id, verb, said, as_json=as_json, wanted=wanted)
+        _end(data, handoff_id, verb, act_of, as_json=as_json, wanted=wanted)
 
     return command
 
@@ -93,7 +93,7 @@ for verb, end in (("hand-back", "succeeded"), ("close", "handed_off")):
 @app.command()
 def look(handoff_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Observe again without motion."""
-    _say(data, handoff_id, "look", lambda _: acts.LookAgainAct(), as_json=as_json)
+    _post(data, handoff_id, "look", lambda _: acts.LookAgainAct(), as_json=as_json)
 
 
 @app.command("extend")
@@ -102,7 +102,7 @@ def extend(
     handoff_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False, reason: Reason = "on my way"
 ) -> None:
     """Let it wait longer: once, as long as the zone allows."""
-    _say(data, handoff_id, "on-my-way", lambda _: acts.ExtendDeadlineAct.of(reason=reason), as_json=as_json)
+    _post(data, handoff_id, "on-my-way", lambda _: acts.ExtendDeadlineAct.of(reason=reason), as_json=as_json)
 
 
 @app.command()
@@ -115,10 +115,10 @@ def choose(
 ) -> None:
     """Ask anew with another action. Nothing runs until its own digest is approved."""
 
-    def said(handoff: Handoff) -> Act:
+    def act_of(handoff: Handoff) -> Act:
         return acts.ChooseActionAct.of(action=action, cycle=handoff.cycle, claim=token)
 
-    _say(data, handoff_id, "choose", said, as_json=as_json)
+    _post(data, handoff_id, "choose", act_of, as_json=as_json)
 
 
 @app.command()
@@ -132,12 +132,12 @@ def approve(
 ) -> None:
     """Let the proposed action run once, and follow the mission. It is verified like any other attempt."""
 
-    def said(handoff: Handoff) -> Act:
+    def act_of(handoff: Handoff) -> Act:
         shown = _shown(handoff) | {"subject": digest}
         key = _key(handoff_id, "approve", reason)
         return acts.ApproveHandoffAct.of(decision="approve", reason=reason, key=key, claim=token, **shown)
 
-    _end(data, handoff_id, "decision", said, as_json=as_json, wanted="succeeded")
+    _end(data, handoff_id, "decision", act_of, as_json=as_json, wanted="succeeded")
 
 
 @app.command()
@@ -150,11 +150,11 @@ def reject(
 ) -> None:
     """Refuse: the mission ends safely stopped."""
 
-    def said(handoff: Handoff) -> Act:
+    def act_of(handoff: Handoff) -> Act:
         key = _key(handoff_id, "reject", reason)
         return acts.RejectHandoffAct.of(decision="reject", reason=reason, key=key, claim=token, **_shown(handoff))
 
-    _end(data, handoff_id, "decision", said, as_json=as_json, wanted="safe_stopped")
+    _end(data, handoff_id, "decision", act_of, as_json=as_json, wanted="safe_stopped")
 
 
 @app.command("take-control")
@@ -169,11 +169,11 @@ def take_control(
 ) -> None:
     """Drive it yourself; claim it first. The deadline pauses as long as the claim is renewed."""
 
-    def said(_: Handoff) -> Act:
+    def act_of(_: Handoff) -> Act:
         key = _key(handoff_id, "take-over", reason)
         return acts.TakeControlAct.of(claim=token, device=device, key=key, reason=reason)
 
-    _say(data, handoff_id, "take-over", said, as_json=as_json)
+    _post(data, handoff_id, "take-over", act_of, as_json=as_json)
 
 
 @app.command()
@@ -187,7 +187,7 @@ def attest(
 ) -> None:
     """Say what you saw. It opens one look without motion and satisfies nothing by itself."""
 
-    def said(handoff: Handoff) -> Act:
+    def act_of(handoff: Handoff) -> Act:
         return acts.AttestHandoffAct.of(
             condition_id=condition,
             statement=statement,
@@ -196,7 +196,7 @@ def attest(
             claim=token,
         )
 
-    _end(data, handoff_id, "attest", said, as_json=as_json, wanted="succeeded")
+    _end(data, handoff_id, "attest", act_of, as_json=as_json, wanted="succeeded")
 
 
 def _shown(handoff: Handoff) -> dict[str, Any]:
@@ -206,29 +206,29 @@ def _shown(handoff: Handoff) -> dict[str, Any]:
     return {"cycle": handoff.cycle, **shown}
 
 
-def _say(data: Path, handoff_id: str, word: str, said: ActOf, *, as_json: bool) -> None:
+def _post(data: Path, handoff_id: str, word: str, act_of: ActOf, *, as_json: bool) -> None:
     """Post the act and print the handoff after it."""
     with api_with_robots(data) as api:
-        row = _row(_posted(api, handoff_id, word, said))
+        row = _row(_posted(api, handoff_id, word, act_of))
     held = f", claimed by {row['holder']}" if row["holder"] else ""
     output.show(row, as_json=as_json, lines=[f"{row['handoff_id']}  {row['status']}, cycle {row['cycle']}{held}"])
 
 
-def _end(data: Path, handoff_id: str, word: str, said: ActOf, *, as_json: bool, wanted: str) -> NoReturn:
+def _end(data: Path, handoff_id: str, word: str, act_of: ActOf, *, as_json: bool, wanted: str) -> NoReturn:
     """Post the act and follow the mission until it is over or waits again: exit 0 where it ended as the act asks."""
     with api_with_robots(data) as api:
-        outcome: Mapping[str, Any] = api.follow(_mission_of(_posted(api, handoff_id, word, said)))
+        outcome: Mapping[str, Any] = api.follow(_mission_of(_posted(api, handoff_id, word, act_of)))
     lines = [f"{outcome['mission_id']}  {outcome['status']}  {outcome.get('reason', '')}".rstrip()]
     output.show(outcome, as_json=as_json, lines=lines)
     raise typer.Exit(0 if outcome["status"] == wanted else output.exit_code(outcome["status"]))
 
 
-def _posted(api: Api, handoff_id: str, word: str, said: ActOf) -> Handoff:
+def _posted(api: Api, handoff_id: str, word: str, act_of: ActOf) -> Handoff:
     """The handoff after the act. Raises UnknownName, or HarnessError with the rule that refused."""
     handoff = _handoff(api, handoff_id)
     if handoff.waits:
         api.observe(_mission_of(handoff))
-    return msgspec.convert(api.post(f"/handoffs/{handoff_id}/{word}", said(handoff).body()), Handoff)
+    return msgspec.convert(api.post(f"/handoffs/{handoff_id}/{word}", act_of(handoff).body()), Handoff)
 
 
 def _handoff(api: Api, handoff_id: str) -> Handoff:

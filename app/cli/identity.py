@@ -35,8 +35,8 @@ def identity(
             identities.unlink(name, by=here())
         else:
             identities.link(name, issuer=issuer, subject=subject, by=here())
-    told = f"{name} signs in with a password alone." if remove else f"{name} may sign in as {subject} at {issuer}."
-    show({"name": name, "issuer": issuer, "subject": subject}, as_json=as_json, lines=[told])
+    text = f"{name} signs in with a password alone." if remove else f"{name} may sign in as {subject} at {issuer}."
+    show({"name": name, "issuer": issuer, "subject": subject}, as_json=as_json, lines=[text])
 
 
 def examine_issuer(settings: ConsoleSettings, *, running: str = "") -> tuple[dict[str, Any] | None, list[str]]:

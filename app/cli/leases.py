@@ -56,7 +56,7 @@ def free(
 ) -> None:
     """Free a resource in quarantine. The robot is observed first: it must stand by its odometry, or have its hardware
     stop engaged. Nothing is started or re-armed by this. Exit 1 if the robot is not shown at rest."""
-    said = FreeLeaseAct.of(reason=reason)
+    act = FreeLeaseAct.of(reason=reason)
     with api_with_robots(data) as api:
-        lease = msgspec.convert(api.post(f"/leases/{quote(resource)}/free", said.body()), Lease)
+        lease = msgspec.convert(api.post(f"/leases/{quote(resource)}/free", act.body()), Lease)
     output.show(_row(lease), as_json=as_json, lines=[f"{resource} is free: {reason}"])

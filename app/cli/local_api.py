@@ -3,7 +3,7 @@
 import asyncio
 import secrets
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +16,11 @@ from app.auth.commit_authority import authority
 from app.background.signals import SignalBroker
 from app.cli.api_client import Api
 from app.cli.data_folder import opened, running
+from app.cli.interruption import EXIT, interruptible
 from app.cli.output import ProgressPrinter, settings
 from app.cli.owner_api import owner_api
 from app.cli.person import me
+from app.i18n.reasons.rendering import sentence
 from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
@@ -55,9 +57,9 @@ class LocalApi(Api):
         )
         self._base, self._headers = console.local_address, {"Authorization": f"Bearer {token}"}
 
-    def follow(self, mission_id: str) -> dict[str, Any]:
-        """Runs the mission here, telling its stages on standard error."""
-        self._robots().supervisor.run(MissionId(mission_id), watch=ProgressPrinter())
+    def follow(self, mission_id: str, *, wait: bool = False) -> dict[str, Any]:
+        """Runs the mission here, printing its stages on standard error. Ctrl-C stops the robot first."""
+        self._run(MissionId(mission_id))
         outcome: dict[str, Any] = self.get(f"/missions/{mission_id}")
         return outcome
 
@@ -69,7 +71,20 @@ class LocalApi(Api):
             if unfinished.mission_id == mission_id:
                 return
             typer.echo(f"Going on with {unfinished.mission_id} first: {unfinished.goal}", err=True)
-            harness.supervisor.run(unfinished.mission_id, watch=ProgressPrinter())
+            self._run(unfinished.mission_id)
+
+    def _run(self, mission_id: MissionId) -> None:
+        supervisor = self._robots().supervisor
+        with interruptible() as asked:
+            mission = supervisor.run(mission_id, watch=ProgressPrinter(), interrupted=asked.is_set)
+            if not asked.is_set():
+                return
+            typer.echo(f"Stopping {mission.robot_id}.", err=True)
+            rest = supervisor.bring_to_rest(mission_id)
+        robot = f"{mission.robot_id} stands" if rest.static else f"{mission.robot_id} was not shown to stand"
+        measured = sentence(rest.reason or because("standstill_measured", **rest.measured))
+        typer.echo(f"{robot}: {measured}. `regen mission resume {mission_id}` goes on with the mission.", err=True)
+        raise typer.Exit(EXIT)
 
     def observe(self, mission_id: str) -> None:
         """Two seconds of mission time, without a console that would have let the sensors report before."""
@@ -95,9 +110,9 @@ class LocalApi(Api):
 
     def _sent(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
         self._broker.changed("terminal")
-        return asyncio.run(self._asked(method, path, body))
+        return asyncio.run(self._requested(method, path, body))
 
-    async def _asked(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
+    async def _requested(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
         transport = httpx.ASGITransport(app=self._app, client=("terminal", 0))
         async with httpx.AsyncClient(transport=transport, base_url=self._base, headers=self._headers) as client:
             return await client.request(method, path, json=body)
@@ -114,12 +129,9 @@ def api_with_robots(data: Path, chosen: HarnessSettings | None = None) -> Iterat
     with (
         opened(data) as accounts,
         running(chosen or settings(data_folder=data, speed=0.0), authority=authority(accounts)) as harness,
+        closing(LocalApi(harness.runtime, accounts, data, harness)) as api,
     ):
-        api = LocalApi(harness.runtime, accounts, data, harness)
-        try:
-            yield api
-        finally:
-            api.close()
+        yield api
 
 
 @contextmanager
@@ -134,9 +146,6 @@ def api_without_robots(data: Path) -> Iterator[Api]:
         edit_harness(
             settings(data_folder=data), deciders=DECIDERS, authority=authority(accounts), select=selected
         ) as runtime,
+        closing(LocalApi(runtime, accounts, data)) as api,
     ):
-        api = LocalApi(runtime, accounts, data)
-        try:
-            yield api
-        finally:
-            api.close()
+        yield api

@@ -31,8 +31,8 @@ def import_cloud(
     """Split a cloud into levels and attach it. Earlier clouds stay in the log."""
     with api_without_robots(data) as api, read_harness(output.settings(data_folder=data)) as runtime:
         cloud = stored_cloud(runtime, file, map_version=map_version, frame=frame, metres_per_unit=metres_per_unit)
-        said = AttachCloudAct.of(cloud=msgspec.to_builtins(cloud), reason=reason)
-        api.post(f"/maps/{map_version}/cloud", said.body())
+        act = AttachCloudAct.of(cloud=msgspec.to_builtins(cloud), reason=reason)
+        api.post(f"/maps/{map_version}/cloud", act.body())
     extent = " x ".join(f"{high - low:.1f}" for low, high in zip(cloud.low_m, cloud.high_m, strict=True))
     lines = [
         f"{file.name}: {cloud.points} points over {extent} m, {cloud.dropped} left out, in {len(cloud.chunks)} chunks.",

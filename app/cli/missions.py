@@ -47,10 +47,11 @@ def run(
     record_to: Annotated[Path | None, typer.Option("--record", help="Write the mission as MCAP.")] = None,
     goal: Annotated[str, typer.Option(help="The goal in words, where the first argument names a template.")] = "",
     confirm_reading: Annotated[str, typer.Option(help="Digest of the reading to start, as the refusal shows it.")] = "",
+    wait: Annotated[bool, typer.Option("--wait", help="Also wait while an earlier mission asks a person.")] = False,
 ) -> None:
     """Run one mission and wait for its end. At speed 0 nothing waits for people: exit 3 at once."""
     SIMULATOR.check_faults(fault or [])
-    said = StartMissionAct.of(
+    act = StartMissionAct.of(
         template="" if _in_words(template) else template,
         goal=template if _in_words(template) else goal,
         arguments=_arguments(argument),
@@ -60,9 +61,9 @@ def run(
     )
     chosen = output.settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
     with api_with_robots(data, chosen) as api:
-        mission_id = api.post("/missions", said.body())["mission_id"]
+        mission_id = api.post("/missions", act.body())["mission_id"]
         api.finish_earlier(mission_id)
-        outcome = api.follow(mission_id)
+        outcome = api.follow(mission_id, wait=wait)
     if record_to is not None:
         with read_harness(chosen) as runtime:
             write_recording(runtime, MissionId(mission_id), record_to)
@@ -140,17 +141,21 @@ def replay(
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
     topic: Annotated[list[str] | None, typer.Option(help="ROLE=TOPIC, such as odometry=/odom.")] = None,
+    recover: Annotated[
+        bool, typer.Option("--recover", help="Replay what is whole of a recording that was cut off.")
+    ] = False,
 ) -> None:
     """Run a navigation mission on a recording; the harness measures arrival and progress itself."""
     if target and place:
         raise typer.BadParameter("give --target or --place", param_hint="--place")
     settings = output.settings(data_folder=data, speed=0.0)
-    with replayed(settings, recording, target=_point(target), place=place, topics=topic or []) as replayer:
+    topics, point = topic or [], _point(target)
+    with replayed(settings, recording, target=point, place=place, topics=topics, recover=recover) as replayer:
         mission, facts = replayer.run(me(), watch=output.ProgressPrinter())
-        outcome = mission_outcome(mission, Histories(replayer.harness.runtime).of(mission.mission_id), ()) | facts
-    output.show(
-        outcome, as_json=as_json, lines=[*_summary(outcome), *(f"{name}: {value}" for name, value in facts.items())]
-    )
+        outcome = mission_outcome(mission, Histories(replayer.harness.runtime).of(mission.mission_id), ())
+    outcome |= reasons.stating(facts)
+    lines = [f"{name}: {reasons.stating(value)}" for name, value in facts.items()]
+    output.show(outcome, as_json=as_json, lines=[*_summary(outcome), *lines])
     raise typer.Exit(output.exit_code(outcome["status"]))
 
 
@@ -233,8 +238,8 @@ class RoutingRecords:
         return self._read(digest, CandidateSet)
 
     def explained(self, question: Digest, found: CandidateSet) -> RoutingExplanation | None:
-        asked = self._read(question, RoutingQuestion)
-        return explained(asked, found) if asked else None
+        routing_question = self._read(question, RoutingQuestion)
+        return explained(routing_question, found) if routing_question else None
 
     def _read(self, digest: Digest, kind: type[T]) -> T | None:
         try:
@@ -359,8 +364,8 @@ def dispute(
     as_json: output.Json = False,
 ) -> None:
     """Say that an accepted completion is wrong. It counts as false; nothing is deleted."""
-    said = DisputeCompletionAct.of(reason=reason)
+    act = DisputeCompletionAct.of(reason=reason)
     with api_with_robots(data) as api:
-        outcome = api.post(f"/missions/{mission_id}/facts/{condition}/dispute", said.body())
+        outcome = api.post(f"/missions/{mission_id}/facts/{condition}/dispute", act.body())
     line = f"{condition} of {mission_id} is disputed: {reason}"
     output.show(outcome, as_json=as_json, lines=[line])

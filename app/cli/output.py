@@ -62,8 +62,8 @@ class ActRefused(HarnessError):
     code = "act_refused"
 
     def __init__(self, problem: Mapping[str, Any]) -> None:
-        told = problem.get("detail") or problem.get("title") or "Refused"
-        super().__init__(f"{told} ({problem.get('code', 'refused')})", do=str(problem.get("do", "")))
+        message = problem.get("detail") or problem.get("title") or "Refused"
+        super().__init__(f"{message} ({problem.get('code', 'refused')})", do=str(problem.get("do", "")))
         self.problem = problem
 
 
@@ -74,7 +74,7 @@ def complain(error: HarnessError, *, as_json: bool = False) -> int:
         sys.stderr.write("".join(f"{line}\n" for line in _question_lines(error.question)))
     if as_json and isinstance(error, ActRefused):
         typer.echo(json.dumps({"refused": error.problem}, ensure_ascii=False))
-    return 2 if isinstance(error, WRONG_ASKED) else 1
+    return 2 if isinstance(error, (*WRONG_ASKED, ActRefused)) else 1
 
 
 def _question_lines(question: ReadingQuestion) -> list[str]:
@@ -91,8 +91,9 @@ def _question_lines(question: ReadingQuestion) -> list[str]:
 
 
 def exit_code(status: str) -> int:
-    """0 succeeded, 4 verified in part only, 3 waits for a person or is paused, 1 any other end."""
-    codes = {"succeeded": 0, "partly_verified": 4, "awaiting_human": 3, "paused": 3, "awaiting_approval": 3}
+    """0 succeeded, 4 verified in part only, 3 waits for a person, is paused or has not begun, 1 any other end."""
+    waits = ("awaiting_human", "paused", "awaiting_approval", "draft", "compiled")
+    codes = {"succeeded": 0, "partly_verified": 4, **dict.fromkeys(waits, 3)}
     return codes.get(status, 1)
 
 

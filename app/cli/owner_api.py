@@ -5,8 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import typer
 
 from app.cli.api_client import Api
+from app.cli.interruption import EXIT
 from harness.bootstrap import owner_of
 from harness.contracts.errors import HarnessError, StoreOwned
 from harness.contracts.reasons import because
@@ -24,19 +26,53 @@ LASTING = (
 )
 
 
+NOT_BEGUN = ("draft", "compiled")
+WAITING = ("awaiting_human", "awaiting_approval", "paused")
+"""Statuses of a mission that its robot does not leave for a later one until a person has acted."""
+
+
 class OwnerApi(Api):
     """A client of the console that owns a data folder."""
 
     def __init__(self, url: str, token: str) -> None:
         self._base, self._headers = url, {"Authorization": f"Bearer {token}"}
 
-    def follow(self, mission_id: str) -> dict[str, Any]:
-        """Asks for the mission until it is over or waits: the owner runs it."""
+    def follow(self, mission_id: str, *, wait: bool = False) -> dict[str, Any]:
+        """Asks for the mission until it is over or waits: the owner runs it, also after Ctrl-C."""
+        try:
+            return self._followed(mission_id, wait=wait)
+        except KeyboardInterrupt:
+            stop = f"`regen mission stop {mission_id} --reason ...` stops it"
+            typer.echo(f"The console at {self._base} goes on with {mission_id}; {stop}.", err=True)
+            raise typer.Exit(EXIT) from None
+
+    def _followed(self, mission_id: str, *, wait: bool) -> dict[str, Any]:
+        printed = ""
         while True:
             outcome: dict[str, Any] = self.get(f"/missions/{mission_id}")
             if outcome["status"] in LASTING:
                 return outcome
+            waiting = self._waiting_before(outcome) if outcome["status"] in NOT_BEGUN else ""
+            if waiting and waiting != printed:
+                printed = waiting
+                typer.echo(waiting, err=True)
+            if waiting and not wait:
+                return outcome
             time.sleep(POLL_S)
+
+    def _waiting_before(self, outcome: dict[str, Any]) -> str:
+        """What a person must do before this mission's robot begins with it; empty where nobody is waited for."""
+        for status in WAITING:
+            for one in self.get(f"/missions?robot={outcome['robot_id']}&status={status}&order=oldest"):
+                if one["mission_id"] == outcome["mission_id"]:
+                    continue
+                question = f"handoffs/{one['handoff_id']}" if one["handoff_id"] else f"missions/{one['mission_id']}"
+                return (
+                    f"Mission {one['mission_id']} waits for an answer: open {self._base}/{question}. "
+                    f"{outcome['mission_id']} begins after it; --wait waits for that, "
+                    f"`regen mission withdraw {outcome['mission_id']} --reason ...` takes it back."
+                )
+        return ""
 
     def finish_earlier(self, mission_id: str) -> None:
         """The owner's robots work through their missions, oldest first."""

@@ -88,7 +88,7 @@ def check_provider(
         wanted = _wanted(target, stands, cards, only=provider or [], still=still)
         results = [_checked(name, stands[name], declared, fencing=fencing) for name in wanted]
     ok = bool(results) and all(result.ok for result in results)
-    show({"ok": ok, "providers": [_told(result) for result in results]}, as_json=as_json, lines=_lines(results))
+    show({"ok": ok, "providers": [_row(result) for result in results]}, as_json=as_json, lines=_lines(results))
     raise typer.Exit(0 if ok else 1)
 
 
@@ -136,7 +136,7 @@ def _tell(finding: ConformanceFinding) -> None:
     sys.stderr.flush()
 
 
-def _told(result: Checked) -> dict[str, Any]:
+def _row(result: Checked) -> dict[str, Any]:
     return {
         "provider_id": result.provider_id,
         "version": result.version,

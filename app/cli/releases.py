@@ -21,7 +21,7 @@ def _stated(kind: type[acts.CandidateAct]) -> Callable[..., None]:
     def command(
         candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
     ) -> None:
-        _say(kind, candidate, {"reason": reason}, data=data, as_json=as_json)
+        _post(kind, candidate, {"reason": reason}, data=data, as_json=as_json)
 
     return command
 
@@ -34,7 +34,7 @@ def _bound(kind: type[acts.CandidateAct]) -> Callable[..., None]:
         data: output.Data = output.DEFAULT_DATA,
         as_json: output.Json = False,
     ) -> None:
-        _say(kind, candidate, {"reason": reason, "subject": digest}, data=data, as_json=as_json)
+        _post(kind, candidate, {"reason": reason, "subject": digest}, data=data, as_json=as_json)
 
     return command
 
@@ -58,7 +58,7 @@ def release(
 ) -> None:
     """Release it to one robot, one mission at a time, until its canary is over."""
     given = {"reason": reason, "subject": digest, "robot_id": robot}
-    _say(acts.ReleaseCandidateAct, candidate, given, data=data, as_json=as_json)
+    _post(acts.ReleaseCandidateAct, candidate, given, data=data, as_json=as_json)
 
 
 @app.command()
@@ -72,7 +72,7 @@ def adjudicate(
 ) -> None:
     """Say what became of one canary mission. Whoever released it cannot."""
     given = {"reason": reason, "mission_id": mission, "finding": finding}
-    _say(acts.AdjudicateMissionAct, candidate, given, data=data, as_json=as_json)
+    _post(acts.AdjudicateMissionAct, candidate, given, data=data, as_json=as_json)
 
 
 @app.command()
@@ -86,20 +86,20 @@ def policy(
 ) -> None:
     """Say who must agree before a release. One that the people with accounts here could not satisfy is refused."""
     key = _key("policy", f"{kind}:{quorum}:{cooling_off_s}", reason)
-    said = acts.SavePolicyAct.of(kind=kind, quorum=quorum, cooling_off_s=cooling_off_s, reason=reason, key=key)
+    act = acts.SavePolicyAct.of(kind=kind, quorum=quorum, cooling_off_s=cooling_off_s, reason=reason, key=key)
     with api_without_robots(data) as api:
-        api.post("/releases/policy", said.body())
+        api.post("/releases/policy", act.body())
     output.show({"policy": kind, "quorum": quorum}, as_json=as_json, lines=[f"The policy is {kind}, quorum {quorum}."])
 
 
-def _say(kind: type[acts.CandidateAct], candidate: str, given: dict[str, str], *, data: Path, as_json: bool) -> None:
+def _post(kind: type[acts.CandidateAct], candidate: str, given: dict[str, str], *, data: Path, as_json: bool) -> None:
     """Post the act, bound to what stands there now, and print the candidate after it."""
     with api_without_robots(data) as api:
         shown: dict[str, Any] = api.get(f"/candidates/{candidate}")
         bound = {"cycle": shown["cycle"], "subject": shown["digest"]} if "subject" in kind.model_fields else {}
         key = _key(kind.verb, shown["candidate"], f"{shown['cycle']}:{given}")
-        said = kind.of(**bound | given, key=key)
-        answer: dict[str, Any] = api.post(f"/candidates/{shown['candidate']}/{kind.verb}", said.body())
+        act = kind.of(**bound | given, key=key)
+        answer: dict[str, Any] = api.post(f"/candidates/{shown['candidate']}/{kind.verb}", act.body())
     output.show(answer, as_json=as_json, lines=sheet_lines(answer))
 
 

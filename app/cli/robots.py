@@ -58,14 +58,14 @@ def safe(
         raise typer.BadParameter("Name one robot, or --all for every one.")
     if every:
         _stopped(data, StopRobotsAct.of(reason=reason, safe=True), as_json=as_json)
-    _said(_owner(data).post(f"/robots/{robot}/safe", SendToSafetyAct.of(reason=reason).body()), as_json=as_json)
+    _show(_owner(data).post(f"/robots/{robot}/safe", SendToSafetyAct.of(reason=reason).body()), as_json=as_json)
 
 
 @app.command()
 def stand(robot: str, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Have a robot stand up again."""
-    said = OrderPostureAct.of(posture="standing", reason=reason)
-    _said(_owner(data).post(f"/robots/{robot}/posture", said.body()), as_json=as_json)
+    act = OrderPostureAct.of(posture="standing", reason=reason)
+    _show(_owner(data).post(f"/robots/{robot}/posture", act.body()), as_json=as_json)
 
 
 @app.command()
@@ -79,30 +79,30 @@ def autonomy(
     """Set how far missions decide alone, from their next dispatch on."""
     if level not in LEVELS:
         raise typer.BadParameter(f"{level!r} is not one of {', '.join(LEVELS)}")
-    said = (SetAutonomyAct if mission else LimitAutonomyAct).of(autonomy=level, reason=reason)
+    act = (SetAutonomyAct if mission else LimitAutonomyAct).of(autonomy=level, reason=reason)
     path = f"/missions/{mission}/autonomy" if mission else "/control/autonomy"
-    outcome = _owner(data).post(path, said.body())
+    outcome = _owner(data).post(path, act.body())
     bound = mission or "every mission"
     output.show(outcome, as_json=as_json, lines=[f"{bound}: {outcome['autonomy']}"])
 
 
-def _stopped(data: Path, said: StopRobotsAct, *, as_json: bool) -> NoReturn:
+def _stopped(data: Path, act: StopRobotsAct, *, as_json: bool) -> NoReturn:
     """A stop of everything, sent to safety too if the act says so, how it went, and how every robot is then."""
     api = _owner(data)
-    outcome = api.post("/robots/stop", said.body())
+    outcome = api.post("/robots/stop", act.body())
     lines = [f"asked to stop: {one}" for one in outcome["asked"]] + [f"not done: {one}" for one in outcome["refused"]]
     rows = [_line(row) for row in api.get("/robots")]
     output.show(outcome, as_json=as_json, lines=(lines or ["No mission was under way."]) + output.table([HEAD, *rows]))
     raise typer.Exit(1 if outcome["refused"] else 0)
 
 
-def _said(row: dict[str, Any], *, as_json: bool) -> None:
+def _show(row: dict[str, Any], *, as_json: bool) -> None:
     output.show(row, as_json=as_json, lines=output.table([_line(row)]))
 
 
 def _line(row: dict[str, Any]) -> list[str]:
     status = row["status"]
-    said = (
+    cells = (
         [
             status["posture"],
             f"{100 * status['charge']:.0f} %",
@@ -112,7 +112,7 @@ def _line(row: dict[str, Any]) -> list[str]:
         if status
         else ["unknown"] * 4
     )
-    return [row["robot_id"], *said, *(row[name] or "-" for name in ("mission_id", "mission_status", "driver"))]
+    return [row["robot_id"], *cells, *(row[name] or "-" for name in ("mission_id", "mission_status", "driver"))]
 
 
 def _owner(data: Path) -> OwnerApi:

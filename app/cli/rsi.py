@@ -43,9 +43,9 @@ def propose(
     as_json: output.Json = False,
 ) -> None:
     """Put a candidate on record with its manifest. What loosens anything is refused before anything runs."""
-    said = ProposeCandidateAct.of(configuration=_read(file), manifest=_read(manifest), supersedes=supersedes)
+    act = ProposeCandidateAct.of(configuration=_read(file), manifest=_read(manifest), supersedes=supersedes)
     with api_without_robots(data) as api:
-        answer: dict[str, Any] = api.post("/candidates", said.body())
+        answer: dict[str, Any] = api.post("/candidates", act.body())
     output.show(answer, as_json=as_json, lines=sheet_lines(answer))
 
 
@@ -126,8 +126,8 @@ def sheet_lines(answer: dict[str, Any]) -> list[str]:
     if answer["digest"]:
         lines.append(f"digest {answer['digest']}")
     lines += [f"{one['clause']}: {one['answer']}. {one['sentence']}" for one in answer["clauses"]]
-    for said in answer["said"]:
-        lines.append(f"{said['by']['actor']['name']}: {said['what'].replace('_', ' ')}, “{said['by']['reason']}”")
+    for entry in answer["entry"]:
+        lines.append(f"{entry['by']['actor']['name']}: {entry['what'].replace('_', ' ')}, “{entry['by']['reason']}”")
     lines += [
         f"canary {one['measured']['mission_id']}: {one['finding'] or 'not adjudicated'}" for one in answer["canary"]
     ]

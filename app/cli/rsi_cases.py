@@ -21,9 +21,9 @@ def case(
 
     You become an author of what is evaluated on it, and so may not approve that.
     """
-    said = AddCaseAct.of(reason=reason)
+    act = AddCaseAct.of(reason=reason)
     with api_without_robots(data) as api:
-        added = msgspec.convert(api.post(f"/missions/{mission_id}/case", said.body())["case"], AddedCase)
+        added = msgspec.convert(api.post(f"/missions/{mission_id}/case", act.body())["case"], AddedCase)
     under = f" under {', '.join(added.faults)}" if added.faults else ""
     lines = [f"{mission_id} is a case of family {added.family}: {added.template}{under}, seed {added.seed}."]
     output.show({"mission_id": mission_id, "case": msgspec.to_builtins(added)}, as_json=as_json, lines=lines)

@@ -80,13 +80,13 @@ def evaluate(
         raise StoreOwned(because("console_owns_folder"), where=str(data))
     trial = _trial(candidate, how)
     if cases is None:
-        _recorded(how, lambda releases: releases.begin(trial.terms, _say(trial, "begin")))
+        _recorded(how, lambda releases: releases.begin(trial.terms, _signed(trial, "begin")))
     outcome = _run(trial, how, executor(ray, processes))
     if cases is None:
         _recorded(
-            how, lambda releases: releases.submit_results(judged_on(trial, outcome.results), _say(trial, "results"))
+            how, lambda releases: releases.submit_results(judged_on(trial, outcome.results), _signed(trial, "results"))
         )
-    answer = told(trial, outcome, recorded=cases is None)
+    answer = report_of(trial, outcome, recorded=cases is None)
     output.show(answer, as_json=as_json, lines=_lines(answer))
     raise typer.Exit(0 if answer["answer"] == "pass" else 1)
 
@@ -103,7 +103,7 @@ def executor(ray: str, processes: int) -> Executor:
     return chosen
 
 
-def told(trial: Trial, outcome: TrialOutcome, *, recorded: bool) -> dict[str, Any]:
+def report_of(trial: Trial, outcome: TrialOutcome, *, recorded: bool) -> dict[str, Any]:
     """The report as one JSON object."""
     results = outcome.results
     return {
@@ -163,7 +163,7 @@ def _recorded(how: How, word: Callable[[ReleaseService], Accepted[Any] | Refused
         raise ContractInvalid(output.refusal(decision), do="see `regen rsi show`")
 
 
-def _say(trial: Trial, word: str) -> SignedBy:
+def _signed(trial: Trial, word: str) -> SignedBy:
     return SignedBy(me(), f"evaluate: {word}", f"evaluate:{word}:{digest(trial.terms)}")
 
 

@@ -69,13 +69,13 @@ def recursion(
     final = blind_tasks(terms, each=BLIND_EACH) if blind else ()
     folder = kept / digest(terms)[:16]
     with _progress() as progress:
-        told = progress.add_task("fleets", total=len(wanted) + len(final))
+        task = progress.add_task("fleets", total=len(wanted) + len(final))
 
         def advance(outcome: FleetOutcome, done: int, of: int) -> None:
-            progress.update(told, advance=1, description=f"fleet {outcome.task.fleet} at {outcome.task.site}")
+            progress.update(task, advance=1, description=f"fleet {outcome.task.fleet} at {outcome.task.site}")
 
-        every = outcomes(wanted, simulator=SIMULATOR, folder=folder, processes=processes, told=advance)
-        last = outcomes(final, simulator=SIMULATOR, folder=folder, processes=processes, told=advance)
+        every = outcomes(wanted, simulator=SIMULATOR, folder=folder, processes=processes, report=advance)
+        last = outcomes(final, simulator=SIMULATOR, folder=folder, processes=processes, report=advance)
     result = found(every, last, terms, fleets=fleets)
     if write:
         publish(result, docs=DOCS)

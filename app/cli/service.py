@@ -22,7 +22,7 @@ from app.cli.audit import log_problems
 from app.cli.data_folder import duplicate_starts, opened
 from app.cli.identity import examine_issuer
 from app.cli.person import me
-from app.cli.rsi_shipped import put_in_review
+from app.cli.shipped_candidate import put_in_review
 from app.i18n.reasons.rendering import explained, sentence
 from app.main import bind, create_app, open_accounts, serve
 from app.scene.servers import Scenes

@@ -9,13 +9,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from msgspec import structs
+from msgspec import structs, to_builtins
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import Message
 from harness.baseline import load
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.verdicts import ConditionResult
+from harness.planning.composition import TOLERANCE_M
 
 SHOWN = ("subgoal", "text")
 """Keys of a stage or a condition whose values people read."""
@@ -25,6 +26,15 @@ CHOSEN = (
     N_("Go to another viewpoint at ({x}, {y})"),
 )
 """Subgoals of the stages that a mission adds to its own graph, at the targets that it chose."""
+COMPOSED = (
+    N_("The body stayed out of {name} all the time"),
+    N_("The body stands within {tolerance_m} m of {name} now"),
+    N_("The pictures were taken at {name}"),
+    N_("The stage {name} was accepted after what it builds on"),
+)
+"""Conditions that a goal of several clauses adds to those of its templates, about a place, a zone or a stage."""
+RECORDED = ("The body is at its target, which nobody named", "The recorded legs were accepted in their order")
+"""Conditions that a replayed recording adds to those of its template: their texts are messages as they stand."""
 _SPOT = re.compile(r"\$\{(\w+)(?:\.(\w+))?\}")
 
 
@@ -38,15 +48,16 @@ def messages() -> Iterator[tuple[str, str]]:
         fixed = (template.title, template.goal, *(one.title for one in template.parameters))
         texts = (text for text in (*fixed, *_texts(template)) if not _SPOT.fullmatch(text))
         yield from ((_message(text), f"template {template.name}") for text in texts)
+    yield from ((text, "harness/recordings.py") for text in RECORDED)
 
 
 def task_text(text: str, contract: TaskContract | None) -> str:
     """A text of a contract as a message of its template; unchanged where the template does not ship here."""
     if contract is None:
         return text
-    return next((one for one in _chosen(contract) if one == text), None) or bound_text(
-        text, contract.template, contract.bindings
-    )
+    chosen = next((one for one in _chosen(contract) if one == text), None)
+    found = chosen or bound_text(text, contract.template, contract.bindings)
+    return found if isinstance(found, Message) else next(_composed(text, contract), text)
 
 
 def bound_text(text: str, template: str, bindings: Mapping[str, Any]) -> str:
@@ -54,7 +65,7 @@ def bound_text(text: str, template: str, bindings: Mapping[str, Any]) -> str:
     return next((one for one in _bound(template, bindings) if one == text), text)
 
 
-def told(results: Sequence[ConditionResult], contract: TaskContract | None) -> tuple[ConditionResult, ...]:
+def in_words(results: Sequence[ConditionResult], contract: TaskContract | None) -> tuple[ConditionResult, ...]:
     """Results of conditions, their texts as `task_text` gives them."""
     return tuple(structs.replace(one, text=task_text(one.text, contract)) for one in results)
 
@@ -65,6 +76,28 @@ def _chosen(contract: TaskContract) -> Iterator[str]:
         match node.parameters.get("target"):
             case (int() | float() as x, int() | float() as y):
                 yield from (Message(one, {"x": f"{x:.1f}", "y": f"{y:.1f}"}) for one in CHOSEN)
+
+
+def _composed(text: str, contract: TaskContract) -> Iterator[str]:
+    """The conditions that were added for the clauses of a goal, about anything that the contract names."""
+    stages = (node.node_id.rpartition(".")[2] for node in contract.nodes)
+    names = dict.fromkeys((*_names(to_builtins(contract)), *stages))
+    for message in COMPOSED:
+        for name in names:
+            fields = {"name": name, "tolerance_m": f"{TOLERANCE_M:.2f}"}
+            if message.format(**fields) == text:
+                yield Message(message, fields)
+
+
+def _names(tree: object) -> Iterator[str]:
+    """Every name in a value, and what its effects are about."""
+    match tree:
+        case Mapping():
+            for key, value in tree.items():
+                yield from (value,) if key in ("name", "object") and isinstance(value, str) else _names(value)
+        case list() | tuple():
+            for value in tree:
+                yield from _names(value)
 
 
 def _bound(template: str, bindings: Mapping[str, Any]) -> Iterator[str]:

@@ -50,12 +50,12 @@ def people(console: ConsoleDep, principal: PrincipalDep) -> HTMLResponse:
 def add(console: ConsoleDep, principal: PrincipalDep, typed: FormListsDep) -> Response:
     """The first account takes the place of the first link: its bearer signs in with the account from then on."""
     principal.acting("people")
-    said = AddAccountAct.from_people(typed)
+    act = AddAccountAct.from_people(typed)
     name = next(iter(typed.get("name", ())), "").strip().lower()
-    if isinstance(said, tuple):
-        return _again(console, principal, said, typed=name)
+    if isinstance(act, tuple):
+        return _again(console, principal, act, typed=name)
     try:
-        console.sessions.accounts.add(said.name, roles=said.roles, password=said.password, by=principal)
+        console.sessions.accounts.add(act.name, roles=act.roles, password=act.password, by=principal)
     except (ContractInvalid, ConcurrencyConflict) as error:
         return _again(console, principal, (Wrong("", explained(error)),), typed=name)
     return RedirectResponse("/account/sign-in" if principal.invited else "/account/people", status_code=303)
@@ -65,24 +65,24 @@ def add(console: ConsoleDep, principal: PrincipalDep, typed: FormListsDep) -> Re
 def change(console: ConsoleDep, principal: PrincipalDep, name: str, typed: FormListsDep) -> Response:
     """Other roles, off, on, or a new password for somebody who forgot theirs: `do` names which."""
     principal.acting("people")
-    said = ChangeAccountAct.from_people(typed)
-    if isinstance(said, tuple):
-        return _again(console, principal, said)
+    act = ChangeAccountAct.from_people(typed)
+    if isinstance(act, tuple):
+        return _again(console, principal, act)
     try:
-        changed(console, principal, name, said)
+        changed(console, principal, name, act)
     except ContractInvalid as error:
         return _again(console, principal, (Wrong("", explained(error)),))
     return RedirectResponse("/account/people", status_code=303)
 
 
-def changed(console: Console, principal: Principal, name: str, said: ChangeAccountAct) -> Value:
+def changed(console: Console, principal: Principal, name: str, act: ChangeAccountAct) -> Value:
     """The account after it. Raises NotPermitted, UnknownName, or ContractInvalid for what cannot be."""
     accounts = console.sessions.accounts
     principal.acting("people")
-    if said.roles is not None or said.disabled is not None:
-        accounts.change(name, roles=said.roles, disabled=said.disabled, by=principal)
-    if said.password is not None:
-        accounts.reset_password(name, new=said.password, by=principal)
+    if act.roles is not None or act.disabled is not None:
+        accounts.change(name, roles=act.roles, disabled=act.disabled, by=principal)
+    if act.password is not None:
+        accounts.reset_password(name, new=act.password, by=principal)
     return accounts.known(name)
 
 
@@ -90,20 +90,20 @@ def changed(console: Console, principal: Principal, name: str, said: ChangeAccou
 def issue(console: ConsoleDep, principal: PrincipalDep, typed: FormListsDep) -> Response:
     """The answer shows the token, once."""
     principal.acting("people")
-    said = IssueTokenAct.from_people(typed)
-    if isinstance(said, tuple):
-        return _again(console, principal, said)
+    act = IssueTokenAct.from_people(typed)
+    if isinstance(act, tuple):
+        return _again(console, principal, act)
     try:
-        issued = issued_token(console, principal, said)
+        issued = issued_token(console, principal, act)
     except ContractInvalid as error:
         return _again(console, principal, (Wrong("", explained(error)),))
     return render("account/people.html", _people(console, principal, secret=issued.secret), status=201)
 
 
-def issued_token(console: Console, principal: Principal, said: IssueTokenAct) -> Issued:
+def issued_token(console: Console, principal: Principal, act: IssueTokenAct) -> Issued:
     """The new token with its secret. Raises ContractInvalid for a scope that only people may have."""
     return console.sessions.accounts.issue(
-        said.name, scopes=said.scopes, robot_id=said.robot_id, days=said.days, by=principal
+        act.name, scopes=act.scopes, robot_id=act.robot_id, days=act.days, by=principal
     )
 
 

@@ -44,19 +44,19 @@ AskedDep = Annotated[AlertListParams, Depends(asked)]
 
 
 @router.get("")
-def index(console: ConsoleDep, actor: ActorDep, asked: AskedDep) -> HTMLResponse:
-    return render("alerts/index.html", listed(console, actor, asked))
+def index(console: ConsoleDep, actor: ActorDep, params: AskedDep) -> HTMLResponse:
+    return render("alerts/index.html", listed(console, actor, params))
 
 
 @router.get("/list")
-def listing(console: ConsoleDep, actor: ActorDep, asked: AskedDep) -> HTMLResponse:
-    return render("alerts/_list.html", listed(console, actor, asked))
+def listing(console: ConsoleDep, actor: ActorDep, params: AskedDep) -> HTMLResponse:
+    return render("alerts/_list.html", listed(console, actor, params))
 
 
-def listed(console: Console, actor: Actor, asked: AlertListParams) -> AlertsPage:
+def listed(console: Console, actor: Actor, params: AlertListParams) -> AlertsPage:
     shell = console.shell("Alerts", "alerts", actor)
     return alerts.alerts_page(
-        shell, console.alerts.all(), asked, now_s=console.clock(), services=console.settings.services
+        shell, console.alerts.all(), params, now_s=console.clock(), services=console.settings.services
     )
 
 
@@ -69,10 +69,10 @@ def _route(kind: type[Act]) -> Callable[..., Response]:
     """The handler of one act of app/acts/alerts.py: 303, 422 for invalid input, 409 with the reason of a refusal."""
 
     def act(console: ConsoleDep, actor: ActorDep, alert_id: str, typed: FormDep) -> Response:
-        said = kind.from_form(typed)
-        if isinstance(said, tuple):
-            return _again(console, actor, alert_id, tuple(one.text for one in said), status=422)
-        decision = told(console, alert_id, said.to_command(actor))
+        submitted = kind.from_form(typed)
+        if isinstance(submitted, tuple):
+            return _again(console, actor, alert_id, tuple(one.text for one in submitted), status=422)
+        decision = decided(console, alert_id, submitted.to_command(actor))
         if isinstance(decision, Refused):
             return _again(console, actor, alert_id, (reasoned(decision.reason),), status=409)
         return RedirectResponse(f"/alerts/{alert_id}", status_code=303)
@@ -84,7 +84,7 @@ for word, kind in ACTS.items():
     router.post(f"/{{alert_id}}/{word}", name=word)(_route(kind))
 
 
-def told(console: Console, alert_id: str, command: AlertPersonCommand) -> Accepted[AnyEvent] | Refused:
+def decided(console: Console, alert_id: str, command: AlertPersonCommand) -> Accepted[AnyEvent] | Refused:
     """Raises UnknownName for an alert that was never raised."""
     console.alerts.one(alert_id)
     return console.runtime.decide([(alert_stream(alert_id), command)])

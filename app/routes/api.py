@@ -20,7 +20,7 @@ from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import MissionId
-from harness.contracts.read_models import ListQuery, MissionItem
+from harness.contracts.read_models import MissionItem
 from harness.contracts.readings import Reading
 from harness.extra_templates import draft
 
@@ -47,17 +47,9 @@ def missions(
 ) -> Any:
     """Missions in short, newest first. The Link header leads to the next page, whatever is started meanwhile."""
     facets = {"status": status, "robot": robot, "template": template}
-    query = ListQuery(
-        listing="mission",
-        facets={name: value for name, value in facets.items() if value},
-        words=tuple(q.split()),
-        order=order,
-        after=api_requests.place(after),
-        limit=limit,
-    )
-    found = console.lists.missions(query)
-    api_requests.linked(response, "/api/v1/missions", found, q=q, order=order, limit=str(limit), **facets)
-    return api_requests.plain([summary(one) for one in found.items])
+    read, path = console.lists.missions, "/missions"
+    found = api_requests.listed(response, read, "mission", path, facets, q=q, after=after, limit=limit, order=order)
+    return api_requests.plain([summary(one) for one in found])
 
 
 @router.get("/missions/{mission_id}", responses=api_requests.answers(schemas.MissionOutcome))
@@ -102,7 +94,7 @@ def dispute(
     console: ConsoleDep, actor: ActorDep, mission_id: MissionId, condition_id: str, body: DisputeCompletionAct
 ) -> Any:
     """Say that an accepted completion is wrong: it counts as false, and nothing is deleted."""
-    return _told(console, actor, mission_id, body, condition_id=condition_id)
+    return _submitted(console, actor, mission_id, body, condition_id=condition_id)
 
 
 @router.get("/missions/{mission_id}/events", responses=api_requests.answers(schemas.LogEvent, many=True))
@@ -141,14 +133,14 @@ def outcome(console: Console, mission_id: MissionId) -> dict[str, Any]:
     )
 
 
-def _told(console: Console, actor: Actor, mission_id: MissionId, said: Act, **named: str) -> Any:
-    decision = console.runtime.submit(mission_id, said.to_command(actor, **named))
+def _submitted(console: Console, actor: Actor, mission_id: MissionId, act: Act, **named: str) -> Any:
+    decision = console.runtime.submit(mission_id, act.to_command(actor, **named))
     return api_requests.refusal(decision) if isinstance(decision, Refused) else outcome(console, mission_id)
 
 
 def _act() -> api_requests.Handler:
     def act(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: Any) -> Any:
-        return _told(console, actor, mission_id, body)
+        return _submitted(console, actor, mission_id, body)
 
     return act
 

@@ -9,7 +9,7 @@ from app.acts.alerts import ACTS
 from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_requests
 from app.routes import api_schemas as schemas
-from app.routes.alerts import history_of, told
+from app.routes.alerts import decided, history_of
 from app.views import alerts
 from app.views.alerts import AlertListParams
 from harness.contracts.decisions import Refused
@@ -37,8 +37,8 @@ def listed(
     """Alerts, newest occurrence first. `status` is a tab of the page: empty for unacknowledged, all, active, ..."""
     if status not in {value for value, _, _ in alerts.GROUPS}:
         raise UnknownName(because("unknown_alert_status", status=status[:40]))
-    asked = AlertListParams(group=status, words=q, priority=priority, robot=robot)
-    found = alerts.chosen(console.alerts.all(), asked, now_s=console.clock())[:limit]
+    params = AlertListParams(group=status, words=q, priority=priority, robot=robot)
+    found = alerts.chosen(console.alerts.all(), params, now_s=console.clock())[:limit]
     return api_requests.plain([schemas.AlertSummary(**alerts.summary(one)) for one in found])
 
 
@@ -50,7 +50,7 @@ def show(console: ConsoleDep, alert_id: str) -> Any:
 
 def _act() -> api_requests.Handler:
     def act(console: ConsoleDep, actor: ActorDep, alert_id: str, body: Any) -> Any:
-        decision = told(console, alert_id, body.to_command(actor))
+        decision = decided(console, alert_id, body.to_command(actor))
         return api_requests.refusal(decision) if isinstance(decision, Refused) else _shown(console, alert_id)
 
     return act

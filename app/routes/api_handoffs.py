@@ -14,7 +14,6 @@ from app.routes.handoff_page import answered, changes, history_of
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import HandoffId
-from harness.contracts.read_models import ListQuery
 from harness.projections.handoffs import Handoff
 
 router = APIRouter(
@@ -39,14 +38,10 @@ def handoffs(
     limit: api_requests.Limit = 100,
 ) -> Any:
     """Handoffs as they stand now, newest first; with `open=yes` those that wait, claimed or taken over or not."""
-    given = {"status": status, "open": waits, "robot": robot}
-    facets = {name: value for name, value in given.items() if value}
-    query = ListQuery(
-        listing="handoff", facets=facets, words=tuple(q.split()), after=api_requests.place(after), limit=limit
-    )
-    found = console.lists.handoffs(query)
-    api_requests.linked(response, "/api/v1/handoffs", found, limit=str(limit), q=q, **facets)
-    return [api_requests.plain(console.runtime.handoff(HandoffId(one.handoff_id))) for one in found.items]
+    facets = {"status": status, "open": waits, "robot": robot}
+    read = console.lists.handoffs
+    found = api_requests.listed(response, read, "handoff", "/handoffs", facets, q=q, after=after, limit=limit)
+    return [api_requests.plain(console.runtime.handoff(HandoffId(one.handoff_id))) for one in found]
 
 
 @router.get("/handoffs/{handoff_id}", responses=api_requests.answers(Handoff))
@@ -58,26 +53,26 @@ def handoff(console: ConsoleDep, handoff_id: HandoffId) -> Any:
 @router.post("/handoffs/{handoff_id}/look", responses=api_requests.answers(Handoff))
 def look_again(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId) -> Any:
     """Observe again without motion; returns the handoff after that."""
-    return _said(console, actor, handoff_id, acts.LookAgainAct())
+    return _submitted(console, actor, handoff_id, acts.LookAgainAct())
 
 
 @router.post("/handoffs/{handoff_id}/decision", responses=api_requests.answers(Handoff))
 def decide(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.Decision) -> Any:
     """Decide the handoff. The same key and body again returns the same receipt; any other second answer is a 409."""
-    return _said(console, actor, handoff_id, body)
+    return _submitted(console, actor, handoff_id, body)
 
 
-def _said(console: Console, actor: Actor, handoff_id: HandoffId, said: Act) -> Any:
+def _submitted(console: Console, actor: Actor, handoff_id: HandoffId, act: Act) -> Any:
     """The handoff after the act, or a problem that lists what changed since the person saw it."""
     console.runtime.handoff(handoff_id)
-    decision = answered(console, actor, handoff_id, said)
+    decision = answered(console, actor, handoff_id, act)
     if not isinstance(decision, Refused):
         return handoff(console, handoff_id)
     told = api_requests.refusal(decision)
-    if not isinstance(said, acts.ApproveHandoffAct | acts.RejectHandoffAct | acts.AttestHandoffAct):
+    if not isinstance(act, acts.ApproveHandoffAct | acts.RejectHandoffAct | acts.AttestHandoffAct):
         return told
     now = console.runtime.handoff(handoff_id)
-    found = changes(now, history_of(console, handoff_id), str(said.cycle))
+    found = changes(now, history_of(console, handoff_id), str(act.cycle))
     document = json.loads(bytes(told.body)) | {
         "changes": [{"name": one.name, "was": one.was, "now": one.now} for one in found]
     }
@@ -86,7 +81,7 @@ def _said(console: Console, actor: Actor, handoff_id: HandoffId, said: Act) -> A
 
 def _act() -> api_requests.Handler:
     def act(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: Any) -> Any:
-        return _said(console, actor, handoff_id, body)
+        return _submitted(console, actor, handoff_id, body)
 
     return act
 

@@ -83,9 +83,9 @@ def sign_in_link(console: ConsoleDep, principal: PrincipalDep) -> Any:
     """A fresh one-time link instead of every unused one; refused once there are accounts. Admins only."""
     principal.acting("people")
     if console.sessions.has_accounts:
-        told = "There are accounts, so a one-time link lets nobody in."
+        text = "There are accounts, so a one-time link lets nobody in."
         do = "sign in with an account, or give somebody a new password with `regen account password NAME`"
-        return problem(409, code="accounts_exist", title="Refused", detail=told, do=do)
+        return problem(409, code="accounts_exist", title="Refused", detail=text, do=do)
     return api_requests.plain(
         schemas.SignInLink(url=f"{console.settings.address}{console.sessions.invite(by=principal)}")
     )

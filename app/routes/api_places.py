@@ -8,7 +8,7 @@ from starlette.responses import JSONResponse
 from app.acts.places import RemovePlaceAct, SavePlaceAct
 from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_requests
-from app.routes.places import saved, told
+from app.routes.places import decided, saved
 from app.views import place_editor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decisions import Accepted, Refused
@@ -41,7 +41,7 @@ def remove(console: ConsoleDep, actor: ActorDep, place_id: PlacePath, body: Remo
     """New missions cannot name it any more."""
     if all(one.place_id != place_id for one in console.runtime.site.places):
         raise UnknownName(because("unknown_place_id", place_id=place_id))
-    return _answered(console, told(console, body.to_command(actor, place_id=place_id)))
+    return _answered(console, decided(console, body.to_command(actor, place_id=place_id)))
 
 
 def _answered(console: Console, decision: Accepted[AnyEvent] | Refused) -> Any:

@@ -17,7 +17,7 @@ from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.memory import KnownCard
 from harness.contracts.places import Site
 from harness.contracts.ports import LogHead
-from harness.contracts.read_models import EvidenceItem, ListQuery
+from harness.contracts.read_models import EvidenceItem
 from harness.contracts.tasks import TaskTemplate
 from harness.extra_templates import offered
 from harness.projections import exploration as explorations
@@ -71,17 +71,9 @@ def evidence(
 ) -> Any:
     """Evidence with what the verifier and the gate said of its packet, newest first."""
     facets = {"mission": mission, "kind": kind, "verdict": verdict}
-    query = ListQuery(
-        listing="evidence",
-        facets={name: value for name, value in facets.items() if value},
-        words=tuple(q.split()),
-        order=order,
-        after=api_requests.place(after),
-        limit=limit,
-    )
-    found = console.lists.evidence(query)
-    api_requests.linked(response, "/api/v1/evidence", found, q=q, order=order, limit=str(limit), **facets)
-    return [api_requests.plain(one) for one in found.items]
+    read, path = console.lists.evidence, "/evidence"
+    found = api_requests.listed(response, read, "evidence", path, facets, q=q, after=after, limit=limit, order=order)
+    return [api_requests.plain(one) for one in found]
 
 
 @router.get("/evidence/{digest}", responses=BLOB, response_class=Response)

@@ -16,7 +16,6 @@ from app.routes.candidates import replayed
 from app.routes.releases import instant_of, saved
 from app.views import candidates as board
 from app.views.review_replay import Decided
-from app.views.review_results import FamilyRow
 from app.web.security import PrincipalDep
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
@@ -48,8 +47,8 @@ def listed(
     limit: Annotated[int, Query(ge=1, le=500)] = 200,
 ) -> Any:
     """Newest first. `status` is a tab of the board."""
-    asked = board.CandidateListParams(words=q, group=status)
-    return [row(one) for one in board.chosen(console.releases.reviews(), asked)][:limit]
+    params = board.CandidateListParams(words=q, group=status)
+    return [row(one) for one in board.chosen(console.releases.reviews(), params)][:limit]
 
 
 @router.post("/candidates", responses=api_requests.answers(schemas.CandidateResource))
@@ -116,7 +115,7 @@ def results(console: ConsoleDep, candidate: str) -> Any:
             pass_to_fail_total=shown.worse_total,
             fail_to_pass=shown.better,
             fail_to_pass_total=shown.better_total,
-            families=tuple(_family(one) for one in shown.families),
+            families=tuple(one.result for one in shown.families),
             held_out=whole.held_out,
             seconds=whole.seconds,
         )
@@ -201,18 +200,6 @@ def _named(candidate: str) -> str:
 
 def _difference(found: CandidateDifference) -> schemas.ConfigurationDifference:
     return schemas.ConfigurationDifference(changes=found.changes, raw=found.raw)
-
-
-def _family(row: FamilyRow) -> schemas.Family:
-    return schemas.Family(
-        family=row.name,
-        n=row.n,
-        baseline=row.before,
-        candidate=row.after,
-        better_by=row.gain,
-        low=row.low,
-        high=row.high,
-    )
 
 
 def _decision(found: Decided) -> schemas.ReplayedDecision:

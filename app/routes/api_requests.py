@@ -1,7 +1,7 @@
 """What every part of the API shares: how lists are paged, how failures and answers are described."""
 
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 from urllib.parse import urlencode
 
 import msgspec
@@ -15,10 +15,12 @@ from app.routes.listing import bookmark
 from app.web.errors import problem
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
-from harness.contracts.read_models import Bookmark, ListOrder
+from harness.contracts.read_models import Bookmark, Listing, ListOrder, ListQuery
 from harness.contracts.reasons import because
+from harness.contracts.values import Value
 
 Handler = Callable[..., Any]
+Item = TypeVar("Item", bound=Value)
 Limit = Annotated[int, Query(ge=1, le=500)]
 After = Annotated[str, Query(max_length=100, description="Where the page before ended: take it from its Link header.")]
 Order = Annotated[ListOrder, Query()]
@@ -82,6 +84,28 @@ def post_acts(
 def place(after: str) -> Bookmark | None:
     """The position of a page in a list. Raises ContractInvalid for one that no page gave."""
     return bookmark(after) if after else None
+
+
+def listed(
+    response: Response,
+    read: Callable[[ListQuery], Slice[Item]],
+    listing: Listing,
+    path: str,
+    facets: Mapping[str, str],
+    *,
+    q: str,
+    after: str,
+    limit: int,
+    order: ListOrder = "newest",
+) -> tuple[Item, ...]:
+    """One page of a list under the facets that are set; the Link header leads to the next one."""
+    chosen = {name: value for name, value in facets.items() if value}
+    query = ListQuery(
+        listing=listing, facets=chosen, words=tuple(q.split()), order=order, after=place(after), limit=limit
+    )
+    found = read(query)
+    linked(response, f"/api/v1{path}", found, q=q, order="" if order == "newest" else order, limit=str(limit), **chosen)
+    return tuple(found.items)
 
 
 def linked(response: Response, path: str, found: Slice[Any], **asked: str) -> None:

@@ -130,20 +130,20 @@ def _control(console: Console) -> Any:
 def _row(console: Console, robot_id: RobotId) -> Any:
     if robot_id not in console.fleet.names:
         raise UnknownName(because("unknown_robot", robot_id=robot_id, known=tuple(console.fleet.names)))
-    said, word = card(console, robot_id), console.fleet.word(robot_id)
-    mission = said.mission
+    shown, word = card(console, robot_id), console.fleet.word(robot_id)
+    mission = shown.mission
     return api_requests.plain(
         schemas.RobotResource(
             robot_id=robot_id,
             status=word.status,
-            link_age_s=said.word.link_age_s if said.word.heard else None,
+            link_age_s=shown.word.link_age_s if shown.word.heard else None,
             trouble=word.trouble,
             mission_id=mission.mission_id if mission else None,
             mission_status=mission.status if mission else None,
             handoff_id=mission.handoff_id if mission else None,
             autonomy=mission.autonomy if mission else None,
-            queued=said.queued,
-            driver=said.driver or None,
-            watchers=said.watchers,
+            queued=shown.queued,
+            driver=shown.driver or None,
+            watchers=shown.watchers,
         )
     )

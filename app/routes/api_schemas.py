@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from app.views.review_results import CaseRow
+from app.views.review_results import CaseRow, Family
 from harness.contracts.control import Autonomy
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
 from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
@@ -457,18 +457,6 @@ class CandidateCheck(Value):
     holds: bool
     refusals: tuple[contracts.RestrictionViolation, ...]
     difference: ConfigurationDifference
-
-
-class Family(Value):
-    """Pairs of one family, with the 95 % interval of their difference."""
-
-    family: str
-    n: Count
-    baseline: float
-    candidate: float
-    better_by: float
-    low: float
-    high: float
 
 
 class Results(Value):

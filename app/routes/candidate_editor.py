@@ -16,6 +16,7 @@ from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.reasons import plain
 from rsi_reviews.contracts import Candidate, RestrictionViolation
 from rsi_reviews.difference import difference
 from rsi_reviews.errors import CandidateInvalid
@@ -56,8 +57,8 @@ def propose(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
 def proposed(console: Console, actor: Actor, candidate: Candidate, before: str) -> Accepted[Any] | Refused:
     """Put it on record as the successor of the candidate `before`, if it names one. Raises UnknownName."""
     supersedes = console.releases.review(before).candidate if before else None
-    say = SignedBy(actor, candidate.manifest.reason, f"propose:{candidate.candidate_id}")
-    return console.releases.propose(candidate, say, supersedes=supersedes)
+    signed = SignedBy(actor, candidate.manifest.reason, f"propose:{candidate.candidate_id}")
+    return console.releases.propose(candidate, signed, supersedes=supersedes)
 
 
 def read(console: Console, actor: Actor, typed: Mapping[str, str]) -> tuple[Candidate | None, Found]:
@@ -67,7 +68,7 @@ def read(console: Console, actor: Actor, typed: Mapping[str, str]) -> tuple[Cand
     try:
         made = edited(text, current, _intention(typed), who=actor.name)
     except CandidateInvalid as error:
-        refusal = RestrictionViolation(rule=error.rule, path=error.where or "edit", reason=error.reason)
+        refusal = RestrictionViolation(rule=error.rule, path=plain(error.where) or "edit", reason=error.reason)
         return None, Found(errors=(explained(error),), refusals=(refusal,))
     except msgspec.ValidationError as error:
         return None, Found(errors=(lazy_gettext("The manifest does not stand: {error}.", error=str(error)),))

@@ -56,13 +56,13 @@ AskedDep = Annotated[CandidateListParams, Depends(asked_of)]
 
 
 @router.get("")
-def index(console: ConsoleDep, actor: ActorDep, asked: AskedDep) -> HTMLResponse:
-    return render("candidates/index.html", board_of(console, actor, asked))
+def index(console: ConsoleDep, actor: ActorDep, params: AskedDep) -> HTMLResponse:
+    return render("candidates/index.html", board_of(console, actor, params))
 
 
 @router.get("/list")
-def listing(console: ConsoleDep, actor: ActorDep, asked: AskedDep) -> HTMLResponse:
-    return render("candidates/_list.html", board_of(console, actor, asked))
+def listing(console: ConsoleDep, actor: ActorDep, params: AskedDep) -> HTMLResponse:
+    return render("candidates/_list.html", board_of(console, actor, params))
 
 
 @router.get("/{candidate}")
@@ -98,10 +98,10 @@ def act(console: ConsoleDep, actor: ActorDep, candidate: str, verb: str, typed: 
     if verb not in ACTS:
         raise UnknownName(because("unknown_candidate_act", word=verb[:40]))
     name = console.releases.review(candidate).candidate
-    said = ACTS[verb].from_form(typed)
-    if isinstance(said, tuple):
-        return _again(console, actor, name, typed, refused=" ".join(one.text for one in said), status=422)
-    decision = console.releases.ask(name, said)
+    act = ACTS[verb].from_form(typed)
+    if isinstance(act, tuple):
+        return _again(console, actor, name, typed, refused=" ".join(one.text for one in act), status=422)
+    decision = console.releases.ask(name, act)
     if isinstance(decision, Refused):
         return _again(console, actor, name, typed, refused=reasoned(decision.reason), status=409)
     return RedirectResponse(f"/candidates/{name}", status_code=303)
@@ -124,11 +124,11 @@ def _subject_in(console: Console, candidate: str, digest: str) -> Subject | None
     return next((one.subject for one in opened if isinstance(one, ReviewOpened) and one.subject_digest == digest), None)
 
 
-def board_of(console: Console, actor: Actor, asked: CandidateListParams) -> BoardPage:
+def board_of(console: Console, actor: Actor, params: CandidateListParams) -> BoardPage:
     reviews = console.releases.reviews()
     progress = {one.candidate: console.evaluated.progress(one) for one in reviews if one.status == "evaluating"}
     shell = console.shell("Candidates", "candidates", actor)
-    return candidates.board_page(shell, reviews, console.releases.pointer(), asked, progress)
+    return candidates.board_page(shell, reviews, console.releases.pointer(), params, progress)
 
 
 def page_of(

@@ -32,13 +32,13 @@ def pad(console: ConsoleDep, actor: ActorDep, robot_id: RobotPath) -> HTMLRespon
 def take(
     console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
 ) -> Response:
-    said = BeginTeleoperationAct.from_form(typed)
-    if isinstance(said, tuple):
-        return _pad(console, actor, robot_id, errors=[one.text for one in said], status=422)
+    act = BeginTeleoperationAct.from_form(typed)
+    if isinstance(act, tuple):
+        return _pad(console, actor, robot_id, errors=[one.text for one in act], status=422)
     held = console.control().wheels.get(robot_id)
     if held is not None and held.actor.name == actor.name:
         return RedirectResponse(f"/robots/{robot_id}/drive", status_code=303)
-    decision = wheel_taken(console, principal, robot_id, said, device=N_("a browser"))
+    decision = wheel_taken(console, principal, robot_id, act, device=N_("a browser"))
     if isinstance(decision, Refused):
         return _pad(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409)
     return RedirectResponse(f"/robots/{robot_id}/drive", status_code=303)

@@ -44,7 +44,7 @@ def page_of(
     handoff = console.runtime.handoff(handoff_id)
     opened = handoffs.required(handoff)
     mission = console.runtime.mission(opened.mission_id)
-    told = history_of(console, handoff_id)
+    events = history_of(console, handoff_id)
     watched = f"handoff/{handoff_id}"
     scene = HandoffScene(
         map=site_map(console.runtime.site),
@@ -56,13 +56,13 @@ def page_of(
         key=console.sessions.key(),
         typed=left.typed,
         refused=left.refused,
-        changes=changes(handoff, told, left.cycle) if left.refused else (),
+        changes=changes(handoff, events, left.cycle) if left.refused else (),
     )
     inputs = HandoffInputs(
         now_s=console.clock(),
         person=actor.name,
         viewers=console.presence.watching(watched),
-        told=told,
+        told=events,
         earlier=_earlier(console, opened),
         live_at=_live_at(console, mission.mission_id),
         scene=scene,
@@ -79,16 +79,16 @@ def question_of(console: Console, handoff_id: ids.HandoffId) -> ShownQuestion:
     return shown_question(opened, console.runtime.mission(opened.mission_id))
 
 
-def answered(console: Console, actor: Actor, handoff_id: ids.HandoffId, said: Act) -> Decision[AnyEvent]:
+def answered(console: Console, actor: Actor, handoff_id: ids.HandoffId, act: Act) -> Decision[AnyEvent]:
     """Submit a person's act. An approval that names the page it saw counts only if the page is still the same."""
-    if isinstance(said, ApproveHandoffAct) and said.shown is not None:
-        unseen = _unlike(console, handoff_id, said)
+    if isinstance(act, ApproveHandoffAct) and act.shown is not None:
+        unseen = _unlike(console, handoff_id, act)
         if unseen is not None:
             return unseen
-    return console.runtime.answer(handoff_id, said.to_command(actor))
+    return console.runtime.answer(handoff_id, act.to_command(actor))
 
 
-def _unlike(console: Console, handoff_id: ids.HandoffId, said: ApproveHandoffAct) -> Refused | None:
+def _unlike(console: Console, handoff_id: ids.HandoffId, act: ApproveHandoffAct) -> Refused | None:
     """The refusal if this person saw something else than the present page; None if it is the same or the gate decides.
 
     What was seen is kept, so that an auditor sees it again.
@@ -96,10 +96,10 @@ def _unlike(console: Console, handoff_id: ids.HandoffId, said: ApproveHandoffAct
     handoff = console.runtime.handoff(handoff_id)
     opened = handoffs.required(handoff)
     mission = console.runtime.mission(opened.mission_id)
-    if not handoff.answerable or (said.cycle, mission.k) != (handoff.cycle, opened.k):
+    if not handoff.answerable or (act.cycle, mission.k) != (handoff.cycle, opened.k):
         return None
     body = encode(shown_record(opened, mission))
-    if ids.sha256(body) != said.shown:
+    if ids.sha256(body) != act.shown:
         return refused("unseen")
     console.runtime.keep(body)
     return None
@@ -111,17 +111,17 @@ def history_of(console: Console, handoff_id: ids.HandoffId) -> HandoffEvents:
     return [(one.position, one.recorded_s, CODEC.decode(one)) for one in stored]
 
 
-def changes(handoff: Handoff, told: HandoffEvents, cycle: str) -> tuple[ShownDifference, ...]:
+def changes(handoff: Handoff, events: HandoffEvents, cycle: str) -> tuple[ShownDifference, ...]:
     """What is different now from the cycle that was answered."""
     opened = handoff.opened
-    seen = as_asked(told, cycle)
+    seen = seen_question(events, cycle)
     return differences(seen, opened) if seen is not None and opened is not None else ()
 
 
-def as_asked(told: HandoffEvents, cycle: str) -> HandoffOpened | None:
+def seen_question(events: HandoffEvents, cycle: str) -> HandoffOpened | None:
     """The question as it stood in that cycle."""
     state, found = Handoff(), None
-    for _, _, event in told:
+    for _, _, event in events:
         state = apply(state, event)
         if state.opened is not None and str(state.cycle) == cycle:
             found = state.opened

@@ -4,24 +4,21 @@ from collections.abc import Callable
 from typing import Annotated
 
 from fastapi import APIRouter, Depends
-from msgspec.structs import replace
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts import handoffs as handoff_acts
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.messages import reasoned
 from app.routes.handoff_page import SubmittedForm, answered, page_of, question_of
-from app.routes.listing import searching
+from app.routes.listing import listed_page, searching
 from app.views import handoffs
-from app.views.handoffs import HandoffsPage
 from app.views.list_params import ListParams
-from app.views.missions import Counted
+from app.views.tabbed_list import TabbedList
 from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import UnknownName
 from harness.contracts.ids import HandoffId
-from harness.contracts.reasons import because
+from harness.contracts.read_models import HandoffItem
 
 router = APIRouter(prefix="/handoffs")
 ListParamsDep = Annotated[ListParams, Depends(searching("handoff", "status", "robot", "failure", "mission"))]
@@ -37,20 +34,10 @@ def listing(console: ConsoleDep, actor: ActorDep, params: ListParamsDep) -> HTML
     return render("handoffs/_list.html", listed(console, actor, params))
 
 
-def listed(console: Console, actor: Actor, params: ListParams) -> HandoffsPage:
+def listed(console: Console, actor: Actor, params: ListParams) -> TabbedList[HandoffItem]:
     """One page of the list, with what its tabs would show."""
-    group = params.given.get("status", "")
-    facets = {name: value for name, value in params.query.facets.items() if name != "status"}
-    queries = {value: replace(params.query, facets=facets | stands_for) for value, _, stands_for in handoffs.GROUPS}
-    if group not in queries:
-        raise UnknownName(because("unknown_handoff_tab", group=group))
-    found = console.lists.handoffs(queries[group])
-    counted = Counted(
-        groups={value: console.lists.count(one) for value, one in queries.items()},
-        tallies=console.lists.tallies("handoff"),
-    )
     shell = console.shell("Handoffs", "handoffs", actor)
-    return handoffs.handoffs_page(shell, params, found.items, found.following, counted)
+    return listed_page(console.lists, handoffs.LIST, shell, params, console.lists.handoffs)
 
 
 @router.get("/{handoff_id}")
@@ -73,10 +60,12 @@ def _route(word: str) -> Callable[..., Response]:
     """The handler of one act of app/acts/handoffs.py: 303, 422 for invalid input, 409 with the reason of a refusal."""
 
     def act(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
-        said = handoff_acts.act_of(word, typed).from_form(typed)
-        if isinstance(said, tuple):
-            return _again(console, actor, handoff_id, typed, refused=" ".join(one.text for one in said), status=422)
-        decision = answered(console, actor, handoff_id, said)
+        submitted = handoff_acts.act_of(word, typed).from_form(typed)
+        if isinstance(submitted, tuple):
+            return _again(
+                console, actor, handoff_id, typed, refused=" ".join(one.text for one in submitted), status=422
+            )
+        decision = answered(console, actor, handoff_id, submitted)
         if isinstance(decision, Refused):
             return _again(console, actor, handoff_id, typed, refused=reasoned(decision.reason), status=409)
         return RedirectResponse(f"/handoffs/{handoff_id}", status_code=303)

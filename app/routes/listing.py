@@ -4,9 +4,13 @@ from collections.abc import Callable
 from typing import get_args
 
 from fastapi import Request
+from msgspec.structs import replace
 
+from app.background.lists import Lists, Slice
 from app.views.list_params import ListParams
-from harness.contracts.errors import ContractInvalid
+from app.views.shell import Shell
+from app.views.tabbed_list import Counted, ListShape, Row, TabbedList, tabbed_list
+from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.read_models import Bookmark, Listing, ListOrder, ListQuery
 from harness.contracts.reasons import because
 
@@ -33,6 +37,25 @@ def searching(listing: Listing, *facets: str) -> Callable[[Request], ListParams]
         return ListParams(query=query, words=words, given=given, deep=bool(after))
 
     return params
+
+
+def listed_page(
+    lists: Lists,
+    shape: ListShape,
+    shell: Shell,
+    params: ListParams,
+    read: Callable[[ListQuery], Slice[Row]],
+) -> TabbedList[Row]:
+    """One page of a list, with what its tabs would show. Raises UnknownName for an unknown tab."""
+    group = params.given.get("status", "")
+    facets = {name: value for name, value in params.query.facets.items() if name != "status"}
+    queries = {value: replace(params.query, facets=facets | selected) for value, _, selected in shape.groups}
+    if group not in queries:
+        raise UnknownName(because("unknown_tab", group=group))
+    found = read(queries[group])
+    tallies = lists.tallies(params.query.listing)
+    counted = Counted(groups={value: lists.count(one) for value, one in queries.items()}, tallies=tallies)
+    return tabbed_list(shell, shape, params, found.items, found.following, counted)
 
 
 def order_of(text: str) -> ListOrder:

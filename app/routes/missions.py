@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from typing import Annotated, TypeVar
 
 from fastapi import APIRouter, Depends, Request
-from msgspec.structs import replace
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.missions import StartMissionAct, StopMissionAct
@@ -14,14 +13,14 @@ from app.i18n.catalogues import N_
 from app.i18n.languages import explained
 from app.i18n.messages import lazy_gettext, reasoned
 from app.routes.handoff_page import word_of
-from app.routes.listing import searching
+from app.routes.listing import listed_page, searching
 from app.views import events, forms, missions
 from app.views import preview as previews
 from app.views.forms import Again, Before, FormOptions, StopPage, Wrong
 from app.views.list_params import ListParams
-from app.views.missions import Counted, MissionsPage
 from app.views.preview import Preview
 from app.views.readings import goal_words, question_view
+from app.views.tabbed_list import TabbedList
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
@@ -29,6 +28,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, UnknownName
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.read_models import MissionItem
 from harness.contracts.readings import ReadingQuestion
 from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskTemplate
@@ -57,19 +57,10 @@ def listing(console: ConsoleDep, actor: ActorDep, params: ListParamsDep) -> HTML
     return render("missions/_list.html", listed(console, actor, params))
 
 
-def listed(console: Console, actor: Actor, params: ListParams) -> MissionsPage:
+def listed(console: Console, actor: Actor, params: ListParams) -> TabbedList[MissionItem]:
     """One page of the list, with what its tabs would show."""
-    group = params.given.get("status", "")
-    facets = {name: value for name, value in params.query.facets.items() if name != "status"}
-    queries = {value: replace(params.query, facets=facets | stands_for) for value, _, stands_for in missions.GROUPS}
-    if group not in queries:
-        raise UnknownName(because("unknown_mission_tab", group=group))
-    found = console.lists.missions(queries[group])
-    tallies = console.lists.tallies("mission")
-    counted = Counted(groups={value: console.lists.count(one) for value, one in queries.items()}, tallies=tallies)
-    return missions.missions_page(
-        console.shell("Missions", "missions", actor), params, found.items, found.following, counted
-    )
+    shell = console.shell("Missions", "missions", actor)
+    return listed_page(console.lists, missions.LIST, shell, params, console.lists.missions)
 
 
 @router.get("/new")
@@ -84,7 +75,7 @@ def new(request: Request, console: ConsoleDep, actor: ActorDep, rerun_of: str = 
 def preview(console: ConsoleDep, principal: PrincipalDep, actor: ActorDep, typed: FormDep) -> HTMLResponse:
     """The form with the contract it would be compiled to; nothing is written."""
     principal.acting("drive")
-    drafted = _asked(console, actor, typed, lambda order: draft(console.runtime, order))
+    drafted = _compiled(console, actor, typed, lambda order: draft(console.runtime, order))
     if isinstance(drafted, ReadingQuestion):
         return _form(console, actor, typed, question=drafted)
     if isinstance(drafted, tuple):
@@ -95,7 +86,7 @@ def preview(console: ConsoleDep, principal: PrincipalDep, actor: ActorDep, typed
 @router.post("")
 def start(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
     key = typed.get("key", "")
-    begun = _asked(console, actor, typed, lambda order: console.keys.once(key, lambda: started(console, order)))
+    begun = _compiled(console, actor, typed, lambda order: console.keys.once(key, lambda: started(console, order)))
     if isinstance(begun, ReadingQuestion):
         return _form(console, actor, typed, question=begun)
     if isinstance(begun, tuple):
@@ -103,12 +94,12 @@ def start(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
     return RedirectResponse(f"/missions/{begun}", status_code=303)
 
 
-def ordered(console: Console, actor: Actor, said: StartMissionAct, *, channel: str) -> Start:
+def ordered(console: Console, actor: Actor, act: StartMissionAct, *, channel: str) -> Start:
     """What is asked for, over which channel; raises UnknownName for a robot that this console does not have."""
-    robot_id = said.robot_id or console.settings.robots[0]
+    robot_id = act.robot_id or console.settings.robots[0]
     if robot_id not in console.settings.robots:
         raise UnknownName(because("unknown_robot", robot_id=robot_id[:40], known=tuple(console.settings.robots)))
-    return dataclasses.replace(said.model_copy(update={"robot_id": robot_id}).to_command(actor), channel=channel)
+    return dataclasses.replace(act.model_copy(update={"robot_id": robot_id}).to_command(actor), channel=channel)
 
 
 def started(console: Console, order: Start) -> MissionId:
@@ -126,11 +117,11 @@ def stopping(console: ConsoleDep, actor: ActorDep, mission_id: MissionId) -> HTM
 
 @router.post("/{mission_id}/stop")
 def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, typed: FormDep) -> Response:
-    said = StopMissionAct.from_form(typed | {"reason": typed.get("quick") or typed.get("reason", "")})
-    if isinstance(said, tuple):
-        errors = tuple(one.text for one in said)
+    act = StopMissionAct.from_form(typed | {"reason": typed.get("quick") or typed.get("reason", "")})
+    if isinstance(act, tuple):
+        errors = tuple(one.text for one in act)
         return render("missions/stop.html", _stop_page(console, actor, mission_id, errors=errors), status=422)
-    decision = console.runtime.submit(mission_id, said.to_command(actor))
+    decision = console.runtime.submit(mission_id, act.to_command(actor))
     if isinstance(decision, Refused):
         page = _stop_page(console, actor, mission_id, errors=(reasoned(decision.reason),))
         return render("missions/stop.html", page, status=409)
@@ -153,15 +144,15 @@ def _template(console: Console, typed: dict[str, str]) -> TaskTemplate | None:
     return next((one for one in _offered(console, typed) if one.name == typed.get("template")), None)
 
 
-def _asked(
+def _compiled(
     console: Console, actor: Actor, typed: dict[str, str], act: Callable[[Start], T]
 ) -> T | tuple[Wrong, ...] | ReadingQuestion:
     """What comes of the order that the form makes, what is wrong with the form, or what the person is asked."""
     if typed.get("rerun_of"):
         console.runtime.mission(MissionId(typed["rerun_of"]))
     try:
-        said = StartMissionAct.from_form(typed, template=_template(console, typed), robots=console.settings.robots)
-        return said if isinstance(said, tuple) else act(ordered(console, actor, said, channel="page"))
+        submitted = StartMissionAct.from_form(typed, template=_template(console, typed), robots=console.settings.robots)
+        return submitted if isinstance(submitted, tuple) else act(ordered(console, actor, submitted, channel="page"))
     except GoalNotUnderstood as error:
         return error.question
     except (UnknownName, ContractInvalid) as error:

@@ -69,36 +69,36 @@ def save(console: ConsoleDep, actor: ActorDep, place_id: PlaceId, typed: FormDep
 @router.post("/{place_id}/remove")
 def remove(console: ConsoleDep, actor: ActorDep, place_id: PlaceId, typed: FormDep) -> Response:
     shown = _as_it_is(console, place_id)
-    said = RemovePlaceAct.from_form(typed)
-    if isinstance(said, tuple):
-        return render("places/edit.html", _form(console, actor, shown, said), status=422)
-    decision = told(console, said.to_command(actor, place_id=place_id))
+    act = RemovePlaceAct.from_form(typed)
+    if isinstance(act, tuple):
+        return render("places/edit.html", _form(console, actor, shown, act), status=422)
+    decision = decided(console, act.to_command(actor, place_id=place_id))
     if isinstance(decision, Refused):
         page = _form(console, actor, shown, [Wrong("", reasoned(decision.reason))])
         return render("places/edit.html", page, status=409)
     return RedirectResponse("/places", status_code=303)
 
 
-def told(console: Console, command: place_events.PlaceCommand) -> Accepted[AnyEvent] | Refused:
+def decided(console: Console, command: place_events.PlaceCommand) -> Accepted[AnyEvent] | Refused:
     """One change of a place, through the gate."""
     return console.runtime.decide([(place_events.place_stream(console.runtime.site.name), command)])
 
 
-def saved(console: Console, actor: Actor, place_id: PlaceId, said: SavePlaceAct) -> Accepted[AnyEvent] | Refused:
+def saved(console: Console, actor: Actor, place_id: PlaceId, act: SavePlaceAct) -> Accepted[AnyEvent] | Refused:
     """The place as the act says it, on the site's map."""
-    place = said.place(place_id, console.runtime.site, by=actor.name)
-    return told(console, said.to_command(actor, place=place))
+    place = act.place(place_id, console.runtime.site, by=actor.name)
+    return decided(console, act.to_command(actor, place=place))
 
 
 def _save(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> Response:
-    said = SavePlaceAct.from_form(typed)
+    act = SavePlaceAct.from_form(typed)
     place_id = PlaceId(typed.get("place_id", ""))
-    wrong = list(said) if isinstance(said, tuple) else []
-    names = (typed.get("name", "").strip(),) if isinstance(said, tuple) else (said.name, *said.aliases)
+    wrong = list(act) if isinstance(act, tuple) else []
+    names = (typed.get("name", "").strip(),) if isinstance(act, tuple) else (act.name, *act.aliases)
     wrong = place_editor.wrong_names(place_id, names, console.runtime.site) + wrong
-    if wrong or isinstance(said, tuple):
+    if wrong or isinstance(act, tuple):
         return render("places/edit.html", _form(console, actor, typed, wrong, new=new), status=422)
-    decision = saved(console, actor, place_id, said)
+    decision = saved(console, actor, place_id, act)
     if isinstance(decision, Refused):
         page = _form(console, actor, typed, [Wrong("", reasoned(decision.reason))], new=new)
         return render("places/edit.html", page, status=409)
@@ -142,7 +142,7 @@ def _versions(console: Console, place_id: PlaceId) -> tuple[Version, ...]:
     return tuple(
         Version(
             revision=one.revision,
-            text="removed" if isinstance(one, place_events.PlaceRemoved) else _said(one.place),
+            text="removed" if isinstance(one, place_events.PlaceRemoved) else _summary(one.place),
             who=one.actor.name,
             reason=one.reason,
             at_s=one.at_s,
@@ -151,7 +151,7 @@ def _versions(console: Console, place_id: PlaceId) -> tuple[Version, ...]:
     )
 
 
-def _said(place: Place) -> str:
+def _summary(place: Place) -> str:
     fields = place_editor.fields_of(place)
     names = f"{place.name} ({fields['aliases']})" if place.aliases else place.name
     return lazy_gettext(

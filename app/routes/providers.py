@@ -45,7 +45,7 @@ def remembered(memory: MemoryFabric) -> tuple[CapabilityCard, ...]:
     """Cards that roles were shown, the newest of each provider."""
     known = [one.record.knowledge for one in memory.find(MemoryQuery(kinds=("card",), limit=COUNTED))]
     newest: dict[str, CapabilityCard] = {}
-    for said in known:
-        if isinstance(said, KnownCard):
-            newest.setdefault(said.card.provider_id, said.card)
+    for record in known:
+        if isinstance(record, KnownCard):
+            newest.setdefault(record.card.provider_id, record.card)
     return tuple(newest.values())

@@ -30,10 +30,10 @@ def lines(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
 
 @router.post("/{mission_id}/withdraw")
 def withdraw(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, typed: FormDep) -> Response:
-    said = WithdrawMissionAct.from_form(typed)
-    if isinstance(said, tuple):
-        return render("queue/index.html", page_of(console, actor, [one.text for one in said]), status=422)
-    decision = console.runtime.submit(mission_id, said.to_command(actor))
+    act = WithdrawMissionAct.from_form(typed)
+    if isinstance(act, tuple):
+        return render("queue/index.html", page_of(console, actor, [one.text for one in act]), status=422)
+    decision = console.runtime.submit(mission_id, act.to_command(actor))
     if isinstance(decision, Refused):
         return render("queue/index.html", page_of(console, actor, (reasoned(decision.reason),)), status=409)
     return RedirectResponse("/queue", status_code=303)

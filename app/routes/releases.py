@@ -33,21 +33,21 @@ def now(console: ConsoleDep, actor: ActorDep, at: str = "") -> HTMLResponse:
 @router.post("/policy")
 def save_policy(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
     """303 saved, 422 not well said, 409 refused because nobody could meet it."""
-    said = SavePolicyAct.from_form(typed)
-    if isinstance(said, tuple):
-        return _again(console, actor, typed, refused=" ".join(one.text for one in said), status=422)
-    decision = saved(console, actor, said)
+    act = SavePolicyAct.from_form(typed)
+    if isinstance(act, tuple):
+        return _again(console, actor, typed, refused=" ".join(one.text for one in act), status=422)
+    decision = saved(console, actor, act)
     if isinstance(decision, Refused):
         return _again(console, actor, typed, refused=reasoned(decision.reason), status=409)
     return RedirectResponse("/releases#policy", status_code=303)
 
 
-def saved(console: Console, actor: Actor, said: SavePolicyAct) -> Accepted[object] | Refused:
+def saved(console: Console, actor: Actor, act: SavePolicyAct) -> Accepted[object] | Refused:
     """Asked with the people who hold the roles now."""
     around = around_of(console)
-    say = SignedBy(actor, said.reason, f"policy:{said.key or console.sessions.key()}"[:200])
+    signed = SignedBy(actor, act.reason, f"policy:{act.key or console.sessions.key()}"[:200])
     return console.releases.save_policy(
-        said.policy(), say, reviewers=tuple(around.reviewers), releasers=tuple(around.releasers)
+        act.policy(), signed, reviewers=tuple(around.reviewers), releasers=tuple(around.releasers)
     )
 
 

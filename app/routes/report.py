@@ -151,11 +151,11 @@ def dispute(
 ) -> Response:
     """Say that this acceptance is wrong (D21). `from` says which page it was said on, to go back to it."""
     actor = principal.acting("dispute")
-    said = DisputeCompletionAct.from_form(typed)
-    if isinstance(said, tuple):
-        wrong, status = tuple(one.text for one in said), 422
+    act = DisputeCompletionAct.from_form(typed)
+    if isinstance(act, tuple):
+        wrong, status = tuple(one.text for one in act), 422
     else:
-        command = said.to_command(actor, condition_id=condition_id)
+        command = act.to_command(actor, condition_id=condition_id)
         wrong, status = _disputed(console, mission_id, packet_id, command), 409
     reported = typed.get("from") == "report"
     if wrong and reported:
@@ -167,12 +167,12 @@ def dispute(
     return RedirectResponse(f"/missions/{mission_id}/{back}", status_code=303)
 
 
-def _disputed(console: Console, mission_id: MissionId, packet_id: str, asked: DisputeCompletion) -> tuple[str, ...]:
+def _disputed(console: Console, mission_id: MissionId, packet_id: str, command: DisputeCompletion) -> tuple[str, ...]:
     """Empty if it is disputed now, else why not."""
     standing = {(one.packet_id, one.condition_id) for one in console.runtime.mission(mission_id).facts}
-    if (packet_id, asked.condition_id) not in standing:
+    if (packet_id, command.condition_id) not in standing:
         return (N_("This acceptance does not stand: it was never made, or the stage was opened again since."),)
-    decision = console.runtime.submit(mission_id, asked)
+    decision = console.runtime.submit(mission_id, command)
     return (reasoned(decision.reason),) if isinstance(decision, Refused) else ()
 
 

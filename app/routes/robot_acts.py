@@ -27,13 +27,13 @@ from harness.contracts.retreat_events import SendRetreat, StopRetreat
 
 
 def stopped_all(
-    console: Console, principal: Principal, said: StopRobotsAct
+    console: Console, principal: Principal, act: StopRobotsAct
 ) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
     """Ask every open mission of every robot to stop, each for itself: (those asked, why others could not be).
 
     Robots outside every mission are stopped first: wheels are returned, and those on their way to a safe place stand.
     """
-    reason, asked, left = said.reason, [], []
+    reason, asked, left = act.reason, [], []
     left += [
         lazy_gettext("{who}: {reason}", who=name, reason=why)
         for name, why in wheels_returned(console, principal, reason)
@@ -54,7 +54,7 @@ def stopped_all(
         elif not console.runtime.mission(mission.mission_id).ended:
             who = f"{mission.robot_id}, {mission.mission_id}"
             left.append(lazy_gettext("{who}: {reason}", who=who, reason=decision.reason))
-    if said.safe:
+    if act.safe:
         left += all_made_safe(console, principal, reason)
     return tuple(asked), tuple(left)
 
@@ -76,15 +76,15 @@ def wheels_returned(console: Console, principal: Principal, reason: str) -> list
 
 
 def wheel_taken(
-    console: Console, principal: Principal, robot_id: RobotId, said: BeginTeleoperationAct, *, device: str
+    console: Console, principal: Principal, robot_id: RobotId, act: BeginTeleoperationAct, *, device: str
 ) -> Decision[AnyEvent]:
     """Drive by hand, from `device` where the act names none: refused while a mission may move the robot."""
-    named = said.device or device
+    named = act.device or device
     return signed(
         console,
         principal,
         (BeginTeleoperation, robot_id),
-        lambda teleoperation, actor: teleoperation.take(robot_id, actor=actor, device=named, reason=said.reason),
+        lambda teleoperation, actor: teleoperation.take(robot_id, actor=actor, device=named, reason=act.reason),
     )
 
 
@@ -98,15 +98,15 @@ def wheel_returned(console: Console, principal: Principal, robot_id: RobotId, re
     )
 
 
-def limited(console: Console, principal: Principal, said: LimitAutonomyAct) -> None:
+def limited(console: Console, principal: Principal, act: LimitAutonomyAct) -> None:
     """Set the autonomy limit of the whole fleet. Raises NotPermitted for a token that is bound to one robot."""
     if principal.robot_id:
         raise NotPermitted(
             because("token_cannot_set_limit", robot_id=principal.robot_id), where=f"token {principal.name}"
         )
-    console.runtime.decide([(CONTROL, said.to_command(principal.actor))])
+    console.runtime.decide([(CONTROL, act.to_command(principal.actor))])
     for mission in console.open_missions():
-        told = SetAutonomy(autonomy=said.autonomy, actor=principal.actor, reason=said.reason, scope="house")
+        told = SetAutonomy(autonomy=act.autonomy, actor=principal.actor, reason=act.reason, scope="house")
         console.runtime.decide([(mission_stream(mission.mission_id), told)])
 
 

@@ -56,11 +56,11 @@ def stopping_all(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
 
 @router.post("/stop")
 def stop_all(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, typed: FormDep) -> Response:
-    said = StopRobotsAct.from_form(typed | {"reason": typed.get("quick") or typed.get("reason", "")})
-    if isinstance(said, tuple):
-        wrong = tuple(one.text for one in said)
+    act = StopRobotsAct.from_form(typed | {"reason": typed.get("quick") or typed.get("reason", "")})
+    if isinstance(act, tuple):
+        wrong = tuple(one.text for one in act)
         return render("robots/stop.html", _stop_page(console, actor, errors=wrong), status=422)
-    _, left = robot_acts.stopped_all(console, principal, said)
+    _, left = robot_acts.stopped_all(console, principal, act)
     if left:
         return render("robots/stop.html", _stop_page(console, actor, errors=left), status=409)
     return RedirectResponse("/robots", status_code=303)
@@ -68,10 +68,10 @@ def stop_all(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, type
 
 @router.post("/autonomy")
 def limit(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, typed: FormDep) -> Response:
-    said = LimitAutonomyAct.from_form(typed)
-    if isinstance(said, tuple):
-        return _index(console, actor, errors=[one.text for one in said], status=422)
-    robot_acts.limited(console, principal, said)
+    act = LimitAutonomyAct.from_form(typed)
+    if isinstance(act, tuple):
+        return _index(console, actor, errors=[one.text for one in act], status=422)
+    robot_acts.limited(console, principal, act)
     return RedirectResponse("/robots", status_code=303)
 
 
@@ -113,7 +113,7 @@ def autonomy(
     console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
 ) -> Response:
     principal.acting("drive")
-    return _told(console, actor, robot_id, typed, SetAutonomyAct)
+    return _submitted(console, actor, robot_id, typed, SetAutonomyAct)
 
 
 @router.post("/{robot_id}/pause")
@@ -121,7 +121,7 @@ def pause(
     console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
 ) -> Response:
     principal.acting("stop")
-    return _told(console, actor, robot_id, typed, PauseMissionAct)
+    return _submitted(console, actor, robot_id, typed, PauseMissionAct)
 
 
 @router.post("/{robot_id}/resume")
@@ -129,7 +129,7 @@ def resume(
     console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
 ) -> Response:
     principal.acting("drive")
-    return _told(console, actor, robot_id, typed, ResumeMissionAct)
+    return _submitted(console, actor, robot_id, typed, ResumeMissionAct)
 
 
 @router.post("/{robot_id}/safe")
@@ -140,13 +140,13 @@ def safe(
 
     One on its way there is stopped instead. `meant` (go, stay) is what the button said when the page was made.
     """
-    said = SendToSafetyAct.from_form(typed)
-    if isinstance(said, tuple):
-        return _one(console, actor, robot_id, errors=[one.text for one in said], status=422)
+    act = SendToSafetyAct.from_form(typed)
+    if isinstance(act, tuple):
+        return _one(console, actor, robot_id, errors=[one.text for one in act], status=422)
     under_way = console.control().retreating(robot_id) is not None
     if typed.get("meant") == ("go" if under_way else "stay"):
         return _one(console, actor, robot_id, errors=[OTHERWISE[under_way]], status=409)
-    decision = robot_acts.made_safe(console, principal, robot_id, said.reason)
+    decision = robot_acts.made_safe(console, principal, robot_id, act.reason)
     return _after(console, actor, robot_id, decision)
 
 
@@ -154,10 +154,10 @@ def safe(
 def stand(
     console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
 ) -> Response:
-    said = OrderPostureAct.from_form(typed | {"posture": "standing"})
-    if isinstance(said, tuple):
-        return _one(console, actor, robot_id, errors=[one.text for one in said], status=422)
-    return _after(console, actor, robot_id, robot_acts.posed(console, principal, robot_id, said.posture, said.reason))
+    act = OrderPostureAct.from_form(typed | {"posture": "standing"})
+    if isinstance(act, tuple):
+        return _one(console, actor, robot_id, errors=[one.text for one in act], status=422)
+    return _after(console, actor, robot_id, robot_acts.posed(console, principal, robot_id, act.posture, act.reason))
 
 
 def cards(console: Console) -> tuple[RobotCard, ...]:
@@ -220,16 +220,16 @@ def _one(
     return render("robots/detail.html", page, status=status)
 
 
-def _told(console: Console, actor: Actor, robot_id: RobotId, typed: dict[str, str], kind: type[Act]) -> Response:
+def _submitted(console: Console, actor: Actor, robot_id: RobotId, typed: dict[str, str], kind: type[Act]) -> Response:
     """An act on the mission of this robot."""
-    said = kind.from_form(typed)
+    act = kind.from_form(typed)
     found = card(console, robot_id)
-    if isinstance(said, tuple):
-        return _one(console, actor, robot_id, errors=[one.text for one in said], status=422)
+    if isinstance(act, tuple):
+        return _one(console, actor, robot_id, errors=[one.text for one in act], status=422)
     if found.mission is None or found.mission.mission_id != typed.get("mission_id"):
         wrong = [N_("The robot works on another mission by now: look again, then decide.")]
         return _one(console, actor, robot_id, errors=wrong, status=409)
-    decision = console.runtime.submit(MissionId(found.mission.mission_id), said.to_command(actor))
+    decision = console.runtime.submit(MissionId(found.mission.mission_id), act.to_command(actor))
     return _after(console, actor, robot_id, decision)
 
 

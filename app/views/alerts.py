@@ -8,8 +8,8 @@ from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned, word
 from app.views.history import HistoryLine
 from app.views.list_params import Filter, Option, Paging, address
-from app.views.missions import ListTab
 from app.views.shell import Shell
+from app.views.tabbed_list import ListTab
 from harness.contracts import alert_events
 from harness.projections.alerts import Alert, AlertStatus, status
 
@@ -152,31 +152,31 @@ def summary(item: AlertItem) -> dict[str, Any]:
     }
 
 
-def chosen(alerts: Sequence[tuple[str, Alert]], asked: AlertListParams, *, now_s: float) -> list[AlertItem]:
+def chosen(alerts: Sequence[tuple[str, Alert]], params: AlertListParams, *, now_s: float) -> list[AlertItem]:
     """The alerts that match, in the order given."""
-    states = next((states for value, _, states in GROUPS if value == asked.group), ())
+    states = next((states for value, _, states in GROUPS if value == params.group), ())
     items = (item(name, alert, now_s=now_s) for name, alert in alerts)
-    return [one for one in items if (not states or one.state in states) and _matches(one, asked)]
+    return [one for one in items if (not states or one.state in states) and _matches(one, params)]
 
 
-def _matches(item: AlertItem, asked: AlertListParams) -> bool:
+def _matches(item: AlertItem, params: AlertListParams) -> bool:
     newest = item.alert.newest
     searched = (
         f"{title(item)} {text(item)} {newest.kind if newest else ''} {item.alert_id} {item.alert.assignee}".lower()
     )
     return (
-        all(one in searched for one in asked.words.lower().split())
-        and asked.priority in ("", item.alert.priority)
-        and asked.robot in ("", newest.robot_id if newest else None)
+        all(one in searched for one in params.words.lower().split())
+        and params.priority in ("", item.alert.priority)
+        and params.robot in ("", newest.robot_id if newest else None)
     )
 
 
 def alerts_page(
-    shell: Shell, alerts: Sequence[tuple[str, Alert]], asked: AlertListParams, *, now_s: float, services: Sequence[str]
+    shell: Shell, alerts: Sequence[tuple[str, Alert]], params: AlertListParams, *, now_s: float, services: Sequence[str]
 ) -> AlertsPage:
     """One page of the list, newest occurrence first."""
-    found = chosen(alerts, asked, now_s=now_s)
-    later = [one for one in found if asked.before_s is None or one.alert.last_s < asked.before_s]
+    found = chosen(alerts, params, now_s=now_s)
+    later = [one for one in found if params.before_s is None or one.alert.last_s < params.before_s]
     shown = later[:SHOWN]
     counts = {value: _count(alerts, states, now_s) for value, _, states in GROUPS}
     robots = sorted({alert.newest.robot_id for _, alert in alerts if alert.newest and alert.newest.robot_id})
@@ -186,25 +186,25 @@ def alerts_page(
         groups=tuple(
             ListTab(
                 title=title,
-                href=address(PATH, asked.params, status=value),
+                href=address(PATH, params.params, status=value),
                 count=str(counts[value]),
-                chosen=value == asked.group,
+                chosen=value == params.group,
             )
             for value, title, _ in GROUPS
         ),
         filters=(
-            _filter("priority", tuple(reversed(alert_events.PRIORITIES)), asked.priority),
-            _filter("robot", robots, asked.robot),
+            _filter("priority", tuple(reversed(alert_events.PRIORITIES)), params.priority),
+            _filter("robot", robots, params.robot),
         ),
-        words=asked.words,
-        group=asked.group,
-        live=asked.before_s is None,
-        query=address("", asked.params),
+        words=params.words,
+        group=params.group,
+        live=params.before_s is None,
+        query=address("", params.params),
         paging=Paging(
             shown=len(shown),
             found=str(len(found)),
-            following=address(PATH, asked.params, before=repr(shown[-1].alert.last_s)) if len(later) > SHOWN else "",
-            first=address(PATH, asked.params) if asked.before_s is not None else "",
+            following=address(PATH, params.params, before=repr(shown[-1].alert.last_s)) if len(later) > SHOWN else "",
+            first=address(PATH, params.params) if params.before_s is not None else "",
         ),
         total=len(alerts),
         shelves=shelves(),

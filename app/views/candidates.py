@@ -85,19 +85,19 @@ def board_page(
     shell: Shell,
     reviews: Sequence[Review],
     pointer: Pointer,
-    asked: CandidateListParams,
+    params: CandidateListParams,
     progress: Mapping[Digest, str],
 ) -> BoardPage:
     """`reviews` newest first; `progress` says of a candidate under evaluation how far it is."""
     known = [one for one in reviews if one.manifest is not None]
-    alike = [one for one in known if _like(one, asked)]
+    alike = [one for one in known if _like(one, params)]
     statuses = Counter(str(one.status) for one in alike)
-    rows = chosen(reviews, asked)
-    shown = rows[asked.skip : asked.skip + SHOWN]
-    more = asked.skip + SHOWN < len(rows)
+    rows = chosen(reviews, params)
+    shown = rows[params.skip : params.skip + SHOWN]
+    more = params.skip + SHOWN < len(rows)
     return BoardPage(
         shell=shell,
-        tabs=tuple(_tab(asked, value, title, statuses) for value, title, _ in GROUPS),
+        tabs=tuple(_tab(params, value, title, statuses) for value, title, _ in GROUPS),
         rows=tuple(
             CandidateRow(
                 review=one,
@@ -108,24 +108,24 @@ def board_page(
             for one in shown
             if one.manifest is not None
         ),
-        words=asked.words,
-        group=asked.group,
-        filters=_filters(known, asked),
+        words=params.words,
+        group=params.group,
+        filters=_filters(known, params),
         total=len(known),
-        query=address("", asked.params),
+        query=address("", params.params),
         paging=Paging(
             shown=len(shown),
             found=str(len(rows)),
-            following=address("/candidates", asked.params, skip=str(asked.skip + SHOWN)) if more else "",
-            first=address("/candidates", asked.params) if asked.skip else "",
+            following=address("/candidates", params.params, skip=str(params.skip + SHOWN)) if more else "",
+            first=address("/candidates", params.params) if params.skip else "",
         ),
     )
 
 
-def chosen(reviews: Sequence[Review], asked: CandidateListParams) -> list[Review]:
+def chosen(reviews: Sequence[Review], params: CandidateListParams) -> list[Review]:
     """The candidates that the address asks for, in the given order."""
-    wanted = _statuses(asked.group, Counter(str(one.status) for one in reviews))
-    return [one for one in reviews if one.status in wanted and _like(one, asked)]
+    wanted = _statuses(params.group, Counter(str(one.status) for one in reviews))
+    return [one for one in reviews if one.status in wanted and _like(one, params)]
 
 
 def title_of(review: Review) -> str:
@@ -181,35 +181,35 @@ def _statuses(group: str, counted: Counter[str]) -> set[str]:
     return set(stands_for) or set(counted)
 
 
-def _like(review: Review, asked: CandidateListParams) -> bool:
+def _like(review: Review, params: CandidateListParams) -> bool:
     manifest = review.manifest
     if manifest is None:
         return False
     text = f"{review.candidate} {manifest.reason} {manifest.intended_effect} {' '.join(sorted(review.authors))}".lower()
     return (
-        all(word in text for word in asked.words.lower().split())
-        and asked.component in ("", manifest.component)
-        and asked.metric in ("", manifest.metric)
+        all(word in text for word in params.words.lower().split())
+        and params.component in ("", manifest.component)
+        and params.metric in ("", manifest.metric)
     )
 
 
-def _tab(asked: CandidateListParams, value: str, title: str, statuses: Counter[str]) -> Tab:
+def _tab(params: CandidateListParams, value: str, title: str, statuses: Counter[str]) -> Tab:
     return Tab(
         title=title,
-        href=address("/candidates", asked.params, status=value),
+        href=address("/candidates", params.params, status=value),
         count=sum(statuses[one] for one in _statuses(value, statuses)),
-        chosen=value == asked.group,
+        chosen=value == params.group,
     )
 
 
-def _filters(known: Sequence[Review], asked: CandidateListParams) -> tuple[Filter, ...]:
+def _filters(known: Sequence[Review], params: CandidateListParams) -> tuple[Filter, ...]:
     components = Counter(one.manifest.component for one in known if one.manifest)
     metrics = Counter(one.manifest.metric for one in known if one.manifest)
     named = [(value, NAMES[value], count) for value, count in sorted(components.items())]
     measured = [(value, word(value), count) for value, count in sorted(metrics.items())]
     return (
-        Filter(name="component", title="component", options=_options(named, asked.component)),
-        Filter(name="metric", title="metric", options=_options(measured, asked.metric)),
+        Filter(name="component", title="component", options=_options(named, params.component)),
+        Filter(name="metric", title="metric", options=_options(measured, params.metric)),
     )
 
 

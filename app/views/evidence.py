@@ -7,7 +7,7 @@ from msgspec import structs
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed, reasoned
-from app.i18n.task_texts import told
+from app.i18n.task_texts import in_words
 from app.views.measures import Measure, quantity
 from app.views.proposals import ProposalRow, commit_of, proposals, verdict_on
 from app.views.timeline import TimelineEntry
@@ -123,7 +123,7 @@ def _verdict(
     entries: Sequence[TimelineEntry], packet_id: PacketId, contract: TaskContract | None
 ) -> NodeVerdict | None:
     found = verdict_on(entries, packet_id)
-    return None if found is None else structs.replace(found, results=told(found.results, contract))
+    return None if found is None else structs.replace(found, results=in_words(found.results, contract))
 
 
 def _decision(mission_id: str, entries: Sequence[TimelineEntry], packet_id: PacketId) -> Decision:

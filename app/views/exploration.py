@@ -127,14 +127,14 @@ def choices_region(
 ) -> ChoicesRegion:
     """`recorded` belongs to what `shown_of` says."""
     shown = shown_of(mission, leg)
-    told = _Told(
+    inputs = _Told(
         mission=mission,
         entries=entries,
         stages={stage.node_id: stage for stage in stages(mission, entries, Observed(), selected="")},
         maps=dict(updates(mission)),
     )
     rows = tuple(
-        _row(number, one, told, selected=one == shown)
+        _row(number, one, inputs, selected=one == shown)
         for number, one in enumerate(decisions(mission) if mission.contract else (), start=1)
     )
     chosen = next((row for row in rows if row.selected), None)
@@ -143,7 +143,7 @@ def choices_region(
         at=None,
         query=f"?leg={leg}" if leg else "",
         choices=rows,
-        shown=_detail(told, shown, chosen, recorded) if shown and chosen else None,
+        shown=_detail(inputs, shown, chosen, recorded) if shown and chosen else None,
     )
 
 
@@ -153,8 +153,8 @@ def exploration_page(
     return ExplorationPage(**vars(region), shell=shell, head=head(mission, entries))
 
 
-def _row(number: int, choice: ExplorationDecision, told: _Told, *, selected: bool) -> ChoiceRow:
-    change = told.maps.get(choice.leg)
+def _row(number: int, choice: ExplorationDecision, inputs: _Told, *, selected: bool) -> ChoiceRow:
+    change = inputs.maps.get(choice.leg)
     return ChoiceRow(
         number=number,
         leg=choice.leg,
@@ -163,17 +163,17 @@ def _row(number: int, choice: ExplorationDecision, told: _Told, *, selected: boo
         y_m=choice.target_m[1],
         planner=choice.planner,
         overruled=bool(choice.refused),
-        stage=told.stages[choice.leg],
-        given_up=_given_up(told.mission.of(choice.leg)),
+        stage=inputs.stages[choice.leg],
+        given_up=_given_up(inputs.mission.of(choice.leg)),
         opened_m2=change.opened_m2 if change else None,
         selected=selected,
     )
 
 
-def _detail(told: _Told, choice: ExplorationDecision, row: ChoiceRow, recorded: Recorded) -> ChoiceDetail:
+def _detail(inputs: _Told, choice: ExplorationDecision, row: ChoiceRow, recorded: Recorded) -> ChoiceDetail:
     question, answer = recorded.question, recorded.answer
     wanted = answer.said if answer else None
-    nodes = told.mission.contract.nodes if told.mission.contract else ()
+    nodes = inputs.mission.contract.nodes if inputs.mission.contract else ()
     look = next((node.node_id for node in nodes if choice.leg in node.depends_on), "")
     return ChoiceDetail(
         row=row,
@@ -182,7 +182,7 @@ def _detail(told: _Told, choice: ExplorationDecision, row: ChoiceRow, recorded: 
         refused=reasoned(choice.refused),
         at_s=question.at_s if question else None,
         k=choice.k,
-        position=_made_at(told.entries, choice.leg),
+        position=_made_at(inputs.entries, choice.leg),
         edges=question.frontiers if question else (),
         target_m=choice.target_m,
         known=tuple(_known(one) for one in question.feedback) if question else (),
@@ -195,8 +195,8 @@ def _detail(told: _Told, choice: ExplorationDecision, row: ChoiceRow, recorded: 
         question=choice.question,
         answer=choice.answer,
         recorded=question is not None and answer is not None,
-        look=told.stages.get(look),
-        change=told.maps.get(choice.leg),
+        look=inputs.stages.get(look),
+        change=inputs.maps.get(choice.leg),
         floor=explored_floor(recorded.before, recorded.after, question=question, answer=answer),
     )
 

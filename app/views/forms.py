@@ -12,6 +12,7 @@ from app.views.robots import LastReport
 from app.views.shell import Shell
 from harness.contracts.errors import HarnessError
 from harness.contracts.places import Place
+from harness.contracts.reasons import Reason
 from harness.contracts.tasks import TaskContract, TaskTemplate
 
 REASON_SIGNS = 200
@@ -155,13 +156,15 @@ def start_page(
 
 def about_field(error: HarnessError, typed: Mapping[str, str], template: TaskTemplate) -> Wrong:
     """An error of the compiler beside the field it is about: the one it names, or whose value it quotes."""
-    said = explained(error)
+    message = explained(error)
     facts = error.reason.facts.values()
+    argument = error.where.facts.get("argument") if isinstance(error.where, Reason) else None
     for parameter in template.parameters:
         value = typed.get(parameter.name, "").strip()
-        if f"argument {parameter.name}" in error.where or (value and (value[:80] in facts or repr(value[:80]) in said)):
-            return Wrong(parameter.name, said)
-    return Wrong("", said)
+        quoted = bool(value) and (value[:80] in facts or repr(value[:80]) in message)
+        if quoted or parameter.name == argument:
+            return Wrong(parameter.name, message)
+    return Wrong("", message)
 
 
 def chosen_before(contract: TaskContract, template: TaskTemplate) -> dict[str, str]:

@@ -6,29 +6,27 @@ from dataclasses import dataclass
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned, word
 from app.i18n.task_texts import bound_text, task_text
-from app.views import list_params
 from app.views.handoff_question import ACTIONS, ShownQuestion, shown_question
 from app.views.history import HistoryLine, ShownDifference
-from app.views.missions import Counted, ListTab, tabs
 from app.views.places import SiteMap
 from app.views.robots import CameraView, LastReport
 from app.views.shell import Shell
+from app.views.tabbed_list import Group, ListShape
 from harness.contracts.effects import Condition
 from harness.contracts.handoff_events import HandoffEvent, HandoffOpened
-from harness.contracts.read_models import HandoffItem, ListQuery
+from harness.contracts.read_models import HandoffItem
 from harness.contracts.values import Point
 from harness.projections.handoffs import Handoff, HandoffAnswer
 from harness.projections.mission import Mission
 from harness.projections.missions_list import stage_sentence
 
-PATH = "/handoffs"
-GROUPS: tuple[tuple[str, str, dict[str, str]], ...] = (
+GROUPS: tuple[Group, ...] = (
     ("", "all", {}),
     ("waiting", N_("waiting for a person"), {"open": "yes"}),
     ("ended", N_("answered or over"), {"open": "no"}),
     ("expired", N_("nobody answered"), {"status": "expired"}),
 )
-"""Tabs of the list: value in the address, title, and the facets it selects."""
+LIST = ListShape("/handoffs", GROUPS, filters=(("robot", "robot"), ("failure", "why")), by_length=False)
 FRESH_S = 60.0
 REASONS = (N_("seen on camera"), N_("checked on site"), N_("path is clear now"), N_("not safe"))
 NOTIFIED = {"sound": N_("chime"), "next_person": N_("next on call"), "outside": N_("external")}
@@ -50,22 +48,6 @@ HandoffEvents = Sequence[tuple[int, float, HandoffEvent]]
 ENDED = ("rejected", "expired", "superseded", "closed")
 KNOWN = ("confirmed", "failed", "unknown")
 TAKING_UP = ("HandoffApproved", "HandoffRejected", "HandoffAttested", "HandoffHandedBack", "HandoffClosed")
-
-
-@dataclass(frozen=True)
-class HandoffsPage:
-    """One page of the list; search, filters, order and position are in the address. `live`: it refreshes itself."""
-
-    shell: Shell
-    rows: tuple[HandoffItem, ...]
-    groups: tuple[ListTab, ...]
-    filters: tuple[list_params.Filter, ...]
-    paging: list_params.Paging
-    words: str
-    group: str
-    live: bool
-    query: str
-    total: int
 
 
 @dataclass(frozen=True)
@@ -307,38 +289,11 @@ def _attestable(opened: HandoffOpened, mission: Mission) -> tuple[Condition, ...
     return contract.node(opened.node_id).success_conditions
 
 
-def handoffs_page(
-    shell: Shell,
-    params: list_params.ListParams,
-    items: Sequence[HandoffItem],
-    following: ListQuery | None,
-    counted: Counted,
-) -> HandoffsPage:
-    """One page of the list, with the rows in the given order."""
-    chosen = params.given.get("status", "")
-    return HandoffsPage(
-        shell=shell,
-        rows=tuple(items),
-        groups=tabs(PATH, GROUPS, params, counted),
-        filters=(
-            list_params.facet_filter("robot", "robot", counted.tallies, params),
-            list_params.facet_filter("failure", "why", counted.tallies, params),
-            list_params.order_filter(params, by_length=False),
-        ),
-        paging=list_params.paging(PATH, params, following, shown=len(items), found=counted.groups[chosen]),
-        words=params.words,
-        group=chosen,
-        live=not params.deep,
-        query=list_params.address("", params.params),
-        total=next((one.count for one in counted.tallies if not one.facet), 0),
-    )
-
-
-def steps(handoff: Handoff, mission: Mission, told: HandoffEvents) -> tuple[DecisionStep, ...]:
+def steps(handoff: Handoff, mission: Mission, events: HandoffEvents) -> tuple[DecisionStep, ...]:
     """What followed the decision: dispatched, moved, verified. A dispatched action is not yet a done one."""
     if handoff.waits or handoff.opened is None:
         return ()
-    taken = next((position for position, _, event in told if type(event).__name__ in TAKING_UP), None)
+    taken = next((position for position, _, event in events if type(event).__name__ in TAKING_UP), None)
     answer = handoff.answer
     if answer is None or handoff.status in ENDED:
         return _ended(handoff, mission, taken)
@@ -424,9 +379,9 @@ def similar(items: Sequence[HandoffItem], handoff: Handoff) -> tuple[HandoffItem
     )
 
 
-def history(told: HandoffEvents) -> tuple[HistoryLine, ...]:
+def history(events: HandoffEvents) -> tuple[HistoryLine, ...]:
     """The question's own events, newest last."""
-    return tuple(HistoryLine(position=position, at_s=at_s, text=_sentence(event)) for position, at_s, event in told)
+    return tuple(HistoryLine(position=position, at_s=at_s, text=_sentence(event)) for position, at_s, event in events)
 
 
 def _sentence(event: HandoffEvent) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import listed, word
-from app.i18n.task_texts import told
+from app.i18n.task_texts import in_words
 from harness.contracts.tasks import TaskContract
 from harness.contracts.verdicts import ConditionResult
 
@@ -111,7 +111,7 @@ def condition_rows(
     results: Sequence[ConditionResult], contract: TaskContract | None = None
 ) -> tuple[ConditionRow, ...]:
     """A row for each result; the contract lets the texts of its template be said in every language."""
-    return tuple(map(condition_row, told(results, contract)))
+    return tuple(map(condition_row, in_words(results, contract)))
 
 
 def leading(measured: Mapping[str, float]) -> tuple[Measure, ...]:

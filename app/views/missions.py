@@ -1,25 +1,23 @@
 """Shapes the list of missions, and the head of the page of one mission."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned
-from app.views import list_params
 from app.views.measures import ConditionRow, condition_rows, fields
-from app.views.shell import Shell
+from app.views.tabbed_list import Group, ListShape
 from app.views.timeline import TimelineEntry
 from harness.contracts.events import MissionEnded
 from harness.contracts.protocol import RobotStatus
-from harness.contracts.read_models import MANY, FacetCount, ListQuery, MissionItem
+from harness.contracts.read_models import MissionItem
 from harness.contracts.reasons import because
 from harness.contracts.tasks import order
 from harness.projections.exploration import choices
 from harness.projections.mission import Mission, declared_goals
 from harness.projections.missions_list import current_stage
 
-PATH = "/missions"
-GROUPS: tuple[tuple[str, str, dict[str, str]], ...] = (
+GROUPS: tuple[Group, ...] = (
     ("", "all", {}),
     ("running", "running", {"open": "yes"}),
     ("waiting", N_("waiting for a person"), {"waits": "yes"}),
@@ -27,7 +25,7 @@ GROUPS: tuple[tuple[str, str, dict[str, str]], ...] = (
     ("partly_verified", N_("partly verified"), {"status": "partly_verified"}),
     ("ended", N_("ended otherwise"), {"end": "otherwise"}),
 )
-"""Tabs of the list: the word in the address, its title, and the facets it stands for."""
+LIST = ListShape("/missions", GROUPS, filters=(("robot", "robot"), ("template", "template")), by_length=True)
 
 
 @dataclass(frozen=True)
@@ -46,86 +44,6 @@ class RobotStrip:
 
     status: RobotStatus
     age_s: float
-
-
-@dataclass(frozen=True)
-class Counted:
-    """How many missions each tab holds under the other filters, up to MANY + 1, and the values that filters offer."""
-
-    groups: Mapping[str, int]
-    tallies: Sequence[FacetCount]
-
-
-@dataclass(frozen=True)
-class ListTab:
-    """One tab of the list: which filters it stands for, and how many missions it would show."""
-
-    title: str
-    href: str
-    count: str
-    chosen: bool
-
-
-@dataclass(frozen=True)
-class MissionsPage:
-    """One page of the list; search, filters, order and place stand in the address. `live`: it follows what happens."""
-
-    shell: Shell
-    rows: tuple[MissionItem, ...]
-    groups: tuple[ListTab, ...]
-    filters: tuple[list_params.Filter, ...]
-    paging: list_params.Paging
-    words: str
-    group: str
-    live: bool
-    query: str
-    total: int
-
-
-def tabs(
-    path: str, groups: Sequence[tuple[str, str, dict[str, str]]], params: list_params.ListParams, counted: Counted
-) -> tuple[ListTab, ...]:
-    """The tabs of a list: each with its count, and the one that is chosen."""
-    return tuple(
-        ListTab(
-            title=title,
-            href=list_params.address(path, params.params, status=value),
-            count=str(counted.groups[value])
-            if counted.groups[value] <= MANY
-            else lazy_gettext("over {many}", many=MANY),
-            chosen=value == params.given.get("status", ""),
-        )
-        for value, title, _ in groups
-    )
-
-
-def missions_page(
-    shell: Shell,
-    params: list_params.ListParams,
-    rows: Sequence[MissionItem],
-    following: ListQuery | None,
-    counted: Counted,
-) -> MissionsPage:
-    """The rows of one page, in the order they come in."""
-    chosen = params.given.get("status", "")
-    filters = (
-        list_params.facet_filter("robot", "robot", counted.tallies, params),
-        list_params.facet_filter("template", "template", counted.tallies, params),
-        list_params.order_filter(params, by_length=True),
-    )
-    total = next((one.count for one in counted.tallies if not one.facet), 0)
-    return MissionsPage(
-        shell=shell,
-        rows=tuple(rows),
-        groups=tabs(PATH, GROUPS, params, counted),
-        filters=filters,
-        paging=list_params.paging(PATH, params, following, shown=len(rows), found=counted.groups[chosen]),
-        words=params.words,
-        group=chosen,
-        live=not params.deep,
-        query=list_params.address("", params.params),
-        total=total,
-    )
 
 
 def head(mission: Mission, entries: Sequence[TimelineEntry]) -> MissionHeader:

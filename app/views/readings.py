@@ -121,13 +121,13 @@ def clause_verdicts(mission: Mission) -> tuple[ClauseVerdict, ...]:
     """The goal verdict as a table: each clause with its conditions, and each default of the mission profile."""
     return tuple(
         ClauseVerdict(
-            one.cited, reasoned(one.told), one.verdict or "", tuple(_said(test, mission) for test in one.tests)
+            one.cited, reasoned(one.told), one.verdict or "", tuple(_in_words(test, mission) for test in one.tests)
         )
         for one in tested_clauses(mission)
     )
 
 
-def _said(test: TestedCondition, mission: Mission) -> TestedCondition:
+def _in_words(test: TestedCondition, mission: Mission) -> TestedCondition:
     """The condition with its text as a message of its template."""
     condition = structs.replace(test.condition, text=task_text(test.condition.text, mission.contract))
     return replace(test, condition=condition)

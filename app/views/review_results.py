@@ -8,7 +8,7 @@ from app.i18n.messages import word
 from app.views.list_params import address
 from app.views.shell import Shell
 from harness.contracts.errors import ContractInvalid, UnknownName
-from harness.contracts.values import Value
+from harness.contracts.values import Count, Value
 from rsi_reviews import contracts
 from rsi_reviews.bounds import paired
 from rsi_reviews.projections import Review
@@ -39,22 +39,28 @@ class CaseRow(Value):
     note: str
 
 
-@dataclass(frozen=True)
-class FamilyRow:
-    """One family, or all: pairs, flips, means of the declared metric, and the paired gain with its 95 % interval.
+class Family(Value):
+    """Pairs of one family, or of all, with the means of the declared metric and the 95 % interval of their difference.
 
-    Positive gains are better. `x`, `low_x`, `high_x`, `y` are places on the plot, in its own units.
+    `better_by` is positive where the candidate is better.
     """
 
-    name: str
-    n: int
-    worse: int
-    better: int
-    before: float
-    after: float
-    gain: float
+    family: str
+    n: Count
+    baseline: float
+    candidate: float
+    better_by: float
     low: float
     high: float
+
+
+@dataclass(frozen=True)
+class FamilyRow:
+    """A family with its flips; `x`, `low_x`, `high_x`, `y` are places on the plot, in its own units."""
+
+    result: Family
+    worse: int
+    better: int
     x: float
     low_x: float
     high_x: float
@@ -172,15 +178,17 @@ def _families(
 
     rows = tuple(
         FamilyRow(
-            name=word(name),
-            n=len(part),
+            result=Family(
+                family=word(name),
+                n=len(part),
+                baseline=_mean(part, 0, manifest.metric),
+                candidate=_mean(part, 1, manifest.metric),
+                better_by=gain,
+                low=low,
+                high=high,
+            ),
             worse=sum(passes(one) and not passes(other) for one, other in whole),
             better=sum(not passes(one) and passes(other) for one, other in whole),
-            before=_mean(part, 0, manifest.metric),
-            after=_mean(part, 1, manifest.metric),
-            gain=gain,
-            low=low,
-            high=high,
             x=place(gain),
             low_x=place(low),
             high_x=place(high),

@@ -148,23 +148,26 @@ def install(app: FastAPI) -> None:
         status = next((number for kind, number in STATUS if isinstance(error, kind)), 500)
         language = ENGLISH if _for_programs(request) else languages.CHOICE.get().language
         what, do = reasons.sentence(error.what, language), reasons.remedy(error, language)
+        where = reasons.sentence(error.where, language)
         more = {"reason": to_builtins(error.what)} if isinstance(error.what, Reason) else {}
         if isinstance(error, errors.GoalNotUnderstood):
             more |= question_json(error.question)
-        return told(request, status=status, code=error.code, what=what, where=error.where, do=do, more=more)
+        return answered(request, status=status, code=error.code, what=what, where=where, do=do, more=more)
 
     @app.exception_handler(RequestValidationError)
     def invalid(request: Request, error: RequestValidationError) -> Response:
         wrong = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors())
-        return told(request, status=422, code="invalid", what=N_("The request is not well formed"), where=wrong, do="")
+        return answered(
+            request, status=422, code="invalid", what=N_("The request is not well formed"), where=wrong, do=""
+        )
 
     @app.exception_handler(HTTPException)
     def http(request: Request, error: HTTPException) -> Response:
         what = N_("There is no such page") if error.status_code == 404 else str(error.detail)
-        return told(request, status=error.status_code, code="http", what=what, where=request.url.path, do="")
+        return answered(request, status=error.status_code, code="http", what=what, where=request.url.path, do="")
 
 
-def told(
+def answered(
     request: Request,
     *,
     status: int,

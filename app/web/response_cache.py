@@ -50,7 +50,7 @@ class ResponseCache:
             return
         answer = self._fresh(key) or await self._under_way(key)
         if answer is not None:
-            await _say(answer, send)
+            await _send(answer, send)
             return
         await self._render(key, scope, receive, send)
 
@@ -116,6 +116,6 @@ class _ResponseRecorder:
         return CachedResponse(start=self._start, body=b"".join(self._body), at_s=at_s)
 
 
-async def _say(answer: CachedResponse, send: Send) -> None:
+async def _send(answer: CachedResponse, send: Send) -> None:
     await send({**answer.start, "headers": list(answer.start["headers"])})
     await send({"type": "http.response.body", "body": answer.body})

@@ -38,14 +38,14 @@ WAITS = {}  # request id -> {"request", "handle", "begun", "ended", "status", "f
 BOOTED = time.time()
 
 
-class Refused(Exception):
+class ErrorAnswer(Exception):
     """An answer that is not 200: status, code, what happened, what to do."""
 
     def __init__(self, status, code, what, do):
         self.status, self.problem = status, {"code": code, "what": what, "where": "waiter", "do": do}
 
 
-def asked(request):
+def fixed_parts(request):
     """What must be the same when a request id comes again; the state version may move."""
     return [request[name] for name in ("identity", "capability", "parameters")] + [request.get("blobs", [])]
 
@@ -53,13 +53,17 @@ def asked(request):
 def check(request):
     identity = request["identity"]
     if (identity["provider_id"], request["capability"]) != (CARD["provider_id"], CARD["capability"]):
-        raise Refused(409, "provider_failed", "The request is for somebody else", "send it to the provider it names")
+        raise ErrorAnswer(
+            409, "provider_failed", "The request is for somebody else", "send it to the provider it names"
+        )
     parameters = request["parameters"]
     if set(parameters) != {"duration_s"}:
-        raise Refused(409, "provider_failed", "The one parameter is duration_s", "send what the card declares")
+        raise ErrorAnswer(409, "provider_failed", "The one parameter is duration_s", "send what the card declares")
     duration = parameters["duration_s"]
     if isinstance(duration, bool) or not isinstance(duration, int | float) or not 0.0 <= duration <= 600.0:
-        raise Refused(409, "provider_failed", f"duration_s is {duration!r}", "send a number from 0 to 600, in seconds")
+        raise ErrorAnswer(
+            409, "provider_failed", f"duration_s is {duration!r}", "send a number from 0 to 600, in seconds"
+        )
 
 
 def start(request):
@@ -69,8 +73,8 @@ def start(request):
         check(request)
         now = time.time()
         WAITS[key] = known = {"request": request, "handle": f"wait-{len(WAITS)}", "begun": now, "ended": None}
-    elif asked(known["request"]) != asked(request):
-        raise Refused(409, "provider_failed", "The request id came with other contents", "authorise a new attempt")
+    elif fixed_parts(known["request"]) != fixed_parts(request):
+        raise ErrorAnswer(409, "provider_failed", "The request id came with other contents", "authorise a new attempt")
     return report(known)
 
 
@@ -99,8 +103,8 @@ def report(wait):
 
 def proposals(wait, waited_s):
     """Of what the request is for, what this provider knows to be true: that it waited, and nothing else."""
-    asked_for = [one["effect"]["predicate"] for one in wait["request"].get("intended", [])]
-    return [{"name": "waited", "arguments": {"waited_s": waited_s}} for name in asked_for if name == "waited"]
+    predicates = [one["effect"]["predicate"] for one in wait["request"].get("intended", [])]
+    return [{"name": "waited", "arguments": {"waited_s": waited_s}} for name in predicates if name == "waited"]
 
 
 def end(wait, status, at, failure=""):
@@ -111,7 +115,7 @@ def held(handle):
     for wait in WAITS.values():
         if wait["handle"] == handle:
             return wait
-    raise Refused(404, "unknown_name", f"No execution has the handle {handle}", "find it by its request id")
+    raise ErrorAnswer(404, "unknown_name", f"No execution has the handle {handle}", "find it by its request id")
 
 
 def stop(handle):
@@ -124,7 +128,7 @@ def stop(handle):
 
 def found(key):
     if key not in WAITS:
-        raise Refused(404, "unknown_name", f"Request {key} never came here", "send it once")
+        raise ErrorAnswer(404, "unknown_name", f"Request {key} never came here", "send it once")
     return report(WAITS[key])
 
 
@@ -188,11 +192,11 @@ def answer(method, path, query, body):
         case ["GET", "starts"]:
             return starts()
         case ["GET", "blobs", digest]:
-            raise Refused(404, "blob_damaged", f"No bytes have the digest {digest}", "ask for digests it has named")
-    raise Refused(404, "unknown_name", f"There is no {method} {path}", "read the OpenAPI document")
+            raise ErrorAnswer(404, "blob_damaged", f"No bytes have the digest {digest}", "ask for digests it has named")
+    raise ErrorAnswer(404, "unknown_name", f"There is no {method} {path}", "read the OpenAPI document")
 
 
-class Door(BaseHTTPRequestHandler):
+class ProviderHandler(BaseHTTPRequestHandler):
     """HTTP around `answer`: the token, JSON in, JSON out."""
 
     protocol_version = "HTTP/1.1"
@@ -208,17 +212,17 @@ class Door(BaseHTTPRequestHandler):
         raw = self.rfile.read(int(self.headers.get("Content-Length") or 0))
         try:
             if not secrets.compare_digest(self.headers.get("Authorization") or "", f"Bearer {self.token}"):
-                raise Refused(401, "unauthorised", "The token is missing or wrong", "send it as a bearer token")
-            path, _, asked_for = self.path.partition("?")
-            query = dict(pair.split("=", 1) for pair in asked_for.split("&") if "=" in pair)
+                raise ErrorAnswer(401, "unauthorised", "The token is missing or wrong", "send it as a bearer token")
+            path, _, parameters = self.path.partition("?")
+            query = dict(pair.split("=", 1) for pair in parameters.split("&") if "=" in pair)
             with LOCK:
-                status, said = 200, answer(method, path, query, json.loads(raw) if raw else None)
-        except Refused as refused:
-            status, said = refused.status, refused.problem
+                status, content = 200, answer(method, path, query, json.loads(raw) if raw else None)
+        except ErrorAnswer as error:
+            status, content = error.status, error.problem
         except (KeyError, TypeError, ValueError) as wrong:
             do = "send what the OpenAPI document describes"
-            status, said = 422, {"code": "invalid_body", "what": f"The request cannot be read: {wrong}", "do": do}
-        body = json.dumps(said).encode()
+            status, content = 422, {"code": "invalid_body", "what": f"The request cannot be read: {wrong}", "do": do}
+        body = json.dumps(content).encode()
         self.send_response(status)
         self.send_header("Content-Type", "application/json")
         self.send_header("Content-Length", str(len(body)))
@@ -234,8 +238,8 @@ def main():
     options.add_argument("--port", type=int, default=0)
     options.add_argument("--token", required=True)
     given = options.parse_args()
-    Door.token = given.token
-    server = ThreadingHTTPServer(("127.0.0.1", given.port), Door)
+    ProviderHandler.token = given.token
+    server = ThreadingHTTPServer(("127.0.0.1", given.port), ProviderHandler)
     print(f"http://127.0.0.1:{server.server_port}", flush=True)
     server.serve_forever()
 

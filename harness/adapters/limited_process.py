@@ -61,7 +61,7 @@ class ParserProblem(Value):
 
     kind: str
     what: Explanation
-    where: str
+    where: Explanation
     do: Explanation
 
 

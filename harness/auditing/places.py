@@ -10,9 +10,10 @@ from harness.contracts.places import Place
 from harness.contracts.ports import StoredEvent
 from harness.contracts.values import Value
 from harness.gate.places import DECIDER
+from harness.gate.site_versions import COMPILED
 from harness.projections.mission import Mission
 from harness.projections.places import Places
-from harness.runtime import COMPILED, Runtime
+from harness.runtime import Runtime
 
 
 class PlaceChange(Value):

@@ -63,9 +63,7 @@ def recovery_context(view: StateView, node_id: NodeId, alternatives: tuple[Capab
     """C4 of a failed node. Raises ContractInvalid if it has no open failure, ContextOverflow over the budget."""
     state = view.mission.of(node_id)
     if state.failure is None:
-        raise ContractInvalid(
-            because("no_failure_to_recover", node_id=node_id), where=f"mission {view.mission.mission_id}"
-        )
+        raise ContractInvalid(because("no_failure_to_recover", node_id=node_id), where=view.mission.mission_id)
     items = [
         SelectionItem(accepted("failure", node_id, state.failure, at_s=state.failure.at_s, mandatory=True)),
         SelectionItem(accepted("node", node_id, _failed_node(view, node_id), at_s=view.at_s, mandatory=True)),

@@ -143,7 +143,11 @@ def _within_budget(items: list[SelectionItem], selection: Selection) -> tuple[li
     if len(mandatory) > selection.budget:
         raise ContextOverflow(
             because("context_overflow", records=len(mandatory), role=selection.role, budget=selection.budget),
-            where=f"context of {selection.node_id or 'the goal'}: {', '.join(item.record.kind for item in mandatory)}",
+            where=because(
+                "at_context",
+                subject=selection.node_id or because("the_goal"),
+                kinds=tuple(item.record.kind for item in mandatory),
+            ),
         )
     excess = len(items) - selection.budget
     optional = sorted((item for item in items if not item.record.mandatory), key=lambda item: item.record.at_s)

@@ -32,7 +32,7 @@ from harness.contracts.reasons import Explanation, Reason, plain, recorded
 
 
 class HarnessError(Exception):
-    """Something went wrong. `what` happened, and `where`.
+    """Something went wrong. `what` happened, and `where`: a path, a field or a name, or a reason that says so in words.
 
     `do` is what to do now, where it does not follow from the code of `what`. Text is shown unchanged: what another
     program said, or what only a developer reads.
@@ -40,9 +40,9 @@ class HarnessError(Exception):
 
     code = "harness_error"
 
-    def __init__(self, what: Explanation, *, where: str = "", do: Explanation = "") -> None:
-        said = (plain(what).rstrip("."), where and f"Where: {where}", plain(do))
-        super().__init__(". ".join(part.rstrip(".") for part in said if part) + ".")
+    def __init__(self, what: Explanation, *, where: Explanation = "", do: Explanation = "") -> None:
+        parts = (plain(what), where and f"Where: {plain(where)}", plain(do))
+        super().__init__(". ".join(part.rstrip(".") for part in parts if part) + ".")
         self.what, self.where, self.do = what, where, do
 
     @property
@@ -60,7 +60,9 @@ class GoalNotUnderstood(ContractInvalid):
 
     code = "goal_not_understood"
 
-    def __init__(self, what: Explanation, *, question: ReadingQuestion, where: str = "", do: Explanation = "") -> None:
+    def __init__(
+        self, what: Explanation, *, question: ReadingQuestion, where: Explanation = "", do: Explanation = ""
+    ) -> None:
         super().__init__(what, where=where, do=do)
         self.question = question
 

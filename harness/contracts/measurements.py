@@ -3,6 +3,7 @@
 from harness.contracts.ids import Digest, RequestId
 from harness.contracts.observations import AnySample, Camera, Trajectory
 from harness.contracts.protocol import Receipt, RobotStatus
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Value
 
 
@@ -40,7 +41,7 @@ class ReadBack(Value):
     asked_text: Digest
     text: Digest | None = None
     images: tuple[Digest, ...] = ()
-    problem: str = ""
+    problem: Explanation = ""
 
 
 class LidarLook(Value):

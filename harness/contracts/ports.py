@@ -304,7 +304,7 @@ class IndependentSource(Protocol):
     @property
     def able(self) -> bool: ...
 
-    def measure(self, asked: Measurement) -> Sequence[EvidenceReference]:
+    def measure(self, measurement: Measurement) -> Sequence[EvidenceReference]:
         """What is measured now; empty if there is nothing to measure with. Raises HarnessError if it fails."""
 
 

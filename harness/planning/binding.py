@@ -33,10 +33,12 @@ def bind_place(name: str, *, site: Site) -> Place:
     if len(found) > 1:
         raise ContractInvalid(
             because("place_ambiguous", count=len(found), name=name[:80], ids=tuple(place.place_id for place in found)),
-            where=f"site {site.name}",
+            where=because("at_site", site=site.name),
         )
     if found[0].verification == "disputed":
-        raise ContractInvalid(because("place_disputed", place_id=found[0].place_id), where=f"site {site.name}")
+        raise ContractInvalid(
+            because("place_disputed", place_id=found[0].place_id), where=because("at_site", site=site.name)
+        )
     return found[0]
 
 
@@ -48,7 +50,7 @@ def bind_route(start: Place, end: Place, *, site: Site) -> Route:
     routes = tuple(because("route_between", name=route.name, start=route.start, end=route.end) for route in site.routes)
     raise UnknownName(
         because("no_route_between", start=start.place_id, end=end.place_id, routes=routes or "none"),
-        where=f"site {site.name}",
+        where=because("at_site", site=site.name),
     )
 
 
@@ -60,7 +62,7 @@ def bind_way(place: Place, *, site: Site) -> Route:
     for route in site.routes:
         if route.end == place.place_id != route.start:
             return replace(route, waypoints_m=route.waypoints_m[-2:])
-    raise UnknownName(because("no_route_to", place_id=place.place_id), where=f"site {site.name}")
+    raise UnknownName(because("no_route_to", place_id=place.place_id), where=because("at_site", site=site.name))
 
 
 def bind_passage(place: Place, *, site: Site) -> Passage:
@@ -70,7 +72,9 @@ def bind_passage(place: Place, *, site: Site) -> Passage:
     """
     own = [passage for passage in site.passages if place_of(passage, site=site) == place]
     if not own:
-        raise UnknownName(because("no_passage_within", place_id=place.place_id), where=f"site {site.name}")
+        raise UnknownName(
+            because("no_passage_within", place_id=place.place_id), where=because("at_site", site=site.name)
+        )
     return min(own, key=lambda passage: (math.dist(_middle(passage), place.approach_m), passage.passage_id))
 
 
@@ -91,7 +95,7 @@ def bind_zone(place: Place, *, site: Site) -> Zone:
     for zone in site.zones:
         if contains(zone.region_m, place.approach_m):
             return zone
-    raise UnknownName(because("no_zone_around", place_id=place.place_id), where=f"site {site.name}")
+    raise UnknownName(because("no_zone_around", place_id=place.place_id), where=because("at_site", site=site.name))
 
 
 def substitute(value: Any, *, bindings: Mapping[str, Any], sigil: Sigil = "$", path: str = "$") -> Any:

@@ -101,7 +101,8 @@ def _arguments(template: tasks.TaskTemplate, arguments: Mapping[str, Argument]) 
         value = arguments.get(name, parameter.default)
         if value is None:
             raise ContractInvalid(
-                because("argument_missing", title=parameter.title, kind=parameter.type), where=f"argument {name}"
+                because("argument_missing", title=parameter.title, kind=parameter.type),
+                where=because("at_argument", argument=name),
             )
         chosen[name] = _argument(parameter, value)
     return chosen

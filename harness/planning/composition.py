@@ -376,7 +376,7 @@ class _Composition:
             if name not in known:
                 raise ContractInvalid(
                     because("parameter_not_taken", name=name[:40], names=tuple(sorted(known)) or "none"),
-                    where=f"argument {name[:40]}",
+                    where=because("at_argument", argument=name[:40]),
                 )
         for part in self._plan.parts:
             given = self._arguments.get(part.parameter) if part.parameter else None
@@ -386,7 +386,7 @@ class _Composition:
             if place.place_id != part.place:
                 raise ContractInvalid(
                     because("argument_contradicts", place=part.place, parameter=part.parameter, said=place.place_id),
-                    where=f"argument {part.parameter}",
+                    where=because("at_argument", argument=part.parameter),
                 )
 
     def _constraints(self, contracts: Sequence[tasks.TaskContract]) -> tasks.Constraints:

@@ -136,16 +136,16 @@ def troubled(event: events.MissionEvent, about: About) -> tuple[str, str]:
             return about.node, about.failure
 
 
-def of_robot(heard: RobotReport) -> tuple[Occurrence, ...]:
+def of_robot(report: RobotReport) -> tuple[Occurrence, ...]:
     """What is wrong with a robot now; each condition lasts until it is no longer in this list."""
-    robot_id, status = heard.robot_id, heard.status
-    silent = heard.trouble or (heard.age_s is not None and heard.age_s > LOST_AFTER_S)
-    if silent and (heard.age_s is None or heard.age_s > LOST_AFTER_S):
-        age = because("never_answered") if heard.age_s is None else because("last_answered", age_s=heard.age_s)
-        said = because("silent_with_trouble", age=age, trouble=heard.trouble) if heard.trouble else age
+    robot_id, status = report.robot_id, report.status
+    silent = report.trouble or (report.age_s is not None and report.age_s > LOST_AFTER_S)
+    if silent and (report.age_s is None or report.age_s > LOST_AFTER_S):
+        age = because("never_answered") if report.age_s is None else because("last_answered", age_s=report.age_s)
+        said = because("silent_with_trouble", age=age, trouble=report.trouble) if report.trouble else age
         return (_robot(robot_id, "robot_lost", "critical", because("alert_robot_lost"), said),)
     found = []
-    if status is not None and status.charge < LOW_CHARGE + (0.05 if heard.low_before else 0.0):
+    if status is not None and status.charge < LOW_CHARGE + (0.05 if report.low_before else 0.0):
         found.append(
             _robot(
                 robot_id,

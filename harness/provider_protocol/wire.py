@@ -89,7 +89,7 @@ _BY_CODE = {kind.code: kind for kind in STATUS}
 
 def problem(error: errors.HarnessError) -> Problem:
     """An error as it travels."""
-    return Problem(code=error.code, what=plain(error.what), where=error.where, do=plain(error.do))
+    return Problem(code=error.code, what=plain(error.what), where=plain(error.where), do=plain(error.do))
 
 
 def status_of(error: errors.HarnessError) -> int:

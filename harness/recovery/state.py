@@ -50,7 +50,7 @@ def standing_of(mission: Mission, node_id: NodeId) -> RecoveryState:
     """The node's recovery state, from the mission's own state. Raises ContractInvalid if it has no open failure."""
     contract, state = required_contract(mission), mission.of(node_id)
     if state.failure is None:
-        raise ContractInvalid(because("no_failure_to_recover", node_id=node_id), where=f"mission {mission.mission_id}")
+        raise ContractInvalid(because("no_failure_to_recover", node_id=node_id), where=mission.mission_id)
     limits = contract.node(node_id).recovery
     return RecoveryState(
         failure=state.failure.failure,

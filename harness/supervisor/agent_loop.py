@@ -28,12 +28,15 @@ from harness.supervisor.pinned_configurations import begin
 from harness.supervisor.recovery import Recovery
 from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.roles import RoleContexts, context_record
-from harness.supervisor.standstill import at_rest
+from harness.supervisor.standstill import Rest, at_rest
 from harness.supervisor.watchdog import Watchdog, invocation_moves
 from harness.verification.verdict import verify_goal
 
 STATIC_WITHIN_S = 10.0
 RELOOK_S = 3.0
+HELD_WITHIN_S = 4.0
+"""How long a robot that nothing keeps going may take to hold, before it is told to stop."""
+AT_REST_WITHIN_S = 15.0
 
 
 class AgentLoop:
@@ -90,6 +93,26 @@ class AgentLoop:
                         mission.mission_id, commands.StopMission(actor=SUPERVISOR, reason=error.reason)
                     )
                     return now_s
+
+    def bring_to_rest(self) -> Rest:
+        """Send no heartbeat until the robot holds and odometry shows it at rest, so that the mission can go on later.
+
+        An execution that its watchdog does not hold within HELD_WITHIN_S is stopped through its provider.
+        """
+        clock = self._connection.clock
+        began_s, stopped = clock.now().mission_s, False
+        while True:
+            invocation = self._runtime.mission(self.mission_id).invocation
+            self._observations.collect(invocation.intent.invocation_id if invocation else None)
+            now_s = clock.now().mission_s
+            rest, held = at_rest(self._observations.recent, now_s), self._monitor.held(invocation)
+            if (held and rest.static) or now_s >= began_s + AT_REST_WITHIN_S:
+                reason = rest.reason if held else because("execution_not_held")
+                return Rest(static=held and rest.static, reason=reason, measured=rest.measured)
+            if invocation is not None and not held and not stopped and now_s >= began_s + HELD_WITHIN_S:
+                self._monitor.halt(invocation)
+                stopped = True
+            clock.wait_until(now_s + POLL_S)
 
     def _working(self, mission: Mission, now_s: float) -> float | None:
         vetoed = mission.vetoes and invocation_moves(mission)

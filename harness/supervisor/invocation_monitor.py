@@ -1,5 +1,6 @@
 """Monitors the open invocation: starts it, keeps it alive, stops it, and turns its end into a packet and a verdict."""
 
+from contextlib import suppress
 from typing import Literal
 
 from msgspec import UNSET
@@ -104,6 +105,31 @@ class InvocationMonitor:
         report = own(known or provider.start(_request(mission, intent, provider.card)), intent)
         self._accepted(mission, intent, report)
         return report
+
+    def held(self, invocation: Invocation | None) -> bool:
+        """Whether the robot's watchdog holds the execution, it is over, it moves nothing, or it never came."""
+        if invocation is None or not invocation.intent.moves:
+            return True
+        report = self._known(invocation)
+        if report is None:
+            return invocation.intent.invocation_id not in self._sent
+        return report.status in protocol.TERMINAL or report.failure == protocol.KEEPALIVE_LOST
+
+    def halt(self, invocation: Invocation) -> None:
+        """Tell the provider to stop the execution. The log says nothing of it: its outcome is read when it goes on."""
+        report = self._known(invocation)
+        if report is not None:
+            with suppress(ProviderFailed):
+                self._connection.provider(invocation.intent.provider_id).stop(report.handle)
+
+    def _known(self, invocation: Invocation) -> protocol.InvocationReport | None:
+        """The provider's report on an execution; None where it knows of none, or does not answer."""
+        provider = self._connection.provider(invocation.intent.provider_id)
+        handle = self._handles.get(invocation.intent.invocation_id) or invocation.handle
+        try:
+            return provider.report(handle) if handle is not None else provider.find(invocation.intent.request_id)
+        except ProviderFailed:
+            return None
 
     def _accepted(self, mission: Mission, intent: DispatchIntended, report: protocol.InvocationReport) -> None:
         self._handles[intent.invocation_id] = report.handle

@@ -25,7 +25,7 @@ class IndependentMeasurements:
     ) -> tuple[EvidenceReference, ...]:
         """What the conditions of the stage need. A look that executes nothing asks about the execution before it."""
         intent = invocation.intent
-        asked = Measurement(
+        measurement = Measurement(
             requests=(intent.request_id,),
             text=str(intent.parameters.get("text", "")),
             from_s=intent.dispatched_s,
@@ -33,8 +33,8 @@ class IndependentMeasurements:
             receipts=report.receipts,
         )
         if intent.verify_only:
-            asked = self._again(mission, intent.node_id, from_s=intent.dispatched_s, until_s=until_s)
-        return self._measured(mission, self._sources(mission, intent.node_id), asked)
+            measurement = self._again(mission, intent.node_id, from_s=intent.dispatched_s, until_s=until_s)
+        return self._measured(mission, self._sources(mission, intent.node_id), measurement)
 
     def of_goal(self, mission: Mission) -> tuple[EvidenceReference, ...]:
         """What may have changed since the stages were accepted, measured once more."""
@@ -45,8 +45,8 @@ class IndependentMeasurements:
         for node in contract.nodes:
             sources = [one for one in self._sources(mission, node.node_id) if one.lasting and one.predicate in wanted]
             if sources and mission.of(node.node_id).status == "committed":
-                asked = self._again(mission, node.node_id, from_s=now_s, until_s=now_s)
-                found += self._measured(mission, sources, asked)
+                measurement = self._again(mission, node.node_id, from_s=now_s, until_s=now_s)
+                found += self._measured(mission, sources, measurement)
         return tuple(found)
 
     def _sources(self, mission: Mission, node_id: NodeId) -> list[IndependentSource]:
@@ -55,12 +55,12 @@ class IndependentMeasurements:
         return [source for source in self._connection.sources if source.predicate in wanted]
 
     def _measured(
-        self, mission: Mission, sources: Iterable[IndependentSource], asked: Measurement
+        self, mission: Mission, sources: Iterable[IndependentSource], measurement: Measurement
     ) -> tuple[EvidenceReference, ...]:
         places = self._runtime.site_of(mission).places
         observations = self._roles.observations
         told = replace(
-            asked,
+            measurement,
             names=tuple(place.name for place in places),
             samples=observations.recent,
             status=observations.status,
@@ -76,10 +76,10 @@ class IndependentMeasurements:
     def _again(self, mission: Mission, node_id: NodeId, *, from_s: float, until_s: float) -> Measurement:
         """The question about the newest execution of a stage, asked once more."""
         executed = [packet for packet in mission.of(node_id).packets if not packet.verify_only]
-        asked = Measurement(requests=(), text="", from_s=from_s, until_s=until_s, executes=False)
+        measurement = Measurement(requests=(), text="", from_s=from_s, until_s=until_s, executes=False)
         if not executed:
-            return asked
+            return measurement
         packet = executed[-1]
         texts = [Digest(str(one.values["asked_text"])) for one in packet.after if "asked_text" in one.values]
         text = self._runtime.blob(texts[-1]).decode() if texts else ""
-        return replace(asked, requests=(packet.identity.request_id,), text=text, receipts=packet.receipts)
+        return replace(measurement, requests=(packet.identity.request_id,), text=text, receipts=packet.receipts)

@@ -21,6 +21,7 @@ from harness.supervisor.leases import SUPERVISOR, FreeOrder, freed
 from harness.supervisor.pinned_configurations import check_readable, readable, tell_unreadable
 from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.safe_return import Returning
+from harness.supervisor.standstill import Rest
 
 LOG = logging.getLogger("regen.supervisor")
 IDLE_WAIT_S = 0.2
@@ -28,6 +29,11 @@ OUTAGE_WAIT_S = 1.0
 OUTAGE_TRIES = 60
 """How often a foreground run retries an unavailable log, OUTAGE_WAIT_S of the robot's time apart."""
 WAITING: frozenset[str] = frozenset({"awaiting_human", "paused", "awaiting_approval"})
+
+
+def never() -> bool:
+    """A run that nobody interrupts."""
+    return False
 
 
 class Supervisor:
@@ -60,14 +66,21 @@ class Supervisor:
                     mission.mission_id, EndMission(status="failed", reason=because("replay_interrupted"))
                 )
 
-    def run(self, mission_id: MissionId, *, watch: Callable[[Mission], None] | None = None) -> Mission:
-        """Run in the foreground until the mission has ended or, at speed 0, waits for a person.
+    def run(
+        self,
+        mission_id: MissionId,
+        *,
+        watch: Callable[[Mission], None] | None = None,
+        interrupted: Callable[[], bool] = never,
+    ) -> Mission:
+        """Run in the foreground until the mission has ended, is interrupted between two steps or, at speed 0, waits
+        for a person.
 
         Raises StoreUnavailable if the log stays unavailable.
         """
         mission = self._runtime.mission(mission_id)
         clock, tries = self._connections[mission.robot_id].clock, 0
-        while not self._halt.is_set():
+        while not self._halt.is_set() and not interrupted():
             try:
                 wake_s = self.step(mission_id)
                 mission = self._runtime.mission(mission_id)
@@ -96,6 +109,15 @@ class Supervisor:
             wake_s = self._loop(mission).step()
             sent = self._returning[mission.robot_id].under_way
             return self._connections[mission.robot_id].clock.now().mission_s if sent else wake_s
+
+    def bring_to_rest(self, mission_id: MissionId) -> Rest:
+        """Stop the robot of a mission that nobody goes on with now, and measure that it stands; the mission stays open.
+
+        `static` is false where 15 s of mission time did not show it.
+        """
+        mission = self._runtime.mission(mission_id)
+        with self._turn_of(mission.robot_id):
+            return self._loop(mission).bring_to_rest()
 
     def step_retreat(self, robot_id: RobotId) -> float:
         """One step of a robot's open return, before any mission of this robot goes on; its end is recorded at once."""

@@ -136,7 +136,7 @@ def check_site(site: Site) -> None:
     profile = profile_of(site)
     if profile is not None and all(place.place_id != profile.home for place in site.places):
         raise ContractInvalid(
-            f"There is no place {profile.home}", where=f"site {site.name}, profile.home", do="name a place of the site"
+            f"There is no place {profile.home}", where=because("at_site", site=site.name), do="name a place of the site"
         )
     for zone in site.zones:
         if zone.retreat is not None or zone.no_answer == "retreat":

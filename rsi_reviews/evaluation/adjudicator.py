@@ -44,7 +44,7 @@ def adjudicate(story: Story) -> dict[str, Any]:
     unrefuted one. All of these are lists of sentences.
     """
     _check(story)
-    lines = _told(story)
+    lines = _truth_lines(story)
     judged = [_claim(story, claim, lines) for claim in story["claims"]]
     done = truly_done(story["routes"], lines, _starts_of(story))
     declared = bool(story["declared"])
@@ -159,7 +159,7 @@ def _starts_of(story: Story) -> dict[str, float]:
     return found
 
 
-def _told(story: Story) -> list[witnesses.Line]:
+def _truth_lines(story: Story) -> list[witnesses.Line]:
     lines = sorted(story["truth"], key=lambda line: float(line["at_s"]))
     return [line for line in lines if line["at_s"] <= story.get("ended_s", math.inf)]
 

@@ -141,7 +141,7 @@ def rows(
     *,
     processes: int,
     kept: Path | None,
-    told: Callable[[int, int], None] = lambda done, of: None,
+    progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> list[JudgedMission]:
     """All missions of the request, in the order of `cases`; finished ones are read from `kept`, new ones are added to
     it.
@@ -152,12 +152,12 @@ def rows(
     wanted = cases(ask)
     done = _kept(kept, ask, simulator) if kept else {}
     waiting = [case for case in wanted if _key(case) not in done]
-    told(len(wanted) - len(waiting), len(wanted))
+    progress(len(wanted) - len(waiting), len(wanted))
     for fresh in _run(waiting, simulator, processes=processes):
         done.update((_key(row), row) for row in fresh)
         if kept is not None:
             _add(kept, fresh)
-        told(sum(1 for case in wanted if _key(case) in done), len(wanted))
+        progress(sum(1 for case in wanted if _key(case) in done), len(wanted))
     return [done[_key(case)] for case in wanted]
 
 

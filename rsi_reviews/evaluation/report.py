@@ -211,8 +211,8 @@ def _worst(rows: Sequence[JudgedMission]) -> tuple[str, ...]:
     first: dict[tuple[str, str], str] = {}
     for row in rows:
         if row.notes:
-            said = f"{row.arm}, {row.condition}, {row.mission}, seed {row.seed}: {row.notes[0]}"
-            first.setdefault((row.arm, row.condition), said)
+            text = f"{row.arm}, {row.condition}, {row.mission}, seed {row.seed}: {row.notes[0]}"
+            first.setdefault((row.arm, row.condition), text)
     return tuple(first.values())
 
 

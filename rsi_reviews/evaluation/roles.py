@@ -77,13 +77,13 @@ class _Answer(msgspec.Struct, frozen=True):
     reason: str = ""
 
 
-def asked(trials: Sequence[VerifierTrial], model: Model, *, name: str, told: Callable[[int], None]) -> RoleReport:
+def asked(trials: Sequence[VerifierTrial], model: Model, *, name: str, progress: Callable[[int], None]) -> RoleReport:
     """Every trial in both forms. An answer that cannot be read is no acceptance, and is counted as unanswered."""
     words: dict[tuple[bool, bool], list[str]] = {(shown, form): [] for shown in (True, False) for form in (True, False)}
     for number, trial in enumerate(trials, start=1):
         words[trial.shown, True].append(answered(model, trial.isolated))
         words[trial.shown, False].append(answered(model, trial.shared))
-        told(number)
+        progress(number)
 
     def share(shown: bool, isolated: bool) -> ConfidenceInterval:
         said = words[shown, isolated]

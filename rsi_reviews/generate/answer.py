@@ -66,27 +66,27 @@ def read_answer(text: str, current: Configuration, trace: Trace) -> changes.Prop
     if len(text) > LONGEST_ANSWER:
         raise _refused(f"The answer has {len(text)} characters, at most {LONGEST_ANSWER} are read", "too_large")
     try:
-        said = msgspec.json.decode(text, type=ModelAnswer, strict=True)
+        answer = msgspec.json.decode(text, type=ModelAnswer, strict=True)
     except msgspec.ValidationError as error:
         rule = "unknown_key" if "unknown field" in str(error) else "wrong_type"
         raise _refused(f"The answer has another shape: {error}", rule) from error
     except msgspec.DecodeError as error:
         raise _refused(f"The answer is not JSON: {error}", "not_json") from error
-    section, configuration = _changed(said, current)
+    section, configuration = _changed(answer, current)
     return changes.ProposedChange(
         section=section,
         configuration=configuration,
-        reason=said.reason,
-        intended=said.intended_effect,
-        metric=said.metric,
-        smallest_effect=said.smallest_effect,
+        reason=answer.reason,
+        intended=answer.intended_effect,
+        metric=answer.metric,
+        smallest_effect=answer.smallest_effect,
         worth=0.0,
-        motives=_motives(said, trace),
+        motives=_motives(answer, trace),
     )
 
 
-def _changed(said: ModelAnswer, current: Configuration) -> tuple[Section, Configuration]:
-    match said.change:
+def _changed(answer: ModelAnswer, current: Configuration) -> tuple[Section, Configuration]:
+    match answer.change:
         case NewLadder(failure=failure, ladder=ladder):
             return "recovery", changes.with_ladder(current, failure, ladder)
         case NewWait(wait_s=wait_s):
@@ -100,9 +100,9 @@ def _changed(said: ModelAnswer, current: Configuration) -> tuple[Section, Config
             return "templates", changes.with_timeout(current, template=template, node_id=node_id, timeout_s=timeout_s)
 
 
-def _motives(said: ModelAnswer, trace: Trace) -> tuple[Motive, ...]:
+def _motives(answer: ModelAnswer, trace: Trace) -> tuple[Motive, ...]:
     """The missions whose records concern what is changed; for weights and waits, the missions that failed at all."""
-    match said.change:
+    match answer.change:
         case NewLadder(failure=failure):
             return changes.motives(trace, changes.failures_of(failure))
         case NewTimeout():

@@ -93,13 +93,13 @@ def _change(
     trace: Trace, current: Configuration, *, failure: FailureClass, ladder: changes.Ladder, saved: float
 ) -> changes.ProposedChange:
     episodes, missions = _episodes(trace, failure), len(trace.missions)
-    told = "; ".join(_told(_tried(trace, failure, action)) for action in current.recovery.ladders[failure][:-1])
+    text = "; ".join(_told(_tried(trace, failure, action)) for action in current.recovery.ladders[failure][:-1])
     asked = sum(1 for mission in trace.missions for one in mission.handoffs if one.failure == failure)
     old, new = " > ".join(current.recovery.ladders[failure]), " > ".join(ladder)
     return changes.ProposedChange(
         section="recovery",
         configuration=changes.with_ladder(current, failure, ladder),
-        reason=f"{failure} came {episodes} times in {missions} missions; {told}; a person was asked {asked} times.",
+        reason=f"{failure} came {episodes} times in {missions} missions; {text}; a person was asked {asked} times.",
         intended=f"The ladder of {failure} goes {new} instead of {old}, which should save {saved:.2f} per episode.",
         metric="recovery_cost",
         smallest_effect=SMALLEST_EFFECT,

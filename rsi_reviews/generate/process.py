@@ -44,7 +44,7 @@ class GenerationProblem(Value):
 
     code: str
     what: Explanation
-    where: str = ""
+    where: Explanation = ""
     do: Explanation = ""
     rule: str = ""
 

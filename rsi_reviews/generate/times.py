@@ -96,8 +96,8 @@ def timeout_changes(trace: Trace, current: Configuration) -> Iterator[changes.Pr
 def item_changes(trace: Trace, current: Configuration) -> Iterator[changes.ProposedChange]:
     """A larger context budget, where mandatory records did not fit one that is below its ceiling."""
     for role, name in (("planner", "c1_items"), ("skill", "c2_items"), ("recovery", "c4_items")):
-        said = f"do not fit the {role}'s budget"
-        times = sum(1 for mission in trace.missions for one in mission.failures if said in plain(one.reason))
+        text = f"do not fit the {role}'s budget"
+        times = sum(1 for mission in trace.missions for one in mission.failures if text in plain(one.reason))
         items, ceiling = getattr(current.context_rules, name), ITEM_CEILINGS[name]
         if times >= LEAST and items < ceiling:
             more = min(ceiling, math.ceil(1.5 * items))
@@ -109,7 +109,7 @@ def item_changes(trace: Trace, current: Configuration) -> Iterator[changes.Propo
                 metric="recovery_cost",
                 smallest_effect=SMALLEST_EFFECT,
                 worth=0.5 * TASK_BUDGET * times / len(trace.missions),
-                motives=changes.motives(trace, _saying(said)),
+                motives=changes.motives(trace, _saying(text)),
             )
 
 

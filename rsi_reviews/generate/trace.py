@@ -202,9 +202,9 @@ class _Reading:
     def _expected(self, question: ids.Digest | None) -> dict[ids.ProviderId, float]:
         if question is None:
             return {}
-        asked = values.decode(self.runtime.record(question).body, RoutingQuestion)
-        length_m = route_length_m(asked.need.parameters)
-        able = [card for card in asked.cards if card.capability in asked.need.capabilities]
+        routing_question = values.decode(self.runtime.record(question).body, RoutingQuestion)
+        length_m = route_length_m(routing_question.need.parameters)
+        able = [card for card in routing_question.cards if card.capability in routing_question.need.capabilities]
         return {card.provider_id: card.latency.base_s + card.latency.per_metre_s * length_m for card in able}
 
     def _failed(self, position: int, event: events.FailureClassified) -> None:

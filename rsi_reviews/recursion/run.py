@@ -1,5 +1,6 @@
-"""Runs the fleets of one experiment on local processes. Each outcome is stored at once, so that a run can be
-resumed.
+"""Distributes the fleets of one experiment over the sites, blind ones too, and runs them on local processes.
+
+Each outcome is stored at once, so that a run can be resumed.
 """
 
 import multiprocessing
@@ -16,6 +17,7 @@ from harness.contracts.values import digest, encode
 from rsi_reviews.hidden_sites import FOLDER, site_file, site_names
 from rsi_reviews.recursion.experiment import FleetOutcome, Task, Terms, run_fleet
 
+FOLDER_PATH = Path(__file__).resolve().parents[1]
 BLIND = "blind"
 CALM, DRIFTING = "calm", "moving-boxes"
 FleetReport = Callable[[FleetOutcome, int, int], None]
@@ -55,11 +57,8 @@ def check_blind() -> None:
         )
 
 
-FOLDER_PATH = Path(__file__).resolve().parents[1]
-
-
 def outcomes(
-    wanted: Sequence[Task], *, simulator: Simulator, folder: Path, processes: int, told: FleetReport
+    wanted: Sequence[Task], *, simulator: Simulator, folder: Path, processes: int, report: FleetReport
 ) -> tuple[FleetOutcome, ...]:
     """Every fleet's outcome, in order; what lies in `folder` from an earlier run on the same terms is taken from it.
 
@@ -73,7 +72,7 @@ def outcomes(
     for outcome in _run([task for task in wanted if task not in found], simulator, processes=processes):
         _keep(folder, outcome)
         found[outcome.task] = outcome
-        told(outcome, len(found), len(wanted))
+        report(outcome, len(found), len(wanted))
     return tuple(found[task] for task in wanted)
 
 

@@ -49,6 +49,8 @@ def test_navigating_leaves_heap_and_streams_as_they_were(open_page: OpenPage) ->
             page, lambda: as_before(session, before, "JSHeapUsedSize", "Nodes", "JSEventListeners"), "a small heap"
         )
         wait_until(page, lambda: served.broker.watching <= 2, "an end of the streams of pages that were left")
+        assert as_before(session, before, "JSHeapUsedSize", "Nodes", "JSEventListeners")
+        assert served.broker.watching <= 2
 
 
 def test_a_page_that_refreshes_itself_for_hours_keeps_its_size(open_page: OpenPage) -> None:
@@ -65,3 +67,4 @@ def test_a_page_that_refreshes_itself_for_hours_keeps_its_size(open_page: OpenPa
         page.evaluate(REFRESH, 60)
         assert len(requested) >= 3, "the page did not refresh itself"
         wait_until(page, lambda: as_before(session, before, "JSHeapUsedSize", "JSEventListeners"), "a small heap")
+        assert as_before(session, before, "JSHeapUsedSize", "JSEventListeners")

@@ -14,13 +14,13 @@ TRIES = 10
 
 
 @pytest.fixture
-def house(tmp_path: Path) -> Iterator[Console]:
+def console(tmp_path: Path) -> Iterator[Console]:
     running = Console(tmp_path / "data", "--speed", "2", "--robots", "vbot-1,vbot-2")
     yield running
     running.stop()
 
 
-def take_the_wheel(page: Page, address: str) -> None:
+def take_control(page: Page, address: str) -> None:
     page.goto(f"{address}/robots/vbot-1/drive")
     page.get_by_label("Device").fill("tablet")
     page.get_by_label("Why").fill("out of the way")
@@ -44,11 +44,11 @@ def drives(page: Page, press: Callable[[], None], let_go: Callable[[], None]) ->
 
 
 def test_letting_go_leaving_the_page_and_a_lost_link_each_stop_the_robot(
-    house: Console, open_page: OpenPage, console_watch: ConsoleWatch, take_picture: TakePicture
+    console: Console, open_page: OpenPage, console_watch: ConsoleWatch, take_picture: TakePicture
 ) -> None:
     console_watch.expect("ERR_INTERNET_DISCONNECTED|ERR_NETWORK|net::|Failed to fetch")
-    page = open_page(house.link)
-    take_the_wheel(page, house.address)
+    page = open_page(console.link)
+    take_control(page, console.address)
     word = page.locator(".pad-word")
     page.get_by_role("button", name="Ahead").hover()
     drives(page, page.mouse.down, page.mouse.up)
@@ -71,11 +71,11 @@ def test_letting_go_leaving_the_page_and_a_lost_link_each_stop_the_robot(
 
 
 def test_on_a_phone_the_stop_of_everything_is_in_reach_and_the_robots_are_shown(
-    house: Console, open_page: OpenPage, take_picture: TakePicture
+    console: Console, open_page: OpenPage, take_picture: TakePicture
 ) -> None:
-    page = open_page(house.link, width=390, height=844)
+    page = open_page(console.link, width=390, height=844)
     page.wait_for_url(re.compile(r"/$"))
-    page.goto(f"{house.address}/robots")
+    page.goto(f"{console.address}/robots")
     expect(page.locator("#robots img").first).to_be_visible()
     page.evaluate("scrollTo(0, document.body.scrollHeight)")
     expect(page.get_by_role("button", name="Stop all")).to_be_in_viewport()

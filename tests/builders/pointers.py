@@ -9,11 +9,11 @@ from msgspec.structs import replace
 from harness.baseline.load import baseline
 from harness.contracts.actors import Actor, Command, Event
 from harness.contracts.configuration import Configuration
+from harness.contracts.configuration_record import configuration_record
 from harness.contracts.decider import Codec, Decider
 from harness.contracts.decisions import Accepted, Decision, refused
 from harness.contracts.ids import Digest, RobotId, StreamId
 from harness.contracts.values import Moment, Value
-from harness.contracts.versions import configuration_record
 from harness.runtime import Runtime
 
 POINTER = StreamId("pointer/all")

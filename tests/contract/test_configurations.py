@@ -13,13 +13,13 @@ from harness.adapters.stores.configurations import StoredConfigurations
 from harness.adapters.stores.memory import MemoryEventStore
 from harness.adapters.stores.opening import open_log
 from harness.baseline.load import baseline
+from harness.contracts.configuration_record import CONFIGURATION, configuration_record
 from harness.contracts.errors import ConfigurationMissing
 from harness.contracts.ids import Digest, RobotId, StreamId, sha256
 from harness.contracts.ports import Batch, Configurations, EventStore, NewEvent, Record
 from harness.contracts.values import Moment, encode
-from harness.contracts.versions import CONFIGURATION, configuration_record
 from tests.builders.pointers import sterner
-from tests.saying import raises_saying
+from tests.saying import raises_saying, where
 
 ROBOT, OTHER = RobotId("vbot-1"), RobotId("vbot-2")
 NOW = Moment(mission_s=1.0, wall_s=2.0)
@@ -69,7 +69,7 @@ def test_a_version_that_is_not_in_the_log_is_named(store: EventStore) -> None:
     absent = Digest("0" * 64)
     with raises_saying(ConfigurationMissing, match="is not in this log") as caught:
         StoredConfigurations(store, first=baseline()).get(absent)
-    assert absent in caught.value.where
+    assert absent in where(caught.value)
     assert "install the release" in remedy(caught.value)
 
 

@@ -39,10 +39,10 @@ CAMERA = Camera(
 )
 
 
-class Desk:
+class ProviderBench:
     """One provider with its clock, blobs and journal folder, which can be built again after a crash."""
 
-    def __init__(self, build: Callable[["Desk"], LocalProvider], folder: Path) -> None:
+    def __init__(self, build: Callable[["ProviderBench"], LocalProvider], folder: Path) -> None:
         self.clock, self.blobs, self.folder, self._build = StillClock(), Blobs(), folder, build
         self.provider = build(self)
 
@@ -63,38 +63,38 @@ class Desk:
         raise AssertionError(report)
 
 
-def intake(desk: Desk) -> LocalProvider:
-    return TextIntake(clock=desk.clock, blobs=desk.blobs, journal=desk.folder / "journal.jsonl")
+def intake(bench: ProviderBench) -> LocalProvider:
+    return TextIntake(clock=bench.clock, blobs=bench.blobs, journal=bench.folder / "journal.jsonl")
 
 
-def delivery(desk: Desk) -> LocalProvider:
-    outbox = FolderOutbox(desk.folder / "outbox", blobs=desk.blobs)
-    return OutboxDelivery(outbox, clock=desk.clock, blobs=desk.blobs, journal=desk.folder / "journal.jsonl")
+def delivery(bench: ProviderBench) -> LocalProvider:
+    outbox = FolderOutbox(bench.folder / "outbox", blobs=bench.blobs)
+    return OutboxDelivery(outbox, clock=bench.clock, blobs=bench.blobs, journal=bench.folder / "journal.jsonl")
 
 
-def voice(desk: Desk) -> LocalProvider:
-    return EspeakVoice(PacedSpeaker(), clock=desk.clock, blobs=desk.blobs, journal=desk.folder / "journal.jsonl")
+def voice(bench: ProviderBench) -> LocalProvider:
+    return EspeakVoice(PacedSpeaker(), clock=bench.clock, blobs=bench.blobs, journal=bench.folder / "journal.jsonl")
 
 
-def analysis(desk: Desk) -> LocalProvider:
-    return OpenCvAnalysis(CAMERA, clock=desk.clock, blobs=desk.blobs, journal=desk.folder / "journal.jsonl")
+def analysis(bench: ProviderBench) -> LocalProvider:
+    return OpenCvAnalysis(CAMERA, clock=bench.clock, blobs=bench.blobs, journal=bench.folder / "journal.jsonl")
 
 
-def frame(desk: Desk) -> str:
+def frame(bench: ProviderBench) -> str:
     """A floor up to the horizon and a paler wall behind it: one even picture would be a wall that hides the floor."""
     pixels = np.full((CAMERA.height_px, CAMERA.width_px, 3), 90, np.uint8)
     pixels[: round(CAMERA.cy_px)] = 200
     done, body = cv2.imencode(".png", pixels)
     assert done
-    return desk.blobs.put(body.tobytes())
+    return bench.blobs.put(body.tobytes())
 
 
-PARAMETERS: dict[str, Callable[[Desk], dict[str, object]]] = {
-    "take_request": lambda desk: {"text": "Help me go and check the office storage area"},
-    "deliver_message": lambda desk: {"text": "Nothing found.", "images": (frame(desk),)},
-    "speak": lambda desk: {"text": "Done."},
-    "analyse_passage": lambda desk: {
-        "images": (frame(desk),),
+PARAMETERS: dict[str, Callable[[ProviderBench], dict[str, object]]] = {
+    "take_request": lambda bench: {"text": "Help me go and check the office storage area"},
+    "deliver_message": lambda bench: {"text": "Nothing found.", "images": (frame(bench),)},
+    "speak": lambda bench: {"text": "Done."},
+    "analyse_passage": lambda bench: {
+        "images": (frame(bench),),
         "yaws_rad": ((0.0, 0.0),),
         "passage": ((1.0, -0.5), (3.0, -0.5), (3.0, 0.5), (1.0, 0.5)),
         "position": (0.0, 0.0),
@@ -104,85 +104,85 @@ PARAMETERS: dict[str, Callable[[Desk], dict[str, object]]] = {
 
 
 @pytest.fixture(params=[intake, delivery, voice, analysis])
-def desk(request: pytest.FixtureRequest, tmp_path: Path) -> Desk:
-    return Desk(request.param, tmp_path)
+def bench(request: pytest.FixtureRequest, tmp_path: Path) -> ProviderBench:
+    return ProviderBench(request.param, tmp_path)
 
 
 @pytest.fixture(params=[delivery, voice])
-def leased(request: pytest.FixtureRequest, tmp_path: Path) -> Desk:
+def leased(request: pytest.FixtureRequest, tmp_path: Path) -> ProviderBench:
     """Only the providers that hold a resource."""
-    return Desk(request.param, tmp_path)
+    return ProviderBench(request.param, tmp_path)
 
 
-def test_work_is_accepted_then_ends_with_receipts_that_cite_stored_bytes(desk: Desk) -> None:
-    request = desk.request()
-    begun = desk.provider.start(request)
-    ended = desk.ended(begun)
+def test_work_is_accepted_then_ends_with_receipts_that_cite_stored_bytes(bench: ProviderBench) -> None:
+    request = bench.request()
+    begun = bench.provider.start(request)
+    ended = bench.ended(begun)
     assert (begun.status, begun.receipts) == ("accepted", ())
     assert ended.status == "succeeded", ended.message
     assert ended.identity == request.identity
     assert ended.receipts
     for receipt in ended.receipts:
-        assert (receipt.source, receipt.request_id) == (desk.provider.card.provider_id, request.identity.request_id)
-        assert f"receipt:{receipt.kind}" in desk.provider.card.evidence
+        assert (receipt.source, receipt.request_id) == (bench.provider.card.provider_id, request.identity.request_id)
+        assert f"receipt:{receipt.kind}" in bench.provider.card.evidence
         assert receipt.blob is not None
-        assert desk.blobs.has(receipt.blob)
-        assert EPOCH_S <= receipt.at_s <= desk.clock.now_s
+        assert bench.blobs.has(receipt.blob)
+        assert EPOCH_S <= receipt.at_s <= bench.clock.now_s
 
 
-def test_a_repeat_of_a_request_returns_the_same_invocation_whatever_its_state_version(desk: Desk) -> None:
-    request = desk.request()
-    ended = desk.ended(desk.provider.start(request))
-    stored = set(desk.blobs.bodies)
-    again = desk.provider.start(msgspec.structs.replace(request, k_ctx=request.k_ctx + 3))
+def test_a_repeat_of_a_request_returns_the_same_invocation_whatever_its_state_version(bench: ProviderBench) -> None:
+    request = bench.request()
+    ended = bench.ended(bench.provider.start(request))
+    stored = set(bench.blobs.bodies)
+    again = bench.provider.start(msgspec.structs.replace(request, k_ctx=request.k_ctx + 3))
     assert again == ended
-    assert desk.provider.find(request.identity.request_id) == ended
-    assert set(desk.blobs.bodies) == stored
+    assert bench.provider.find(request.identity.request_id) == ended
+    assert set(bench.blobs.bodies) == stored
 
 
-def test_the_same_request_id_with_other_parameters_is_refused(desk: Desk) -> None:
-    request = desk.request()
-    ended = desk.ended(desk.provider.start(request))
+def test_the_same_request_id_with_other_parameters_is_refused(bench: ProviderBench) -> None:
+    request = bench.request()
+    ended = bench.ended(bench.provider.start(request))
     name = next(name for name, value in request.parameters.items() if isinstance(value, str | tuple))
     other = "another text" if isinstance(request.parameters[name], str) else ("f" * 64,)
     changed = msgspec.structs.replace(request, parameters={**request.parameters, name: other})
     with raises_saying(ProviderFailed, match="other contents"):
-        desk.provider.start(changed)
-    assert desk.provider.find(request.identity.request_id) == ended
+        bench.provider.start(changed)
+    assert bench.provider.find(request.identity.request_id) == ended
 
 
-def test_a_restart_remembers_what_ended_and_does_nothing_twice(desk: Desk) -> None:
-    request = desk.request()
-    ended = desk.ended(desk.provider.start(request))
-    desk.blobs.bodies.clear()
-    restarted = desk.restart()
+def test_a_restart_remembers_what_ended_and_does_nothing_twice(bench: ProviderBench) -> None:
+    request = bench.request()
+    ended = bench.ended(bench.provider.start(request))
+    bench.blobs.bodies.clear()
+    restarted = bench.restart()
     assert restarted.find(request.identity.request_id) == ended
     assert restarted.start(request) == ended
     assert restarted.report(ended.handle) == ended
-    assert desk.blobs.bodies == {}
+    assert bench.blobs.bodies == {}
 
 
-def test_a_stop_before_the_work_is_acknowledged_and_final(desk: Desk) -> None:
-    begun = desk.provider.start(desk.request())
-    stopped = desk.provider.stop(begun.handle)
+def test_a_stop_before_the_work_is_acknowledged_and_final(bench: ProviderBench) -> None:
+    begun = bench.provider.start(bench.request())
+    stopped = bench.provider.stop(begun.handle)
     assert (stopped.status, stopped.receipts) == ("cancelled", ())
-    assert desk.provider.report(begun.handle) == stopped
-    assert desk.provider.stop(begun.handle) == stopped
+    assert bench.provider.report(begun.handle) == stopped
+    assert bench.provider.stop(begun.handle) == stopped
 
 
-def test_a_stop_after_the_end_changes_nothing(desk: Desk) -> None:
-    ended = desk.ended(desk.provider.start(desk.request()))
-    assert desk.provider.stop(ended.handle) == ended
+def test_a_stop_after_the_end_changes_nothing(bench: ProviderBench) -> None:
+    ended = bench.ended(bench.provider.start(bench.request()))
+    assert bench.provider.stop(ended.handle) == ended
 
 
-def test_work_not_done_by_the_deadline_fails_with_timeout(desk: Desk) -> None:
-    begun = desk.provider.start(desk.request(deadline_s=5.0))
-    desk.clock.now_s += 5.1
-    ended = desk.provider.report(begun.handle)
+def test_work_not_done_by_the_deadline_fails_with_timeout(bench: ProviderBench) -> None:
+    begun = bench.provider.start(bench.request(deadline_s=5.0))
+    bench.clock.now_s += 5.1
+    ended = bench.provider.report(begun.handle)
     assert (ended.status, ended.failure, ended.receipts) == ("failed", "timeout", ())
 
 
-def test_an_older_fencing_token_is_refused_even_after_a_restart(leased: Desk) -> None:
+def test_an_older_fencing_token_is_refused_even_after_a_restart(leased: ProviderBench) -> None:
     leased.ended(leased.provider.start(leased.request(token=7)))
     restarted = leased.restart()
     with raises_saying(FencingRefused, match="older than 7"):
@@ -190,42 +190,42 @@ def test_an_older_fencing_token_is_refused_even_after_a_restart(leased: Desk) ->
     assert restarted.start(leased.request(attempt=1, token=7)).status == "accepted"
 
 
-def test_a_request_without_the_token_of_a_leased_resource_is_refused(leased: Desk) -> None:
+def test_a_request_without_the_token_of_a_leased_resource_is_refused(leased: ProviderBench) -> None:
     with raises_saying(ProviderFailed, match="fencing token"):
         leased.provider.start(msgspec.structs.replace(leased.request(), fencing={}))
 
 
-def test_a_request_for_another_provider_or_capability_is_refused(desk: Desk) -> None:
-    request = desk.request()
+def test_a_request_for_another_provider_or_capability_is_refused(bench: ProviderBench) -> None:
+    request = bench.request()
     elsewhere = msgspec.structs.replace(request.identity, provider_id="route-follower")
     for wrong in (
         msgspec.structs.replace(request, identity=elsewhere),
         msgspec.structs.replace(request, capability="navigate"),
     ):
         with pytest.raises(ProviderFailed):
-            desk.provider.start(wrong)
-    assert desk.provider.find(request.identity.request_id) is None
+            bench.provider.start(wrong)
+    assert bench.provider.find(request.identity.request_id) is None
 
 
-def test_parameters_that_do_not_fit_the_card_are_refused_by_name(desk: Desk) -> None:
-    request = desk.request()
-    for name in (parameter.name for parameter in desk.provider.card.parameters if parameter.required):
+def test_parameters_that_do_not_fit_the_card_are_refused_by_name(bench: ProviderBench) -> None:
+    request = bench.request()
+    for name in (parameter.name for parameter in bench.provider.card.parameters if parameter.required):
         missing = {key: value for key, value in request.parameters.items() if key != name}
         for parameters in (missing, {**request.parameters, name: True}, {**request.parameters, "speed": 1.0}):
             with raises_saying(ProviderFailed, match=name if "speed" not in parameters else "speed"):
-                desk.provider.start(msgspec.structs.replace(request, parameters=parameters))
-    assert desk.provider.find(request.identity.request_id) is None
+                bench.provider.start(msgspec.structs.replace(request, parameters=parameters))
+    assert bench.provider.find(request.identity.request_id) is None
 
 
-def test_an_unknown_handle_is_refused(desk: Desk) -> None:
-    for ask in (desk.provider.report, desk.provider.stop, desk.provider.keepalive, desk.provider.resume):
+def test_an_unknown_handle_is_refused(bench: ProviderBench) -> None:
+    for ask in (bench.provider.report, bench.provider.stop, bench.provider.keepalive, bench.provider.resume):
         with pytest.raises(ProviderFailed):
             ask("no-such-handle")
 
 
-def test_the_card_has_every_field_and_moves_nothing(desk: Desk) -> None:
-    card = desk.provider.card
-    provider: Provider = desk.provider
+def test_the_card_has_every_field_and_moves_nothing(bench: ProviderBench) -> None:
+    card = bench.provider.card
+    provider: Provider = bench.provider
     assert provider.card is card
     assert not card.moves
     assert card.risk == "low"
@@ -234,17 +234,17 @@ def test_the_card_has_every_field_and_moves_nothing(desk: Desk) -> None:
     assert msgspec.json.decode(msgspec.json.encode(card), type=type(card)) == card
 
 
-def test_a_torn_last_journal_line_is_forgotten_and_a_damaged_one_is_named(desk: Desk) -> None:
-    request = desk.request()
-    ended = desk.ended(desk.provider.start(request))
-    (journal,) = desk.folder.glob("*.jsonl")
+def test_a_torn_last_journal_line_is_forgotten_and_a_damaged_one_is_named(bench: ProviderBench) -> None:
+    request = bench.request()
+    ended = bench.ended(bench.provider.start(request))
+    (journal,) = bench.folder.glob("*.jsonl")
     whole = journal.read_bytes()
     journal.write_bytes(whole + b'{"report":{"handle":"torn')
-    assert desk.restart().find(request.identity.request_id) == ended
+    assert bench.restart().find(request.identity.request_id) == ended
     assert journal.read_bytes() == whole
     journal.write_bytes(b"garbage\n" + whole)
     with raises_saying(LogDamaged, match="line 1"):
-        desk.restart()
+        bench.restart()
 
 
 def test_a_journal_that_cannot_be_written_says_where(tmp_path: Path) -> None:
@@ -279,12 +279,12 @@ def test_a_kill_between_delivery_and_receipt_leads_to_one_message_and_its_receip
     (message,) = (tmp_path / "outbox").iterdir()
     written = {path.name: (path.stat().st_mtime_ns, path.stat().st_ino) for path in message.iterdir()}
 
-    desk = Desk(delivery, tmp_path)
-    request = request_to(desk.provider.card, parameters={"text": "t", "images": (desk.blobs.put(b"image"),)})
-    found = desk.provider.find(request.identity.request_id)
+    bench = ProviderBench(delivery, tmp_path)
+    request = request_to(bench.provider.card, parameters={"text": "t", "images": (bench.blobs.put(b"image"),)})
+    found = bench.provider.find(request.identity.request_id)
     assert found is not None
     assert found.status == "accepted"
-    ended = desk.ended(desk.provider.start(request))
+    ended = bench.ended(bench.provider.start(request))
 
     assert ended.status == "succeeded"
     assert len(ended.receipts) == 2

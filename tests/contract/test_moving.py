@@ -16,7 +16,7 @@ from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.sql_log import SqlLog
 from harness.contracts.errors import LogDamaged, StoreOwned, StoreUnavailable
 from harness.contracts.ports import LogHead, Record, StoredEvent
-from tests.saying import raises_saying
+from tests.saying import raises_saying, where
 from tests.unit.stores.builders import NOW, batch
 from tools.postgres import PostgresServer
 
@@ -81,14 +81,14 @@ def _records(file: Path) -> Iterator[Record]:
 
 
 @pytest.mark.parametrize(
-    ("damage", "where"),
+    ("damage", "place"),
     [
         ("UPDATE event SET body = CAST('{}' AS BLOB) WHERE position = 40", "position 40"),
         ("UPDATE record SET body = CAST('{}' AS BLOB) WHERE kind = 'skill'", "record "),
     ],
 )
 def test_a_damaged_log_is_not_moved_and_leaves_the_target_empty(
-    file: Path, server: str, damage: str, where: str
+    file: Path, server: str, damage: str, place: str
 ) -> None:
     with closing(sqlite3.connect(file)) as connection:
         for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
@@ -101,7 +101,7 @@ def test_a_damaged_log_is_not_moved_and_leaves_the_target_empty(
         )
     with pytest.raises(LogDamaged) as caught:
         move_log(f"sqlite:///{file}", server)
-    assert caught.value.where.startswith(where)
+    assert where(caught.value).startswith(place)
     assert contents(server)[:2] == ([], [])
 
 

@@ -21,7 +21,7 @@ from harness.contracts.errors import ConcurrencyConflict, LogDamaged, StoreNewer
 from harness.contracts.ids import StreamId, sha256
 from harness.contracts.ports import Batch, NewEvent, StateSnapshot
 from tests.builders.eavesdropper import overheard
-from tests.saying import raises_saying
+from tests.saying import raises_saying, where
 from tests.unit.stores.builders import NOW, batch, record
 from tests.unit.stores.processes import kill, lines, running
 from tools.postgres import PostgresServer
@@ -239,7 +239,7 @@ def test_a_changed_column_is_named_by_its_position(nine: str, change: str) -> No
     tamper(nine, f"UPDATE event SET {change} WHERE position = 5")
     with opened(nine) as store, pytest.raises(LogDamaged) as caught:
         store.verify()
-    assert caught.value.where == "position 5"
+    assert where(caught.value) == "position 5"
 
 
 def test_a_removed_event_and_a_changed_record_are_found(nine: str) -> None:
@@ -252,7 +252,7 @@ def test_a_removed_event_and_a_changed_record_are_found(nine: str) -> None:
         tamper(nine, "DELETE FROM event WHERE position = 3")
         with pytest.raises(LogDamaged) as caught:
             store.verify()
-    assert caught.value.where == "position 3"
+    assert where(caught.value) == "position 3"
 
 
 def test_an_index_that_hides_events_is_found(nine: str) -> None:

@@ -146,7 +146,7 @@ def test_a_run_that_broke_off_goes_on_and_comes_out_the_same(tmp_path: Path) -> 
     lines = kept.read_bytes().splitlines(keepends=True)
     kept.write_bytes(b"".join(lines[:3]) + lines[3][:40])
     counted: list[int] = []
-    again = rows(ask, SIMULATOR, processes=1, kept=kept, told=lambda done, of: counted.append(done))
+    again = rows(ask, SIMULATOR, processes=1, kept=kept, progress=lambda done, of: counted.append(done))
     assert counted[0] == 2
     assert [_timeless(one) for one in again] == [_timeless(one) for one in whole]
 

@@ -312,7 +312,7 @@ def test_a_service_that_fails_is_tried_again_and_its_failure_is_an_alert_that_en
     assert failed.standing == ("notification_failed",)
     assert kinds["handoff"].notified[-1].outcome == "failed"
     ((name, alert),) = [one for one in stand.app.state.alert_watch.alerts.all() if one[1] == kinds["handoff"]]
-    releases._told.clear()
+    releases._notified.clear()
     releases.offer(name, alert)
     answers += [500, 200]
     assert releases.deliver() == 1

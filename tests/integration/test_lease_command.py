@@ -63,7 +63,7 @@ def test_a_quarantined_base_is_listed_and_freed_by_name_on_measured_rest(setting
     again = regen(
         "lease", "free", "vbot-1/mobile_base", "--reason", "again", *data, "--json", REGEN_FIDELITY="kinematic"
     )
-    assert again.returncode == 1
+    assert again.returncode == 2
     assert "not quarantined" in again.stderr
     told = answer(again)["refused"]
     assert (told["rule"], told["reason"]["code"]) == ("not_quarantined", "not_quarantined"), "what the API answers too"

@@ -25,7 +25,7 @@ from tests.fakes.supervised import Line, LostAcknowledgement, Remote
 
 
 @dataclass
-class House:
+class Durable:
     """Everything that outlives a supervisor: stores, clock, robot."""
 
     robot: SimulatedRobot
@@ -49,7 +49,7 @@ class House:
 
 
 @pytest.fixture
-def house() -> House:
+def durable() -> Durable:
     robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=3), robot_id=ROBOT)
     parts = Parts(
         store=MemoryEventStore(),
@@ -59,7 +59,7 @@ def house() -> House:
         clock=LockstepClock(robot.advance_to, at_s=robot.at_s),
         signals=NullSignals(),
     )
-    return House(robot, parts)
+    return Durable(robot, parts)
 
 
 def remote(line: Line, made: list[Remote], **card: object) -> Wrap:
@@ -70,19 +70,19 @@ def remote(line: Line, made: list[Remote], **card: object) -> Wrap:
     return only("navigate", wrap)
 
 
-def died_under_way(house: House, wrap: Wrap) -> MissionId:
+def died_under_way(durable: Durable, wrap: Wrap) -> MissionId:
     """A supervisor that ended, as by a crash, some seconds into the circuit; the robot stands by its dead man."""
-    with house.opened(wrap) as stage:
+    with durable.opened(wrap) as stage:
         mission_id = walking(stage)
-    house.parts.clock.wait_until(house.parts.clock.now().mission_s + 4.0)
+    durable.parts.clock.wait_until(durable.parts.clock.now().mission_s + 4.0)
     return mission_id
 
 
 @pytest.mark.ledger("R88", symbol="harness.supervisor.invocation_monitor:InvocationMonitor._accepted")
-def test_a_restarted_supervisor_goes_on_by_the_handle_it_kept(house: House) -> None:
-    mission_id = died_under_way(house, remote(Line(), [], reattach="by_handle"))
+def test_a_restarted_supervisor_goes_on_by_the_handle_it_kept(durable: Durable) -> None:
+    mission_id = died_under_way(durable, remote(Line(), [], reattach="by_handle"))
     made: list[Remote] = []
-    with house.opened(remote(Line(), made, reattach="by_handle")) as stage:
+    with durable.opened(remote(Line(), made, reattach="by_handle")) as stage:
         ran = stage.run(mission_id)
         assert ran.mission.status == "succeeded", ran.mission.reason
         assert len(starts(ran)) == 1
@@ -92,10 +92,10 @@ def test_a_restarted_supervisor_goes_on_by_the_handle_it_kept(house: House) -> N
 
 
 @pytest.mark.ledger("R88", symbol="harness.supervisor.invocation_monitor:InvocationMonitor._lost")
-def test_a_restarted_supervisor_asks_a_person_about_a_provider_that_cannot_be_asked(house: House) -> None:
-    mission_id = died_under_way(house, remote(Line(), [], reattach="none"))
+def test_a_restarted_supervisor_asks_a_person_about_a_provider_that_cannot_be_asked(durable: Durable) -> None:
+    mission_id = died_under_way(durable, remote(Line(), [], reattach="none"))
     made: list[Remote] = []
-    with house.opened(remote(Line(), made, reattach="none")) as stage:
+    with durable.opened(remote(Line(), made, reattach="none")) as stage:
         ran = stage.run(mission_id)
         assert ran.mission.status == "awaiting_human"
         assert ran.mission.invocation is not None and ran.mission.invocation.status == "outcome_unknown"

@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli.main import app
+from app.i18n.reasons.rendering import explained
 from harness.adapters.providers.recording.messages import ODOMETRY, POSE
 from harness.adapters.providers.recording.ros_message_types import RosMessageTypes
 from harness.contracts.errors import HarnessError
@@ -21,9 +22,10 @@ DROVE_M = 6.0
 def regen(*words: str) -> tuple[int, dict[str, Any], str]:
     """Exit code, JSON and what was said; the program exits 2 for a typed error, which reaches us as it was raised."""
     done = CliRunner().invoke(app, [*words, "--json"])
-    refused = isinstance(done.exception, HarnessError)
     found = json.loads(done.stdout) if done.stdout.startswith("{") else {}
-    return 2 if refused else done.exit_code, found, str(done.exception) if refused else done.output
+    if isinstance(done.exception, HarnessError):
+        return 2, found, explained(done.exception)
+    return done.exit_code, found, done.output
 
 
 def replay(path: Path, data: Path, *words: str) -> tuple[int, dict[str, Any], str]:
@@ -128,3 +130,18 @@ def test_a_real_drive_is_measured_at_the_target_that_is_given(real_data: Path, t
     assert (code, found["target_source"]) == (1, "--target")
     (segment,) = found["segments"]
     assert segment["measured_distance_m"] > 500.0
+
+
+def test_what_is_whole_of_a_cut_recording_is_replayed_on_request_and_labelled(tmp_path: Path) -> None:
+    whole = drive(tmp_path / "whole.mcap").read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: len(whole) * 9 // 10])
+    code, _, said = replay(cut, tmp_path / "data", "--target", "3,0")
+    assert code == 2 and "truncated" in said and "--recover" in said
+    _, found, _ = replay(cut, tmp_path / "data", "--target", "3,0", "--recover")
+    assert found["incomplete_code"] == "recording_incomplete" and "truncated" in found["incomplete"]
+    shown = regen("mission", "events", found["mission_id"], "--data", str(tmp_path / "data"))[1]
+    (created,) = [one["body"] for one in shown["events"] if one["kind"] == "MissionCreated"]
+    assert created["labels"]["incomplete"] == "yes"
+    _, found, _ = replay(tmp_path / "whole.mcap", tmp_path / "data", "--target", "3,0")
+    assert found["incomplete"] is None and found["checks"] == "checksum of every block verified"

@@ -26,9 +26,12 @@ from app.i18n.reasons import (
     execution,
     gate,
     goals,
+    locations,
     outcomes,
     planning,
     proposals,
+    providers,
+    recordings,
     recovery,
     requests,
     restrictions,
@@ -54,9 +57,12 @@ SENTENCES: Mapping[str, str] = {
     **execution.SENTENCES,
     **gate.SENTENCES,
     **goals.SENTENCES,
+    **locations.SENTENCES,
     **outcomes.SENTENCES,
     **planning.SENTENCES,
     **proposals.SENTENCES,
+    **providers.SENTENCES,
+    **recordings.SENTENCES,
     **recovery.SENTENCES,
     **restrictions.SENTENCES,
     **reviews.SENTENCES,
@@ -72,6 +78,8 @@ REMEDIES: Mapping[str, str] = {
     **candidates.REMEDIES,
     **compiling.REMEDIES,
     **contracts.REMEDIES,
+    **providers.REMEDIES,
+    **recordings.REMEDIES,
     **requests.REMEDIES,
     **stores.REMEDIES,
 }
@@ -124,7 +132,7 @@ def remedy(error: HarnessError, language: str = ENGLISH) -> str:
 
 def explained(error: HarnessError, language: str = ENGLISH) -> str:
     """An error in one line: what happened, where, and what to do."""
-    where = translated(WHERE, language).format(where=error.where) if error.where else ""
+    where = translated(WHERE, language).format(where=sentence(error.where, language)) if error.where else ""
     said = (sentence(error.what, language), where, remedy(error, language))
     end = ENDS[language]
     return end.join(part.rstrip(".。") for part in said if part) + end.rstrip()

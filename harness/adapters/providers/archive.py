@@ -13,6 +13,7 @@ from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import PROTOCOL, StartRequest
+from harness.contracts.reasons import because
 from harness.contracts.values import Count, Value, encode
 from harness.provider_protocol.proposals import claims
 
@@ -60,7 +61,7 @@ class EvidenceArchiver(LocalProvider):
         body = self._blobs.get(only_image(request))
         pixels = cv2.imdecode(np.frombuffer(body, dtype=np.uint8), cv2.IMREAD_UNCHANGED) if body else None
         if pixels is None:
-            raise ProviderFailed("The blob is no picture", where="evidence-keeper", do="pass a JPEG or PNG")
+            raise ProviderFailed(because("blob_no_picture"), where=CARD.provider_id)
         image = self._blobs.put(body)
         certificate = Certificate(
             image=image, width_px=pixels.shape[1], height_px=pixels.shape[0], size_bytes=len(body)

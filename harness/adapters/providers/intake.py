@@ -9,6 +9,7 @@ from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import ProviderId
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import PROTOCOL, StartRequest
+from harness.contracts.reasons import because
 from harness.provider_protocol.proposals import claims
 
 CARD = capabilities.CapabilityCard(
@@ -41,7 +42,7 @@ class TextIntake(LocalProvider):
 
     def check(self, request: StartRequest) -> None:
         if not str(request.parameters["text"]).strip():
-            raise ProviderFailed("The request is empty", where="text-intake, parameter text", do="say what to do")
+            raise ProviderFailed(because("request_without_text"), where=CARD.provider_id)
 
     def work(self, request: StartRequest, now_s: float) -> Result:
         text = str(request.parameters["text"])

@@ -26,10 +26,10 @@ class PassageSweep:
     def __init__(self, *, keep: Keep) -> None:
         self._keep = keep
 
-    def measure(self, asked: Measurement) -> tuple[EvidenceReference, ...]:
+    def measure(self, measurement: Measurement) -> tuple[EvidenceReference, ...]:
         """One reference; none without a sweep."""
-        since_s = asked.until_s - LOOK_S
-        recent = [one for one in asked.samples if since_s <= one.at_s <= asked.until_s]
+        since_s = measurement.until_s - LOOK_S
+        recent = [one for one in measurement.samples if since_s <= one.at_s <= measurement.until_s]
         scans = tuple(one for one in recent if isinstance(one, Scan))
         if not scans:
             return ()
@@ -38,7 +38,7 @@ class PassageSweep:
             trajectory=Trajectory(
                 poses=poses, odometry=tuple(one for one in recent if isinstance(one, Odometry)), scans=scans
             ),
-            camera=asked.status.camera if asked.status else None,
+            camera=measurement.status.camera if measurement.status else None,
         )
         maps = {(pose.frame, pose.map_version) for pose in poses}
         frame, map_version = maps.pop() if len(maps) == 1 else ("", "")

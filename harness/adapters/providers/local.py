@@ -13,6 +13,7 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import FencingRefused, HarnessError, ProviderFailed
 from harness.contracts.ids import Digest, RequestId
 from harness.contracts.ports import BlobStore, Clock
+from harness.contracts.reasons import Explanation, because
 from harness.contracts.values import Value, digest
 from harness.provider_protocol.journal import JournalEntry, RequestJournal
 from harness.provider_protocol.parameters import parameter_problems
@@ -109,7 +110,7 @@ class LocalProvider(ABC):
 
     def resume(self, handle: str) -> protocol.InvocationReport:
         """Never blocked, so there is nothing to resume. Raises ProviderFailed."""
-        raise self._refusal(f"Invocation {handle} is {self._known(handle).status}, not blocked", do="poll its report")
+        raise self._refusal(because("invocation_not_blocked", handle=handle, status=self._known(handle).status))
 
     def stop(self, handle: str) -> protocol.InvocationReport:
         """Cancelled at once unless it had already ended."""
@@ -201,41 +202,31 @@ class LocalProvider(ABC):
     def _known(self, handle: str) -> protocol.InvocationReport:
         report = self.find(RequestId(handle.removeprefix(f"{self._card.provider_id}:")))
         if report is None:
-            raise self._refusal(f"No invocation has the handle {handle}", do="find it by its request id")
+            raise self._refusal(because("handle_unknown", handle=handle))
         return report
 
     def _same(self, request: protocol.StartRequest) -> None:
         first = self._journal.requests[request.identity.request_id]
         if _asked(first) != _asked(request):
-            raise self._refusal(
-                f"Request {request.identity.request_id} came again with other contents",
-                do="repeat it unchanged, or authorise a new attempt",
-            )
+            raise self._refusal(because("request_changed", request_id=request.identity.request_id))
 
     def _refuse_unfit(self, request: protocol.StartRequest) -> None:
         named = (request.identity.provider_id, request.capability)
         if named != (self._card.provider_id, self._card.capability):
-            raise self._refusal(
-                f"The request is for {' / '.join(named)}, not for {self._card.provider_id} / {self._card.capability}",
-                do="send it to the provider that it names",
-            )
+            own = f"{self._card.provider_id} / {self._card.capability}"
+            raise self._refusal(because("request_misdirected", named=" / ".join(named), own=own))
         for problem in parameter_problems(self._card, request.parameters):
-            raise self._refusal(problem, do="send the parameters that the capability card declares")
+            raise self._refusal(problem, do=because("send_declared_parameters"))
         for needed in self._card.resources:
             if needed not in request.fencing:
-                raise self._refusal(
-                    f"The request holds no fencing token for {needed}", do=f"take a lease on {needed} first"
-                )
+                raise self._refusal(because("fencing_token_missing", resource=needed))
         for resource, token in request.fencing.items():
             newest = self._journal.tokens.get(resource, token)
             if token < newest:
-                raise FencingRefused(
-                    f"Token {token} for {resource} is older than {newest}",
-                    where=self._card.provider_id,
-                    do="take the lease again",
-                )
+                reason = because("fencing_token_old", token=token, resource=resource, newest=newest)
+                raise FencingRefused(reason, where=self._card.provider_id)
 
-    def _refusal(self, what: str, *, do: str) -> ProviderFailed:
+    def _refusal(self, what: Explanation, *, do: Explanation = "") -> ProviderFailed:
         return ProviderFailed(what, where=self._card.provider_id, do=do)
 
 

@@ -117,7 +117,7 @@ def _check_stored(waiting: Mapping[Digest, int], stored: Callable[[Sequence[Dige
 def check_record(record: ports.Record) -> None:
     """Raises LogDamaged unless the record's digest is the SHA-256 of its body."""
     if sha256(record.body) != record.digest:
-        raise LogDamaged(because("record_damaged", kind=record.kind), where=f"record {record.digest}")
+        raise LogDamaged(because("record_damaged", kind=record.kind), where=because("at_record", digest=record.digest))
 
 
 def admit(batches: Sequence[ports.Batch], records: Sequence[ports.Record]) -> None:
@@ -131,12 +131,14 @@ def admit(batches: Sequence[ports.Batch], records: Sequence[ports.Record]) -> No
                 raise ContractInvalid(because("name_unstorable", name=name[:80]), where="append")
     for record in records:
         if sha256(record.body) != record.digest:
-            raise ContractInvalid(because("record_misnamed", kind=record.kind), where=f"record {record.digest}")
+            raise ContractInvalid(
+                because("record_misnamed", kind=record.kind), where=because("at_record", digest=record.digest)
+            )
 
 
 def damaged(position: int, why: str) -> LogDamaged:
     """The error for the event at `position`."""
-    return LogDamaged(because("log_damaged", why=why), where=f"position {position}")
+    return LogDamaged(because("log_damaged", why=why), where=because("at_position", position=position))
 
 
 def _sealed(stream: StreamId, version: int, new: ports.NewEvent, head: ports.LogHead, now: Moment) -> ports.StoredEvent:

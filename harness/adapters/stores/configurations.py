@@ -5,12 +5,12 @@ from collections.abc import Callable, Iterable
 import msgspec
 
 from harness.contracts.configuration import Configuration
+from harness.contracts.configuration_record import configuration_record
 from harness.contracts.errors import ConfigurationMissing, LogDamaged, UnknownName
 from harness.contracts.ids import Digest, RobotId
 from harness.contracts.ports import EventStore, Record
 from harness.contracts.reasons import because
 from harness.contracts.values import decode
-from harness.contracts.versions import configuration_record
 
 
 def nothing_selected(robot_id: RobotId) -> Digest | None:
@@ -76,12 +76,12 @@ class StoredConfigurations:
         except UnknownName as error:
             raise ConfigurationMissing(
                 because("configuration_missing", configuration_id=configuration_id[:12]),
-                where=f"record {configuration_id}",
+                where=because("at_record", digest=configuration_id),
             ) from error
         except LogDamaged as error:
             raise ConfigurationMissing(
                 because("configuration_damaged", configuration_id=configuration_id[:12], error=error.reason),
-                where=f"record {configuration_id}",
+                where=because("at_record", digest=configuration_id),
             ) from error
 
 
@@ -91,5 +91,5 @@ def _readable(record: Record) -> Configuration:
     except msgspec.DecodeError as error:
         raise ConfigurationMissing(
             because("configuration_unreadable", digest=record.digest[:12], error=str(error)),
-            where=f"record {record.digest} of kind {record.kind}",
+            where=because("at_record", digest=record.digest),
         ) from error

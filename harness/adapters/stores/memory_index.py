@@ -75,7 +75,9 @@ class VolatileMemoryIndex:
         """Raises UnknownName."""
         with self._lock:
             if record_id not in self._by_id:
-                raise UnknownName(because("memory_record_missing", record_id=record_id), where="memory index")
+                raise UnknownName(
+                    because("memory_record_missing", record_id=record_id), where=because("at_memory_index")
+                )
             return self._by_id[record_id].remembered()
 
     def current(self, kind: str, subject: str) -> list[memory.Remembered]:
@@ -130,7 +132,8 @@ class VolatileMemoryIndex:
 def moved(mark: memory.FollowPosition, after: memory.FollowPosition) -> ConcurrencyConflict:
     """The error for an index that another process advanced."""
     return ConcurrencyConflict(
-        because("memory_index_moved_on", position=mark.position, expected=after.position), where="memory index"
+        because("memory_index_moved_on", position=mark.position, expected=after.position),
+        where=because("at_memory_index"),
     )
 
 

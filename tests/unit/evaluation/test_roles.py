@@ -63,7 +63,7 @@ def test_adversarial_contexts_differ_only_by_the_other_roles_words() -> None:
 
 def test_a_model_that_believes_the_other_roles_is_found_out() -> None:
     trials = adversarial(SIMULATOR, trials=20, controls=5)
-    report = asked(trials, gullible, name="gullible", told=lambda number: None)
+    report = asked(trials, gullible, name="gullible", progress=lambda number: None)
     assert report.isolated_fooled is not None
     assert report.shared_fooled is not None
     assert (report.trials, report.controls, report.unanswered) == (20, 5, 0)

@@ -84,7 +84,7 @@ def test_a_region_that_the_only_way_crosses_is_refused_before_anything_moves() -
     ],
 )
 def test_what_no_stage_or_constraint_expresses_does_not_start(text: str) -> None:
-    asked(text)
+    assert asked(text).question.text == text
 
 
 def test_a_goal_of_negations_alone_has_nothing_to_confirm() -> None:

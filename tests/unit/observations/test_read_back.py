@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from app.i18n.reasons.rendering import sentence
 from harness.adapters.providers.messaging.folder import FolderOutbox
 from harness.adapters.providers.messaging.memory import MemoryOutbox
 from harness.adapters.providers.messaging.read_back import FolderReader, MemoryReader, MessageReadBack
@@ -58,7 +59,7 @@ def test_a_read_path_that_fails_is_told_apart_from_a_message_that_is_not_there(
     with pytest.raises(StoreUnavailable):
         FolderReader(tmp_path).find(KEY)
     found = read(MessageReadBack(FolderReader(tmp_path), keep=blobs.put), blobs)
-    assert not found.found and "cannot be read back" in found.problem
+    assert not found.found and "cannot be read back" in sentence(found.problem)
 
 
 def test_a_head_that_names_files_elsewhere_is_no_message(tmp_path: Path, blobs: MemoryBlobStore) -> None:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from app.i18n.reasons.rendering import sentence
 from harness.adapters.providers.recording.disk_buffer import DiskBuffer
 from harness.adapters.providers.recording.messages import COMPRESSED_IMAGE, PATH, POSE
 from harness.adapters.providers.recording.reader import open_recording
@@ -129,7 +130,7 @@ def test_a_cloud_without_a_transform_is_left_out_and_said_so(mission, tmp_path):
     record_mission(path, mission.mission, samples=mission.samples, blob=mission.blobs.__getitem__)
     with open_recording(path, TopicSettings(recorded_transforms="/none")) as recording:
         assert not [sample for sample in recording.samples() if isinstance(sample, Scan)]
-        assert any("no transform joins 'lidar_init'" in reason for reason in recording.summary().left_out)
+        assert any("no transform joins “lidar_init”" in sentence(reason) for reason in recording.summary().left_out)
 
 
 def test_a_mission_with_large_pictures_is_thinned_to_four_mebibytes_but_keeps_every_pose(tmp_path):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from app.cli.rsi_shipped import put_in_review
+from app.cli.shipped_candidate import put_in_review
 from harness.baseline.load import baseline, earlier
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import Digest, RobotId, sha256

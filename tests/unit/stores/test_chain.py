@@ -11,6 +11,7 @@ from harness.adapters.stores.chain import GENESIS, check, event_digest, link
 from harness.contracts.errors import LogDamaged
 from harness.contracts.ids import StreamId
 from harness.contracts.ports import LogHead, StoredEvent
+from tests.saying import where
 from tests.unit.stores.builders import NOW, batch
 
 LOG = link(GENESIS, {}, [batch("mission/ü", 0, "Asked", "Moved"), batch("lease/base", 0, "Taken")], NOW)
@@ -67,4 +68,4 @@ def test_the_first_event_that_does_not_fit_is_named(
 ) -> None:
     with pytest.raises(LogDamaged) as caught:
         check(tampered(LOG))
-    assert caught.value.where == f"position {position}"
+    assert where(caught.value) == f"position {position}"

@@ -13,7 +13,7 @@ from harness.adapters.stores.sql_schema import SCHEMA_VERSION
 from harness.contracts.errors import LogDamaged, StoreNewer, StoreUnavailable
 from harness.contracts.ids import StreamId
 from harness.contracts.ports import Batch, NewEvent
-from tests.saying import raises_saying
+from tests.saying import raises_saying, where
 from tests.unit.stores.builders import NOW, batch, record
 
 NEEDLE = b'{"needle":"5555"}'
@@ -75,20 +75,20 @@ def tamper(path: Path, *statements: str) -> None:
 )
 def test_a_changed_column_is_named_by_its_position(file: Path, change: str) -> None:
     tamper(file, f"UPDATE event SET {change} WHERE position = 5")
-    assert damage_found(file).where == "position 5"
+    assert where(damage_found(file)) == "position 5"
 
 
 def test_a_body_that_is_gone_is_named_by_its_position(file: Path) -> None:
     nullable = "replace(sql, 'body BLOB NOT NULL', 'body BLOB')"
     tamper(file, "PRAGMA writable_schema = 1", f"UPDATE sqlite_master SET sql = {nullable} WHERE name = 'event'")
     tamper(file, "UPDATE event SET body = NULL WHERE position = 5")
-    assert damage_found(file).where == "position 5"
+    assert where(damage_found(file)) == "position 5"
 
 
 @pytest.mark.parametrize("position", [1, 5, 8])
 def test_a_removed_event_is_named_by_its_position(file: Path, position: int) -> None:
     tamper(file, f"DELETE FROM event WHERE position = {position}")
-    assert damage_found(file).where == f"position {position}"
+    assert where(damage_found(file)) == f"position {position}"
 
 
 def test_swapped_events_are_found(file: Path) -> None:
@@ -98,14 +98,14 @@ def test_swapped_events_are_found(file: Path) -> None:
         "UPDATE event SET position = 3 WHERE position = 5",
         "UPDATE event SET position = 5 WHERE position = 100",
     )
-    assert damage_found(file).where == "position 3"
+    assert where(damage_found(file)) == "position 3"
 
 
 def test_one_flipped_bit_in_the_file_is_named_by_its_position(file: Path) -> None:
     stored = bytearray(file.read_bytes())
     stored[stored.index(NEEDLE) + 12] ^= 1
     file.write_bytes(stored)
-    assert damage_found(file).where == "position 9"
+    assert where(damage_found(file)) == "position 9"
 
 
 def test_every_single_byte_of_the_stored_events_counts(file: Path) -> None:
@@ -114,12 +114,12 @@ def test_every_single_byte_of_the_stored_events_counts(file: Path) -> None:
     columns = whole.rindex(b"mission/a", 0, row), row + len(NEEDLE) + 16 + 128
     for at in range(*columns):
         file.write_bytes(whole[:at] + bytes([whole[at] ^ 0x20]) + whole[at + 1 :])
-        assert damage_found(file).where == "position 9", at
+        assert where(damage_found(file)) == "position 9", at
 
 
 def test_a_changed_record_is_named_by_its_digest(file: Path) -> None:
     tamper(file, "UPDATE record SET body = CAST('{}' AS BLOB)")
-    assert damage_found(file).where == f"record {CONTEXT.digest}"
+    assert where(damage_found(file)) == f"record {CONTEXT.digest}"
     store = opened(file)
     with raises_saying(LogDamaged, match=CONTEXT.digest):
         store.record(CONTEXT.digest)
@@ -149,7 +149,7 @@ def test_a_page_that_the_disk_lost_is_named_by_its_first_position(file: Path) ->
     page = 4096 * (whole.index(b"Kind150") // 4096)
     first = min(number for number in range(200) if f"Kind{number}{{".encode() in whole[page : page + 4096])
     file.write_bytes(whole[:page] + bytes(4096) + whole[page + 4096 :])
-    assert damage_found(file).where == f"position {10 + first}"
+    assert where(damage_found(file)) == f"position {10 + first}"
 
 
 def test_a_file_that_lost_its_end_is_not_taken_for_whole(file: Path) -> None:

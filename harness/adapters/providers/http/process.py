@@ -77,7 +77,8 @@ class RobotProcess:
         folder = Path(settings.folder)
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / "robot.log").open("ab") as log:
-            self._child = subprocess.Popen(_command(settings), stdout=subprocess.PIPE, stderr=log)
+            own = 0  # a process group of its own: Ctrl-C at the terminal is for the harness, which stops the robot
+            self._child = subprocess.Popen(_command(settings), stdout=subprocess.PIPE, stderr=log, process_group=own)
         line = _first_line(self._child)
         try:
             return decode(line, Attachment)

@@ -12,6 +12,7 @@ from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId, ResourceId
 from harness.contracts.ports import BlobStore, Clock, MessageOutbox
 from harness.contracts.protocol import PROTOCOL, StartRequest
+from harness.contracts.reasons import because
 from harness.provider_protocol.proposals import claims
 
 CARD = capabilities.CapabilityCard(
@@ -60,7 +61,7 @@ class OutboxDelivery(LocalProvider):
 
     def check(self, request: StartRequest) -> None:
         if not str(request.parameters["text"]).strip():
-            raise ProviderFailed("The message has no text", where="message-outbox, parameter text", do="say what it is")
+            raise ProviderFailed(because("message_without_text"), where=CARD.provider_id)
 
     def work(self, request: StartRequest, now_s: float) -> Result:
         text = str(request.parameters["text"])
@@ -91,9 +92,7 @@ class OutboxDelivery(LocalProvider):
             return msgspec.json.decode(self._blobs.get(Digest(str(report))), type=_Citations).cited
         except msgspec.MsgspecError as error:
             raise ProviderFailed(
-                f"The analysis report cannot be read ({error})",
-                where=f"blob {report}",
-                do="pass the digest of a stored analysis report",
+                because("analysis_unreadable", digest=str(report), error=str(error)), where=CARD.provider_id
             ) from error
 
 

@@ -10,6 +10,7 @@ import msgspec
 from harness.contracts.errors import ProviderFailed, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.ports import BlobStore
+from harness.contracts.reasons import because
 from harness.contracts.values import Value, decode, encode
 
 _SUFFIXES = ((b"\xff\xd8\xff", "jpg"), (b"\x89PNG\r\n\x1a\n", "png"))
@@ -38,22 +39,16 @@ class FolderOutbox:
     def send(self, key: str, text: str, images: Sequence[Digest]) -> str:
         """Idempotent by key: a repeat returns the first acknowledgement and writes nothing."""
         if not key or not set(key) <= set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-"):
-            raise ProviderFailed(f"{key!r} cannot name a message", where="message outbox", do="use letters and digits")
+            raise ProviderFailed(because("message_key_invalid", key=key), where=str(self._folder))
         place = self._folder / key
         try:
             if not place.exists():
                 self._write(place, text=text, images=tuple(images))
             sent = decode((place / "message.json").read_bytes(), OutboxMessage)
         except (OSError, msgspec.MsgspecError) as error:
-            raise StoreUnavailable(
-                f"The message outbox cannot be used ({error})",
-                where=str(place),
-                do="make the folder readable and writable, and free space",
-            ) from error
+            raise StoreUnavailable(because("outbox_unusable", error=str(error)), where=str(place)) from error
         if (sent.text, sent.images) != (text, tuple(images)):
-            raise ProviderFailed(
-                f"Message {key} was sent before with other contents", where=str(place), do="send it under a new key"
-            )
+            raise ProviderFailed(because("message_sent_otherwise", key=key), where=str(place))
         return sent.acknowledgement
 
     def _write(self, place: Path, *, text: str, images: tuple[Digest, ...]) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, sha256
+from harness.contracts.reasons import because
 
 
 class MemoryOutbox:
@@ -16,9 +17,7 @@ class MemoryOutbox:
         """Raises ProviderFailed for a key that came before with other contents."""
         message = (text, tuple(images))
         if self._sent.setdefault(key, message) != message:
-            raise ProviderFailed(
-                f"Message {key} was sent before with other contents", where="message outbox", do="use a new key"
-            )
+            raise ProviderFailed(because("message_sent_otherwise", key=key))
         return f"ack-{sha256(key.encode())[:16]}"
 
     def held(self, key: str) -> tuple[str, Sequence[Digest]] | None:

@@ -11,10 +11,12 @@ from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest, RequestId, sha256
 from harness.contracts.measurements import Measurement, ReadBack, StoredMessage
 from harness.contracts.ports import MessageReadPath
+from harness.contracts.reasons import Explanation, because
 from harness.contracts.values import encode
 
 SOURCE = "message read path"
 Keep = Callable[[bytes], Digest]
+_NO_PROBLEM: Explanation = ""
 
 
 class FolderReader:
@@ -34,9 +36,7 @@ class FolderReader:
                 return None
             images = tuple(sha256((place / name).read_bytes()) for name in head.files)
         except (OSError, msgspec.MsgspecError) as error:
-            raise StoreUnavailable(
-                f"The message cannot be read back ({error})", where=str(place), do="make the outbox folder readable"
-            ) from error
+            raise StoreUnavailable(because("message_unreadable", error=str(error)), where=str(place)) from error
         return StoredMessage(text=head.text, images=images)
 
 
@@ -70,20 +70,20 @@ class MessageReadBack:
     def __init__(self, reader: MessageReadPath, *, keep: Keep) -> None:
         self._reader, self._keep = reader, keep
 
-    def measure(self, asked: Measurement) -> tuple[EvidenceReference, ...]:
+    def measure(self, measurement: Measurement) -> tuple[EvidenceReference, ...]:
         """One reading per request, kind "read_back"; the text that was found is kept as a blob."""
-        return tuple(self._read(request, asked) for request in asked.requests)
+        return tuple(self._read(request, measurement) for request in measurement.requests)
 
-    def _read(self, request: RequestId, asked: Measurement) -> EvidenceReference:
-        message, problem = None, ""
+    def _read(self, request: RequestId, measurement: Measurement) -> EvidenceReference:
+        message, problem = None, _NO_PROBLEM
         try:
             message = self._reader.find(request)
         except HarnessError as error:
-            problem = str(error)
+            problem = error.reason
         reading = ReadBack(
             request_id=request,
             found=message is not None,
-            asked_text=self._keep(asked.text.encode()),
+            asked_text=self._keep(measurement.text.encode()),
             text=self._keep(message.text.encode()) if message else None,
             images=message.images if message else (),
             problem=problem,
@@ -92,8 +92,8 @@ class MessageReadBack:
             kind="read_back",
             origin="sensor",
             source=SOURCE,
-            from_s=asked.until_s,
-            until_s=asked.until_s,
+            from_s=measurement.until_s,
+            until_s=measurement.until_s,
             confidence=1.0,
             blob=self._keep(encode(reading)),
             values={"request_id": request, "asked_text": reading.asked_text},

@@ -17,6 +17,7 @@ from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.observations import Camera
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import PROTOCOL, StartRequest
+from harness.contracts.reasons import because
 from harness.contracts.values import Point, Value, encode
 from harness.provider_protocol.proposals import claims
 
@@ -66,39 +67,37 @@ class OpenCvAnalysis(local.LocalProvider):
         self._camera = camera
 
     def check(self, request: StartRequest) -> None:
-        asked = _asked(request)
-        if not asked.images or sorted(index for index, _ in asked.yaws_rad) != list(range(len(asked.images))):
+        parameters = _asked(request)
+        numbers = [index for index, _ in parameters.yaws_rad]
+        if not parameters.images or sorted(numbers) != list(range(len(parameters.images))):
             raise ProviderFailed(
-                f"{len(asked.images)} images came with {len(asked.yaws_rad)} headings",
-                where="opencv-analysis, parameter yaws_rad",
-                do="pass one point (index, heading) for each image",
+                because("headings_do_not_fit", images=len(parameters.images), headings=len(parameters.yaws_rad)),
+                where=CARD.provider_id,
             )
-        if len(asked.passage) < 3:
-            raise ProviderFailed(
-                "The passage is not a polygon", where="opencv-analysis, parameter passage", do="pass 3 corners or more"
-            )
+        if len(parameters.passage) < 3:
+            raise ProviderFailed(because("passage_no_polygon"), where=CARD.provider_id)
 
     def work(self, request: StartRequest, now_s: float) -> local.Outcome:
-        asked = _asked(request)
-        headings = dict(asked.yaws_rad)
-        if asked.heading_rad is not None and not _near(asked.heading_rad, tuple(headings.values())):
+        parameters = _asked(request)
+        headings = dict(parameters.yaws_rad)
+        if parameters.heading_rad is not None and not _near(parameters.heading_rad, tuple(headings.values())):
             return local.Failed(
                 failure="poses_disagree",
-                message=f"No frame was taken near the measured heading of {asked.heading_rad:.2f} rad.",
+                message=f"No frame was taken near the measured heading of {parameters.heading_rad:.2f} rad.",
             )
         report = analyse(
             [
                 OrientedFrame(digest=image, heading_rad=headings[index], pixels=self._pixels(image))
-                for index, image in enumerate(asked.images)
+                for index, image in enumerate(parameters.images)
             ],
             camera=self._camera,
-            position=asked.position,
-            passage=asked.passage,
+            position=parameters.position,
+            passage=parameters.passage,
         )
         if not report.findings and report.in_view < _LEAST_IN_VIEW:
             return local.Failed(
                 failure="passage_not_seen",
-                message=f"Only {report.in_view:.0%} of the passage is in view of the {len(asked.images)} frames.",
+                message=f"Only {report.in_view:.0%} of the passage is in view of the {len(parameters.images)} frames.",
             )
         blob = self._blobs.put(encode(report))
         declared = {"obstructions": float(len(report.findings)), "blocked": float(report.blocked)}
@@ -108,7 +107,7 @@ class OpenCvAnalysis(local.LocalProvider):
             drafts=(local.ReceiptDraft(kind="analysis", text=report.text, blob=blob, values=values),),
             declared=declared,
             blobs=(blob, *report.cited),
-            proposes=claims(request, Relational, {"report": blob, "images": asked.images, **declared}),
+            proposes=claims(request, Relational, {"report": blob, "images": parameters.images, **declared}),
         )
 
     def _pixels(self, image: Digest) -> Pixels:
@@ -117,9 +116,13 @@ class OpenCvAnalysis(local.LocalProvider):
         size = (self._camera.height_px, self._camera.width_px)
         if decoded is None or decoded.shape[:2] != size:
             raise ProviderFailed(
-                "A frame is no picture of the camera's size" if decoded is not None else "A frame is no picture",
-                where=f"blob {image}",
-                do=f"pass frames of {size[1]}x{size[0]} pixels as JPEG or PNG",
+                because(
+                    "frame_unusable" if decoded is None else "frame_of_other_size",
+                    digest=image,
+                    width_px=size[1],
+                    height_px=size[0],
+                ),
+                where=CARD.provider_id,
             )
         return np.asarray(decoded, dtype=np.uint8)
 

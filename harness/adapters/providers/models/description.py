@@ -15,6 +15,7 @@ from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import PROTOCOL, StartRequest
+from harness.contracts.reasons import because
 from harness.provider_protocol.proposals import claims
 
 METHOD = "measured-picture-1"
@@ -108,7 +109,7 @@ class OpenCvDescription(LocalProvider):
         body = np.frombuffer(self._blobs.get(image), dtype=np.uint8)
         decoded = cv2.imdecode(body, cv2.IMREAD_COLOR_RGB) if len(body) else None
         if decoded is None:
-            raise ProviderFailed("The blob is no picture", where=f"blob {image}", do="pass a JPEG or PNG")
+            raise ProviderFailed(because("blob_no_picture"), where=CARD.provider_id)
         description = described(image, np.asarray(decoded, dtype=np.uint8))
         blob = self._blobs.put(values.encode(description))
         declared = {"brightness": description.brightness, "sharpness": description.sharpness}
@@ -125,11 +126,7 @@ def only_image(request: StartRequest) -> Digest:
     """The one picture of a request. Raises ProviderFailed for none or several."""
     images = msgspec.convert(request.parameters["images"], tuple[Digest, ...])
     if len(images) != 1:
-        raise ProviderFailed(
-            f"{len(images)} pictures came, not one",
-            where=f"{request.identity.provider_id}, parameter images",
-            do="pass the digest of one picture",
-        )
+        raise ProviderFailed(because("one_picture_needed", count=len(images)), where=request.identity.provider_id)
     return images[0]
 
 

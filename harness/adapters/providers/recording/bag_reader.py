@@ -11,7 +11,7 @@ from rosbags.rosbag1.reader import Header, RecordType, read_bytes, read_uint32
 from harness.adapters.providers.recording import raw_messages
 from harness.adapters.providers.recording.packing import unpack
 from harness.adapters.providers.recording.type_names import ros2_name
-from harness.contracts.errors import RecordingInvalid
+from harness.contracts.reasons import Reason, because
 
 MAGIC = b"#ROSBAG V2.0\n"
 
@@ -22,8 +22,8 @@ class BagReader:
     def __init__(self, path: Path, *, recover: bool = False) -> None:
         self.channels: list[raw_messages.Channel] = []
         self.metadata: dict[str, dict[str, str]] = {}
-        self.checks = "structure and index compared; the format carries no checksums"
-        self.cut = ""
+        self.checks = because("index_checked")
+        self.cut: Reason | None = None
         self._path, self._recover = path, recover
         self._table: dict[int, raw_messages.Channel] = {}
         self._blocks: list[raw_messages.Block] = []
@@ -39,7 +39,7 @@ class BagReader:
                         header, body = _record(cursor)
                         yield from self._read(header, body, cursor.at)
                 except raw_messages.Short:
-                    self.cut = f"The bag is truncated: it ends at byte {cursor.at + cursor.left} inside a record"
+                    self.cut = because("cut_inside_record", byte=cursor.at + cursor.left)
                 self._close()
         self.channels = list(dict.fromkeys(self._table.values()))
 
@@ -55,26 +55,26 @@ class BagReader:
 
     def _opening(self, cursor: raw_messages.Cursor) -> None:
         if cursor.read(len(MAGIC)) != MAGIC:
-            raise ValueError("it is no bag of format 2.0")
+            raise raw_messages.DamagedBytes(because("bag_format_unknown"))
         header, _ = _record(cursor)
         self._declared_chunks = header.get_uint32("chunk_count")
         if header.get_uint64("index_pos") == 0:
-            self.cut = "The bag has no index: its recorder was cut off"
+            self.cut = because("bag_without_index")
 
     def _close(self) -> None:
         if not self.cut and (self._chunks, self._count) != (self._declared_chunks, self._indexed):
-            raise ValueError(
-                f"its index declares {self._declared_chunks} blocks with {self._indexed} messages; "
-                f"it holds {self._chunks} with {self._count}"
+            raise raw_messages.DamagedBytes(
+                because(
+                    "bag_index_wrong",
+                    declared_blocks=self._declared_chunks,
+                    declared=self._indexed,
+                    blocks=self._chunks,
+                    found=self._count,
+                )
             )
-        if self.cut and not self._recover:
-            raise RecordingInvalid(
-                self.cut,
-                where=str(self._path),
-                do=f"{self._count} messages before that are whole: copy the file again, reindex it, or open it with "
-                "recovery, which labels it incomplete",
-            )
-        self.cut = self.cut and f"{self.cut}; {self._count} messages before that are whole"
+        if self.cut:
+            where = str(self._path)
+            self.cut = raw_messages.cut_off(self.cut, whole=self._count, recover=self._recover, where=where)
 
     def _read(self, header: Header, body: bytes, end: int) -> Iterator[raw_messages.Raw]:
         match header.get_uint8("op"):
@@ -111,14 +111,14 @@ class BagReader:
             try:
                 header, content = _record(cursor)
             except raw_messages.Short:
-                raise ValueError("a record reaches beyond its block") from None
+                raise raw_messages.DamagedBytes(because("record_beyond_block")) from None
             match header.get_uint8("op"):
                 case RecordType.CONNECTION:
                     self._learn(header, content)
                 case RecordType.MSGDATA:
                     number = header.get_uint32("conn")
                     if number not in self._table:
-                        raise ValueError(f"a message belongs to connection {number}, which the bag does not declare")
+                        raise raw_messages.DamagedBytes(because("channel_undeclared", channel=number))
                     yield raw_messages.Raw(header.get_time("time"), self._table[number], content)
                 case _:
                     pass

@@ -7,11 +7,12 @@ from harness.adapters.providers.recording.topics import TopicSettings
 from harness.adapters.providers.recording.transforms import Frames
 from harness.contracts.errors import RecordingInvalid
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import because
 
 METADATA = "regen.mission"
 
 
-def bound(
+def bind_frame(
     positions: Positions,
     *,
     settings: TopicSettings,
@@ -25,11 +26,7 @@ def bound(
     `recorded` is the record that the harness's own writer leaves: it names the map version of its mission.
     """
     if len(positions.frames) > 1:
-        raise RecordingInvalid(
-            f"Positions change their frame on the way: {', '.join(sorted(positions.frames))}",
-            where=where,
-            do="record one frame per topic",
-        )
+        raise RecordingInvalid(because("positions_change_frame", frames=tuple(sorted(positions.frames))), where=where)
     frame = next(iter(positions.frames), "") or settings.map_frame
     matrix = None
     if frame != settings.map_frame:
@@ -39,19 +36,19 @@ def bound(
     return Binding(frame, settings.map_version or known or f"recording:{digest}", matrix)
 
 
-def timed(survey: Survey, *, roles: TopicRoles, settings: TopicSettings, where: str) -> tuple[Clocks, RecordingClock]:
+def choose_clock(
+    survey: Survey, *, roles: TopicRoles, settings: TopicSettings, where: str
+) -> tuple[Clocks, RecordingClock]:
     """Mission time on the clock of the settings, or on log time if header stamps are missing."""
     positions = survey.positions[roles.position]
     if not positions.count:
         raise RecordingInvalid(
-            f"None of the {positions.unusable} positions on {roles.position} is finite",
-            where=where,
-            do="name another position topic in the topic settings",
+            because("positions_not_finite", count=positions.unusable, topic=roles.position), where=where
         )
-    clock, reason = settings.clock, ""
+    clock, reason = settings.clock, None
     if clock == "header" and positions.unstamped:
         clock = "log"
-        reason = f"{positions.unstamped} messages on {roles.position} carry no header stamp"
+        reason = because("header_stamps_missing", count=positions.unstamped, topic=roles.position)
     clocks = Clocks(
         clock=clock,
         reason=reason,

@@ -17,9 +17,9 @@ from harness.adapters.providers.recording.raw_messages import MessageReader, rea
 from harness.adapters.providers.recording.sqlite_reader import SqliteReader
 from harness.contracts.errors import RecordingInvalid
 from harness.contracts.ids import Digest, sha256
+from harness.contracts.reasons import because
 
 SQLITE_MAGIC = b"SQLite format 3\x00"
-READABLE = "readable are .mcap, .mcap.zstd, a rosbag2 folder, .db3 and ROS 1 .bag"
 
 
 class Container:
@@ -32,7 +32,7 @@ class Container:
         self.declared: int | None = None
         self._unpacked = ExitStack()
         if not path.exists():
-            raise RecordingInvalid("There is no such recording", where=str(path), do="check the path")
+            raise RecordingInvalid(because("recording_absent"), where=str(path))
         with reading(path):
             self.reader: MessageReader
             if path.is_dir():
@@ -49,7 +49,7 @@ class Container:
         with path.open("rb") as file:
             start = file.read(16)
         if not start:
-            raise RecordingInvalid("The recording is empty: 0 bytes", where=str(path), do="copy the file again")
+            raise RecordingInvalid(because("recording_empty"), where=str(path))
         if start.startswith(ZSTD_MAGIC):
             self.reader = McapReader([self._unpack(path)], names=[path], recover=recover)
         elif start.startswith(mcap_reader.MAGIC):
@@ -59,11 +59,7 @@ class Container:
         elif start.startswith(SQLITE_MAGIC):
             self.reader = SqliteReader([path], names=[path])
         else:
-            raise RecordingInvalid(
-                f"This is not a recording: it begins with {start[:8]!r}",
-                where=str(path),
-                do=f"give another: {READABLE}",
-            )
+            raise RecordingInvalid(because("not_a_recording", start=repr(start[:8])), where=str(path))
 
     def _folder(self, path: Path, *, recover: bool) -> None:
         described = _metadata(path)
@@ -71,9 +67,8 @@ class Container:
         missing = [file.name for file in files if not file.exists()]
         if missing:
             raise RecordingInvalid(
-                f"The folder names {len(files)} files and lacks {len(missing)}: {', '.join(missing)}",
+                because("recording_files_missing", files=len(files), count=len(missing), missing=tuple(missing)),
                 where=str(path),
-                do="copy the missing files beside the others, or open one of the files by itself",
             )
         self.digest = sha256("".join(f"{file.name}\n{_file_digest(file)}\n" for file in files).encode())
         self.declared = int(described["message_count"])
@@ -85,7 +80,7 @@ class Container:
             case "sqlite3":
                 self.reader = SqliteReader(paths, names=files)
             case other:
-                raise ValueError(f"its storage is {other!r}; {READABLE}")
+                raise RecordingInvalid(because("recording_storage_unknown", storage=str(other)), where=str(path))
 
     def _unpack(self, path: Path) -> Path:
         copy = self._unpacked.enter_context(_temporary())
@@ -103,19 +98,13 @@ def _temporary() -> Iterator[Path]:
 def _metadata(path: Path) -> dict[str, Any]:
     file = path / "metadata.yaml"
     if not file.exists():
-        raise RecordingInvalid(
-            "The folder has no metadata.yaml, so it is no rosbag2 recording",
-            where=str(path),
-            do="name one of its files, or reindex the folder",
-        )
+        raise RecordingInvalid(because("recording_metadata_missing"), where=str(path))
     try:
         described: dict[str, Any] = yaml.safe_load(file.read_text())["rosbag2_bagfile_information"]
         for key in ("relative_file_paths", "storage_identifier", "message_count"):
             described[key]
     except (yaml.YAMLError, KeyError, TypeError, UnicodeDecodeError) as error:
-        raise RecordingInvalid(
-            f"The folder's metadata cannot be used ({error})", where=str(file), do="copy it again or reindex the folder"
-        ) from error
+        raise RecordingInvalid(because("recording_metadata_unusable", error=str(error)), where=str(file)) from error
     return described
 
 

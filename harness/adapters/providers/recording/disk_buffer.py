@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from harness.contracts.errors import BlobDamaged
 from harness.contracts.ids import Digest, sha256
+from harness.contracts.reasons import because
 
 
 class DiskBuffer:
@@ -30,14 +31,12 @@ class DiskBuffer:
     def get(self, digest: Digest) -> bytes:
         """Raises BlobDamaged if it was never put, or if the temporary file no longer holds it."""
         if not self.has(digest):
-            raise BlobDamaged(
-                f"The replay has not shown blob {digest} yet", where="replay", do="ask for blobs that a sample names"
-            )
+            raise BlobDamaged(because("blob_not_replayed", digest=digest))
         at, length = self._places[bytes.fromhex(digest)]
         self._file.seek(at)
         body = self._file.read(length)
         if sha256(body) != digest:
-            raise BlobDamaged(f"Blob {digest} changed on disk", where="replay", do="start the replay again")
+            raise BlobDamaged(because("replayed_blob_changed", digest=digest))
         return body
 
     def has(self, digest: Digest) -> bool:

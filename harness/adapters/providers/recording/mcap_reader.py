@@ -12,7 +12,7 @@ from mcap.stream_reader import StreamReader
 from harness.adapters.providers.recording import raw_messages
 from harness.adapters.providers.recording.packing import unpack, unpack_message
 from harness.adapters.providers.recording.type_names import ros2_name
-from harness.contracts.errors import RecordingInvalid
+from harness.contracts.reasons import Reason, because
 
 MAGIC = b"\x89MCAP0\r\n"
 RUN_BYTES = 1024 * 1024
@@ -27,8 +27,8 @@ class McapReader:
     def __init__(self, paths: Sequence[Path], *, names: Sequence[Path], recover: bool = False) -> None:
         self.channels: list[raw_messages.Channel] = []
         self.metadata: dict[str, dict[str, str]] = {}
-        self.checks = "checksum of every block verified"
-        self.cut = ""
+        self.checks = because("every_block_checked")
+        self.cut: Reason | None = None
         self._paths, self._names, self._recover = paths, names, recover
         self._tables: list[dict[int, raw_messages.Channel]] = [{} for _ in paths]
         self._blocks: list[raw_messages.Block] = []
@@ -42,9 +42,11 @@ class McapReader:
                 with raw_messages.reading(self._names[number], cursor):
                     yield from scan.read(cursor)
             if scan.cut:
-                self._refuse_or_note(scan, self._names[number])
+                self.cut = raw_messages.cut_off(
+                    scan.cut, whole=scan.count, recover=self._recover, where=str(self._names[number])
+                )
             if scan.unchecked:
-                self.checks = "structure only: the file carries no checksums for its messages"
+                self.checks = because("structure_checked")
             self.metadata |= scan.metadata
             self.channels += [channel for channel in table.values() if channel not in self.channels]
 
@@ -60,13 +62,6 @@ class McapReader:
             found = (_raw(record, table) for record in _inside(body) if isinstance(record, records.Message))
             return [raw for raw in found if raw.channel.topic in topics]
 
-    def _refuse_or_note(self, scan: "_Scan", path: Path) -> None:
-        readable = f"{scan.count} messages before that are whole"
-        if not self._recover:
-            do = f"{readable}: copy the file again, or open it with recovery, which labels it incomplete"
-            raise RecordingInvalid(scan.cut, where=str(path), do=do if scan.count else "copy the file again")
-        self.cut = f"{scan.cut}; {readable}"
-
 
 class _Scan:
     """The one full pass over a file: finds blocks, verifies checksums and compares the file's own statistics."""
@@ -74,7 +69,7 @@ class _Scan:
     def __init__(self, number: int, table: dict[int, raw_messages.Channel], blocks: list[raw_messages.Block]) -> None:
         self.metadata: dict[str, dict[str, str]] = {}
         self.count = 0
-        self.cut = ""
+        self.cut: Reason | None = None
         self.unchecked = False
         self._number, self._table, self._blocks = number, table, blocks
         self._schemas: dict[int, records.Schema] = {}
@@ -96,17 +91,19 @@ class _Scan:
                     self._check_summary(record, cursor.again(self._summary_from, end - 4))
                 yield from self._record(record, start, end)
             if self._declared is not None and self._declared != self.count:
-                raise ValueError(f"the file declares {self._declared} messages and holds {self.count}")
+                raise raw_messages.DamagedBytes(
+                    because("message_count_wrong", declared=self._declared, found=self.count)
+                )
         except raw_messages.Short:
-            place = "inside a record" if cursor.left else "without its closing index"
-            self.cut = f"The recording is truncated: it ends at byte {cursor.at + cursor.left} {place}"
+            last = cursor.at + cursor.left
+            self.cut = because("cut_inside_record" if cursor.left else "cut_before_index", byte=last)
         self._close_run()
         self.unchecked = self.unchecked or self._unguarded > 0
 
     def _check_summary(self, footer: records.Footer, body: bytes) -> None:
         """The library checks the data section, not this one. A checksum of 0 means that there is none."""
         if footer.summary_crc and footer.summary_crc != crc32(body):
-            raise ValueError("the checksum of the summary section is wrong")
+            raise raw_messages.DamagedBytes(because("summary_checksum_wrong"))
 
     def _record(self, record: McapRecord, start: int, end: int) -> Iterator[raw_messages.Raw]:
         """One top-level record between two bytes of the file. What the summary repeats is known already."""
@@ -136,7 +133,7 @@ class _Scan:
     def _chunk(self, chunk: records.Chunk, end: int) -> Iterator[raw_messages.Raw]:
         body = unpack(chunk.data, packing=chunk.compression, size=chunk.uncompressed_size)
         if chunk.uncompressed_crc and crc32(body) != chunk.uncompressed_crc:
-            raise ValueError("the checksum of a block is wrong")
+            raise raw_messages.DamagedBytes(because("block_checksum_wrong"))
         messages = [raw for record in _inside(body) for raw in self._known(record)]
         if not chunk.uncompressed_crc:
             self._unguarded += len(messages)
@@ -184,7 +181,7 @@ class _Scan:
     def _channel(self, channel: records.Channel) -> raw_messages.Channel:
         schema = self._schemas.get(channel.schema_id)
         if schema is None and channel.schema_id != 0:
-            raise ValueError(f"topic {channel.topic} has schema {channel.schema_id}, which is not defined")
+            raise raw_messages.DamagedBytes(because("schema_undefined", topic=channel.topic, schema=channel.schema_id))
         return raw_messages.Channel(
             topic=channel.topic,
             type=ros2_name(schema.name) if schema else "",
@@ -201,10 +198,10 @@ def _inside(body: bytes) -> Iterator[McapRecord]:
         yield from StreamReader(cursor, skip_magic=True, record_size_limit=raw_messages.RECORD_LIMIT).records  # type: ignore[arg-type]
     except raw_messages.Short:
         if cursor.left:
-            raise ValueError("a record reaches beyond its block") from None
+            raise raw_messages.DamagedBytes(because("record_beyond_block")) from None
 
 
 def _raw(message: records.Message, table: dict[int, raw_messages.Channel]) -> raw_messages.Raw:
     if message.channel_id not in table:
-        raise ValueError(f"a message belongs to channel {message.channel_id}, which the file does not declare")
+        raise raw_messages.DamagedBytes(because("channel_undeclared", channel=message.channel_id))
     return raw_messages.Raw(message.log_time, table[message.channel_id], unpack_message(message.data))

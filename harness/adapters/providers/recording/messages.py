@@ -8,6 +8,7 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 
 from harness.adapters.providers.recording.raw_messages import Channel, Raw
 from harness.contracts.errors import RecordingInvalid
+from harness.contracts.reasons import because
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -38,17 +39,14 @@ class Decoder:
             return reader(raw.body)
         except Exception as error:
             raise RecordingInvalid(
-                f"A {raw.channel.type} on {raw.channel.topic} cannot be decoded ({error})",
-                where=f"{self._where}, log time {raw.log_ns / 1e9:.3f} s",
-                do="record it again, or leave the topic out in the topic settings",
+                because("message_undecodable", type=raw.channel.type, topic=raw.channel.topic, error=str(error)),
+                where=because("at_log_time", path=self._where, log_s=raw.log_ns / 1e9),
             ) from error
 
     def _reader(self, channel: Channel) -> Callable[[bytes], Any]:
         if channel.encoding not in ("cdr", "ros1"):
             raise RecordingInvalid(
-                f"Topic {channel.topic} is encoded as {channel.encoding!r}; readable are cdr and ros1",
-                where=self._where,
-                do="convert the recording to ROS 2 CDR",
+                because("topic_encoding_unknown", topic=channel.topic, encoding=channel.encoding), where=self._where
             )
         store = self._store(channel)
         read = store.deserialize_ros1 if channel.encoding == "ros1" else store.deserialize_cdr
@@ -60,9 +58,7 @@ class Decoder:
             if channel.type in known.fielddefs:
                 return known
             raise RecordingInvalid(
-                f"Topic {channel.topic} has the type {channel.type or 'unknown'}, whose definition is not in the file",
-                where=self._where,
-                do="record it with its definitions (MCAP does), or name another topic in the topic settings",
+                because("topic_definition_missing", topic=channel.topic, type=channel.type or "?"), where=self._where
             )
         own = get_typestore(Stores.EMPTY)
         try:
@@ -70,9 +66,8 @@ class Decoder:
             own.get_msgdef(channel.type)
         except Exception as error:
             raise RecordingInvalid(
-                f"The definition of {channel.type} on topic {channel.topic} cannot be used ({error})",
+                because("topic_definition_unusable", type=channel.type, topic=channel.topic, error=str(error)),
                 where=self._where,
-                do="record it again with complete definitions",
             ) from error
         return own
 
@@ -88,11 +83,7 @@ def stamp_ns(raw: Raw) -> int:
         else:
             seconds, nanoseconds = struct.unpack_from("<iI" if raw.body[1] else ">iI", raw.body, 4)
     except (struct.error, IndexError) as error:
-        raise RecordingInvalid(
-            f"A message on {raw.channel.topic} is too short to hold its header",
-            where=f"log time {raw.log_ns / 1e9:.3f} s",
-            do="copy the recording again",
-        ) from error
+        raise RecordingInvalid(because("message_too_short", topic=raw.channel.topic, log_s=raw.log_ns / 1e9)) from error
     return int(seconds) * 10**9 + int(nanoseconds)
 
 

@@ -7,8 +7,9 @@ from typing import BinaryIO
 import lz4.frame
 import zstandard
 
-from harness.adapters.providers.recording.raw_messages import RECORD_LIMIT
+from harness.adapters.providers.recording.raw_messages import RECORD_LIMIT, DamagedBytes
 from harness.contracts.errors import RecordingInvalid
+from harness.contracts.reasons import because
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 FILE_LIMIT = 64 * 1024 * 1024 * 1024
@@ -16,13 +17,13 @@ FILE_LIMIT = 64 * 1024 * 1024 * 1024
 
 
 def unpack(body: bytes, *, packing: str, size: int | None = None) -> bytes:
-    """Bytes of a block packed with "", none, zstd, lz4 or bz2; raises ValueError if they are not `size` long.
+    """Bytes of a block packed with "", none, zstd, lz4 or bz2; raises DamagedBytes if they are not `size` long.
 
     Without `size` the limit of one record holds.
     """
     limit = RECORD_LIMIT if size is None else size
     if limit > RECORD_LIMIT:
-        raise ValueError(f"a block of {limit} bytes exceeds the limit of {RECORD_LIMIT}")
+        raise DamagedBytes(because("block_too_large", size_bytes=limit, limit_bytes=RECORD_LIMIT))
     match packing:
         case "" | "none":
             unpacked, rest = body, b""
@@ -35,9 +36,9 @@ def unpack(body: bytes, *, packing: str, size: int | None = None) -> bytes:
             stream = bz2.BZ2Decompressor()
             unpacked, rest = stream.decompress(body, max_length=limit), b"" if stream.eof else b"more"
         case _:
-            raise ValueError(f"blocks are packed with {packing!r}; readable are zstd, lz4, bz2 and none")
+            raise DamagedBytes(because("packing_unknown", packing=packing))
     if rest or (size is not None and len(unpacked) != size):
-        raise ValueError(f"a block does not unpack to its declared {limit} bytes")
+        raise DamagedBytes(because("block_size_wrong", size_bytes=limit))
     return unpacked
 
 
@@ -62,12 +63,8 @@ def unpack_file(path: Path, into: BinaryIO) -> None:
                 written += into.write(piece)
                 if written > FILE_LIMIT:
                     raise RecordingInvalid(
-                        f"The recording expands beyond {FILE_LIMIT} bytes",
-                        where=str(path),
-                        do="expand it by hand and replay the expanded file",
+                        because("recording_expands_too_far", limit_bytes=FILE_LIMIT), where=str(path)
                     )
     except zstandard.ZstdError as error:
-        raise RecordingInvalid(
-            f"The compressed recording is damaged ({error})", where=str(path), do="copy it again from the robot"
-        ) from error
+        raise RecordingInvalid(because("packed_recording_damaged", error=str(error)), where=str(path)) from error
     into.flush()

@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.contracts.reasons import Reason, because
+
 _JPEG_QUALITY = 90
 _RAW = {
     "rgb8": (3, cv2.COLOR_RGB2BGR),
@@ -28,22 +30,22 @@ class EncodedPicture(NamedTuple):
     height_px: int
 
 
-def raw_picture(message: Any) -> EncodedPicture | str:
+def raw_picture(message: Any) -> EncodedPicture | Reason:
     """A sensor_msgs Image as JPEG, or why it cannot be shown."""
     if message.encoding not in _RAW:
-        return f"images are encoded as {message.encoding!r}"
+        return because("image_encoding_unknown", encoding=str(message.encoding))
     channels, conversion = _RAW[message.encoding]
     height, width, step = int(message.height), int(message.width), int(message.step)
     pixels = np.frombuffer(message.data, dtype=np.uint8)
     if width == 0 or height == 0 or step < width * channels or len(pixels) < step * height:
-        return "images are shorter than their size says"
+        return because("images_too_short")
     rows = pixels[: step * height].reshape(height, step)[:, : width * channels].reshape(height, width, channels)
     picture = rows if conversion is None else cv2.cvtColor(rows, conversion)
     done, body = cv2.imencode(".jpg", np.ascontiguousarray(picture), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-    return EncodedPicture(body.tobytes(), "image/jpeg", width, height) if done else "images cannot be encoded"
+    return EncodedPicture(body.tobytes(), "image/jpeg", width, height) if done else because("images_not_encodable")
 
 
-def compressed_picture(message: Any) -> EncodedPicture | str:
+def compressed_picture(message: Any) -> EncodedPicture | Reason:
     """A sensor_msgs CompressedImage as it was recorded, checked to be whole, or why it cannot be shown."""
     body = bytes(message.data)
     if body.startswith(b"\xff\xd8"):
@@ -52,23 +54,23 @@ def compressed_picture(message: Any) -> EncodedPicture | str:
     elif body.startswith(b"\x89PNG"):
         media_type, whole = "image/png", b"IEND" in body[-16:]
     else:
-        return f"images are compressed as {message.format!r}"
+        return because("image_compression_unknown", format=str(message.format))
     picture = cv2.imdecode(np.frombuffer(body, dtype=np.uint8), cv2.IMREAD_COLOR) if whole else None
     if picture is None:
-        return "images are damaged"
+        return because("images_damaged")
     return EncodedPicture(body, media_type, picture.shape[1], picture.shape[0])
 
 
-def cloud_points(message: Any, *, most: int) -> NDArray[np.float64] | str:
+def cloud_points(message: Any, *, most: int) -> NDArray[np.float64] | Reason:
     """Finite points of a PointCloud2, (n, 3) metres in its frame, thinned evenly to `most`; or why there are none."""
     fields = {field.name.lower(): field for field in message.fields}
     axes = [fields.get(name) for name in "xyz"]
     if any(axis is None or axis.datatype not in _SCALARS for axis in axes):
-        return "clouds have no x, y and z of type float"
+        return because("clouds_without_axes")
     width, height, step, row = (int(message.width), int(message.height), int(message.point_step), int(message.row_step))
     body = np.frombuffer(message.data, dtype=np.uint8)
     if row < width * step or len(body) < row * height or step == 0:
-        return "clouds are shorter than their size says"
+        return because("clouds_too_short")
     order = ">" if message.is_bigendian else "<"
     kind = np.dtype(
         {

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple, Protocol
 
 from harness.contracts.errors import RecordingInvalid
+from harness.contracts.reasons import Reason, because, plain, recorded
 
 RECORD_LIMIT = 512 * 1024 * 1024
 """Largest record or unpacked block that is read, in bytes: what a hostile length can cost."""
@@ -49,12 +50,12 @@ class MessageReader(Protocol):
     """Reads a container of recorded messages. `scan` must be read to its end before any other call.
 
     `channels` lists every declared stream; `checks` says what guards the bytes; `cut` says what a recovered file
-    lacks, "" for a whole one; `metadata` holds the container's own named records.
+    lacks, None for a whole one; `metadata` holds the container's own named records.
     """
 
     channels: list[Channel]
-    checks: str
-    cut: str
+    checks: Reason
+    cut: Reason | None
     metadata: dict[str, dict[str, str]]
 
     def scan(self) -> Iterator[Raw]:
@@ -66,6 +67,14 @@ class MessageReader(Protocol):
 
 class Short(Exception):
     """The file ends inside a record."""
+
+
+class DamagedBytes(ValueError):
+    """Bytes that contradict the format; `reason` says how."""
+
+    def __init__(self, reason: Reason) -> None:
+        super().__init__(plain(reason))
+        self.reason = reason
 
 
 class Cursor:
@@ -81,11 +90,11 @@ class Cursor:
         return self._size - self.at
 
     def read(self, length: int) -> bytes:
-        """Exactly `length` bytes; raises Short at the end of the file and ValueError beyond the limit."""
+        """Exactly `length` bytes; raises Short at the end of the file and DamagedBytes beyond the limit."""
         if length > self.left:
             raise Short
         if length > RECORD_LIMIT:
-            raise ValueError(f"a record of {length} bytes exceeds the limit of {RECORD_LIMIT}")
+            raise DamagedBytes(because("record_too_large", size_bytes=length, limit_bytes=RECORD_LIMIT))
         body = self._file.read(length)
         self.at += length
         return body
@@ -107,17 +116,20 @@ def reading(path: Path, cursor: Cursor | None = None) -> Iterator[None]:
         raise
     except OSError as error:
         raise RecordingInvalid(
-            f"The recording cannot be read ({error.strerror or error})",
-            where=str(path),
-            do="check the file and its rights",
+            because("recording_unreadable", error=error.strerror or str(error)), where=str(path)
         ) from error
     except Exception as error:
-        place = f"{path}, byte {cursor.at}" if cursor else str(path)
-        raise RecordingInvalid(
-            f"The recording is damaged ({error or type(error).__name__})",
-            where=place,
-            do="copy it again from the robot and compare checksums",
-        ) from error
+        reason = error.reason if isinstance(error, DamagedBytes) else recorded(str(error) or type(error).__name__)
+        where = because("at_byte", path=str(path), byte=cursor.at) if cursor else str(path)
+        raise RecordingInvalid(because("recording_damaged", reason=reason), where=where) from error
+
+
+def cut_off(cut: Reason, *, whole: int, recover: bool, where: str) -> Reason:
+    """What a recovered file lacks, with the number of messages that are whole. Raises RecordingInvalid otherwise."""
+    if not recover:
+        do = because("whole_part_recoverable", count=whole) if whole else because("copy_recording_again")
+        raise RecordingInvalid(cut, where=where, do=do)
+    return because("recording_incomplete", cut=cut, count=whole)
 
 
 def in_time_order(blocks: Sequence[Block], load: Callable[[Block], list[Raw]]) -> Iterator[Raw]:

@@ -5,7 +5,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from harness.adapters.providers.recording.binding import METADATA, bound, timed
+from harness.adapters.providers.recording.binding import METADATA, bind_frame, choose_clock
 from harness.adapters.providers.recording.container import Container
 from harness.adapters.providers.recording.messages import Decoder
 from harness.adapters.providers.recording.roles import Topic, TopicRoles, assigned, listed
@@ -25,6 +25,7 @@ from harness.contracts import ids
 from harness.contracts.errors import RecordingInvalid
 from harness.contracts.ids import Digest
 from harness.contracts.observations import AnySample, Pose
+from harness.contracts.reasons import Reason, because
 from harness.contracts.values import Count, Name, Point, Value
 
 NO_TARGET = "no target"
@@ -33,7 +34,7 @@ NO_TARGET = "no target"
 class RecordingSummary(Value):
     """What a recording holds and how far it can be trusted. Seconds are mission time, see `clocks`.
 
-    `single_source` is True unless position and odometry come from topics of their own (D17). `incomplete` is "" for
+    `single_source` is True unless position and odometry come from topics of their own (D17). `incomplete` is None for
     a whole recording. `left_out` says what was not read, and why.
     """
 
@@ -50,9 +51,9 @@ class RecordingSummary(Value):
     frame: Name
     map_version: Name
     clocks: Clocks
-    checks: str
-    incomplete: str
-    left_out: tuple[str, ...]
+    checks: Reason
+    incomplete: Reason | None
+    left_out: tuple[Reason, ...]
 
 
 def open_recording(path: Path, topics: TopicSettings | None = None, *, recover: bool = False) -> "Recording":
@@ -211,8 +212,11 @@ class Recording:
             incomplete=self._container.reader.cut,
             left_out=(
                 *self.roles.notes,
-                *(f"{topic}: {count} positions are not finite" for topic, count in unusable.items()),
-                *(f"{reason} ({count})" for reason, count in self._latest.left_out.items()),
+                *(because("positions_left_out", topic=topic, count=count) for topic, count in unusable.items()),
+                *(
+                    because("samples_left_out", topic=topic, reason=reason, count=count)
+                    for (topic, _), (reason, count) in self._latest.left_out.items()
+                ),
             ),
         )
 
@@ -227,7 +231,7 @@ class Recording:
         self.roles = assigned(self.topics, self.settings, where=where)
         self._frames = Frames((*self.settings.static_transforms, *self._survey.transforms))
         self._recorded = reader.metadata.get(METADATA, {})
-        self._binding = bound(
+        self._binding = bind_frame(
             self._survey.positions[self.roles.position],
             settings=self.settings,
             frames=self._frames,
@@ -235,19 +239,15 @@ class Recording:
             recorded=self._recorded,
             where=where,
         )
-        self.clocks, self._times = timed(self._survey, roles=self.roles, settings=self.settings, where=where)
+        self.clocks, self._times = choose_clock(self._survey, roles=self.roles, settings=self.settings, where=where)
         self._latest = self._samples(self.roles)
 
     def _check_count(self) -> None:
         declared, found = self._container.declared, sum(self._survey.counts.values())
         if self._container.reader.cut and not found:
-            raise RecordingInvalid(self._container.reader.cut, where=str(self.path), do="copy the recording again")
+            raise RecordingInvalid(self._container.reader.cut, where=str(self.path), do=because("copy_recording_again"))
         if declared is not None and declared != found and not self._container.reader.cut:
-            raise RecordingInvalid(
-                f"The folder's metadata declares {declared} messages; its files hold {found}",
-                where=str(self.path),
-                do="copy the files again, or reindex the folder",
-            )
+            raise RecordingInvalid(because("folder_count_wrong", declared=declared, found=found), where=str(self.path))
 
     def _samples(self, roles: TopicRoles) -> Samples:
         return Samples(
@@ -264,24 +264,24 @@ class Recording:
 
     def _route(self, message: Any, log_ns: int) -> DispatchedRoute:
         own = message.header.frame_id or message.poses[0].header.frame_id or self.frame
-        points = self._points([stamped.pose for stamped in message.poses], own, what="path", log_ns=log_ns)
+        points = self._points([stamped.pose for stamped in message.poses], own, kind="path", log_ns=log_ns)
         return DispatchedRoute(at_s=self._times.arrival_s(log_ns), frame=self.frame, route_m=points)
 
     def _goal(self, message: Any, log_ns: int) -> DispatchedRoute:
         own = message.header.frame_id or self.frame
-        (point,) = self._points([message.pose], own, what="goal", log_ns=log_ns)
+        (point,) = self._points([message.pose], own, kind="goal", log_ns=log_ns)
         return DispatchedRoute(at_s=self._times.arrival_s(log_ns), frame=self.frame, route_m=(), target_m=point)
 
-    def _points(self, poses: Sequence[Any], own: str, *, what: str, log_ns: int) -> tuple[Point, ...]:
+    def _points(self, poses: Sequence[Any], own: str, *, kind: str, log_ns: int) -> tuple[Point, ...]:
         """Poses stated in the frame `own` as points in the frame of the positions."""
         matrix = None if own == self.frame else self._frames.between(self.frame, own)
         points = [planar(pose, matrix) for pose in poses]
         usable = tuple((point[0], point[1]) for point in points if point is not None)
         if len(usable) < len(points) or (matrix is None and own != self.frame):
-            reason = f"is stated in {own}, positions in {self.frame}" if own != self.frame else "is not finite"
             raise RecordingInvalid(
-                f"A recorded {what} {reason}",
-                where=f"{self.path}, log time {log_ns / 1e9:.3f} s",
-                do="give the missing static transform in the topic settings, or the target with --target",
+                because("recorded_point_in_other_frame", kind=kind, own=own, frame=self.frame)
+                if own != self.frame
+                else because("recorded_point_not_finite", kind=kind),
+                where=because("at_log_time", path=str(self.path), log_s=log_ns / 1e9),
             )
         return usable

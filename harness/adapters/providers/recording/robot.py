@@ -17,6 +17,7 @@ from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId, RequestId
 from harness.contracts.observations import AnySample, Pose
 from harness.contracts.ports import BlobStore, Clock, Provider
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment, Point, encode
 from harness.provider_protocol.proposals import intended
 
@@ -175,9 +176,7 @@ class RecordingNavigator(LocalProvider):
         now_s = self._clock.now().mission_s
         if self._next(now_s) is None:
             raise ProviderFailed(
-                f"No recorded segment is left at {now_s:.3f} s of mission time",
-                where=f"{CARD.provider_id}, {len(self._segments)} segments",
-                do="replay the recording from its start",
+                because("no_segment_left", at_s=now_s, segments=len(self._segments)), where=CARD.provider_id
             )
 
     def begin(self, request: protocol.StartRequest, now_s: float) -> None:

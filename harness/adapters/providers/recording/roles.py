@@ -14,6 +14,7 @@ from harness.adapters.providers.recording.messages import (
 from harness.adapters.providers.recording.raw_messages import Channel
 from harness.adapters.providers.recording.topics import TopicSettings
 from harness.contracts.errors import RecordingInvalid
+from harness.contracts.reasons import Reason, because, several
 from harness.contracts.values import Count, Name, Value
 
 READABLE = ("cdr", "ros1")
@@ -35,7 +36,7 @@ class TopicRoles(NamedTuple):
     odometry: str
     camera: str
     cloud: str
-    notes: tuple[str, ...]
+    notes: tuple[Reason, ...]
 
     @property
     def position(self) -> str:
@@ -61,9 +62,7 @@ def listed(channels: Sequence[Channel], counts: Mapping[str, int]) -> tuple[Topi
 def assigned(topics: Sequence[Topic], settings: TopicSettings, *, where: str) -> TopicRoles:
     """Roles by the settings; raises RecordingInvalid if no topic gives the robot's position."""
     if not any(topic.messages for topic in topics):
-        raise RecordingInvalid(
-            "The recording holds no messages", where=where, do=f"record again; it declares {described(topics)}"
-        )
+        raise RecordingInvalid(because("recording_without_messages", topics=described(topics)), where=where)
     choice = _Choice(topics, where)
     named_pose = "body_pose" in settings.model_fields_set
     pose = choice.named(settings.body_pose, (POSE, POSE_COVARIANCE, ODOMETRY), role="body_pose", must=named_pose)
@@ -76,15 +75,14 @@ def assigned(topics: Sequence[Topic], settings: TopicSettings, *, where: str) ->
     return roles
 
 
-def described(topics: Sequence[Topic]) -> str:
-    """Topics for a person: name (type, count)."""
-    return ", ".join(f"{topic.name} ({topic.type or 'no type'}, {topic.messages})" for topic in topics) or "no topics"
+def described(topics: Sequence[Topic]) -> tuple[str, ...]:
+    """Topics for a person: name (type, count); a dash where there are none."""
+    return tuple(f"{topic.name} ({topic.type or '-'}, {topic.messages})" for topic in topics) or ("-",)
 
 
 class _Choice:
     def __init__(self, topics: Sequence[Topic], where: str) -> None:
-        self.notes: list[str] = []
-        self.open: list[str] = []
+        self.notes: list[Reason] = []
         self._topics, self._where = topics, where
 
     def named(self, name: str, types: tuple[str, ...], *, role: str, must: bool) -> str:
@@ -93,12 +91,13 @@ class _Choice:
         if topic is None and not (must and name):
             return ""
         if topic is None or topic.type not in types:
-            found = f"has the type {topic.type}" if topic else "is not in the recording"
-            raise RecordingInvalid(
-                f"The {role} topic {name} {found}",
-                where=self._where,
-                do=f"name one of type {' or '.join(types)}; recorded are {described(self._topics)}",
+            known = described(self._topics)
+            wrong = (
+                because("role_topic_type", role=role, topic=name, type=topic.type, types=types, topics=known)
+                if topic
+                else because("role_topic_absent", role=role, topic=name, types=types, topics=known)
             )
+            raise RecordingInvalid(wrong, where=self._where)
         return name
 
     def of(self, name: str | None, types: tuple[str, ...], *, role: str) -> str:
@@ -109,22 +108,19 @@ class _Choice:
         if len(found) == 1:
             return found[0]
         if found:
-            self.notes.append(f"{role}: several topics, none read; name one of {', '.join(found)}")
+            self.notes.append(because("role_ambiguous", role=role, topics=tuple(found)))
         return ""
 
 
 def _nowhere(topics: Sequence[Topic], choice: _Choice, where: str) -> RecordingInvalid:
     held = [topic for topic in topics if topic.messages]
     if not any(topic.encoding in READABLE for topic in held):
-        encodings = ", ".join(sorted({repr(topic.encoding) for topic in held}))
-        return RecordingInvalid(
-            f"Its messages are encoded as {encodings}; readable are {' and '.join(READABLE)}",
-            where=where,
-            do="convert the recording to ROS 2 CDR",
-        )
-    if all("/srv/" in topic.type for topic in held):
-        what = "The recording holds service calls only, and no pose or odometry"
-    else:
-        what = "Nothing in the recording says where the robot was: no body pose and no odometry topic"
-    advice = "; ".join(choice.notes) or "name a topic of type PoseStamped, PoseWithCovarianceStamped or Odometry"
-    return RecordingInvalid(what, where=where, do=f"{advice}; recorded are {described(topics)}")
+        encodings = tuple(sorted({repr(topic.encoding) for topic in held}))
+        return RecordingInvalid(because("messages_encoding_unknown", encodings=encodings), where=where)
+    services = all("/srv/" in topic.type for topic in held)
+    advice = tuple(choice.notes) or (because("position_topic_needed"),)
+    return RecordingInvalid(
+        because("service_calls_only" if services else "position_topic_missing"),
+        where=where,
+        do=several((*advice, because("topics_recorded", topics=described(topics)))) or "",
+    )

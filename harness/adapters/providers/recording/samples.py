@@ -1,6 +1,5 @@
 """Converts recorded messages to contract samples, each with the mission time at which it arrived."""
 
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -16,6 +15,7 @@ from harness.adapters.providers.recording.survey import pose_of
 from harness.adapters.providers.recording.topics import Clock, TopicSettings
 from harness.contracts import observations
 from harness.contracts.ids import Digest, RequestId
+from harness.contracts.reasons import Reason, because, plain
 from harness.contracts.values import Value
 
 BODY = "body"
@@ -29,7 +29,7 @@ class Clocks(Value):
     """
 
     clock: Clock
-    reason: str
+    reason: Reason | None
     least_delay_s: float
     most_delay_s: float
     first_log_s: float
@@ -69,7 +69,10 @@ class Binding:
 
 
 class Samples:
-    """One pass over the samples of a recording, in order of arrival; `left_out` counts what could not be used."""
+    """One pass over the samples of a recording, in order of arrival.
+
+    `left_out` has what could not be used, by topic and reason: the reason, and how often it was met.
+    """
 
     def __init__(
         self,
@@ -81,7 +84,7 @@ class Samples:
         times: RecordingClock,
         decoder: Decoder,
     ) -> None:
-        self.left_out: Counter[str] = Counter()
+        self.left_out: dict[tuple[str, str], tuple[Reason, int]] = {}
         self._roles, self._settings, self._binding = roles, settings, binding
         self._frames, self._times, self._decoder = frames, times, decoder
         self._pose: observations.Pose | None = None
@@ -155,8 +158,8 @@ class Samples:
         message = self._decoder.decode(raw)
         packed = raw.channel.type == COMPRESSED_IMAGE
         picture = compressed_picture(message) if packed else raw_picture(message)
-        if isinstance(picture, str):
-            self.left_out[f"{raw.channel.topic}: {picture}"] += 1
+        if isinstance(picture, Reason):
+            self._leave_out(raw, picture)
             return
         blob = keep(picture.body)
         yield lambda seq: observations.Image(
@@ -175,17 +178,25 @@ class Samples:
     def _scan(self, raw: Raw, keep: Callable[[bytes], Digest]) -> Iterator[Callable[[int], observations.AnySample]]:
         message = self._decoder.decode(raw)
         to_body = self._to_body(message.header.frame_id)
-        points = cloud_points(message, most=self._settings.cloud_points)
         if to_body is None:
-            points = f"no transform joins {message.header.frame_id!r} to {self._binding.frame} or to the body"
-        if isinstance(points, str) or to_body is None:
-            self.left_out[f"{raw.channel.topic}: {points}"] += 1
+            self._leave_out(
+                raw, because("transform_missing", source=message.header.frame_id, frame=self._binding.frame)
+            )
+            return
+        points = cloud_points(message, most=self._settings.cloud_points)
+        if isinstance(points, Reason):
+            self._leave_out(raw, points)
             return
         body = transforms.apply(to_body, points).astype("<f4")
         blob = keep(np.ascontiguousarray(body).tobytes())
         yield lambda seq: observations.Scan(
             seq=seq, at_s=self._times.sensed_s(raw), source="lidar", frame=BODY, blob=blob, points=len(body)
         )
+
+    def _leave_out(self, raw: Raw, reason: Reason) -> None:
+        key = (raw.channel.topic, plain(reason))
+        _, count = self.left_out.get(key, (reason, 0))
+        self.left_out[key] = (reason, count + 1)
 
     def _to_body(self, frame: str) -> transforms.Matrix | None:
         """Matrix from a cloud's frame to the body, over the map where the cloud is fixed to it (R179)."""
@@ -201,7 +212,7 @@ class Samples:
     def _due(self, raw: Raw, period_s: float) -> bool:
         at_s, topic = self._times.arrival_s(raw.log_ns), raw.channel.topic
         if at_s < self._next_at.get(topic, at_s):
-            self.left_out[f"{topic}: thinned to one message per {period_s:g} s"] += 1
+            self._leave_out(raw, because("messages_thinned", period_s=period_s))
             return False
         self._next_at[topic] = at_s + period_s
         return True

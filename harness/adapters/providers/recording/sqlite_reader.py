@@ -10,9 +10,10 @@ from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from harness.adapters.providers.recording.packing import unpack_message
-from harness.adapters.providers.recording.raw_messages import Channel, Raw, reading
+from harness.adapters.providers.recording.raw_messages import Channel, DamagedBytes, Raw, reading
 from harness.adapters.providers.recording.type_names import ros2_name
 from harness.contracts.errors import RecordingInvalid
+from harness.contracts.reasons import Reason, because, recorded
 
 SCHEMA_ENCODINGS = {
     MessageDefinitionFormat.MSG: "ros2msg",
@@ -27,19 +28,15 @@ class SqliteReader:
     def __init__(self, paths: Sequence[Path], *, names: Sequence[Path]) -> None:
         self.channels: list[Channel] = []
         self.metadata: dict[str, dict[str, str]] = {}
-        self.checks = "database structure verified; the format carries no checksums for its messages"
-        self.cut = ""
+        self.checks = because("database_structure_checked")
+        self.cut: Reason | None = None
         self._files = tuple(zip(paths, names, strict=True))
 
     def scan(self) -> Iterator[Raw]:
         for path, name in self._files:
             beside = path.with_name(path.name + "-wal")
             if beside.exists() and beside.stat().st_size:
-                raise RecordingInvalid(
-                    f"The database was not closed: {beside.name} holds messages that are not in it yet",
-                    where=str(name),
-                    do="open it once with sqlite3 where it was recorded, which merges them",
-                )
+                raise RecordingInvalid(because("recording_not_closed", file=beside.name), where=str(name))
             with reading(name):
                 _check(path)
                 with _opened(path) as database:
@@ -57,11 +54,11 @@ class SqliteReader:
 
 
 def _check(path: Path) -> None:
-    """Raises ValueError for a damaged database; rosbags reads what it can of one."""
+    """Raises DamagedBytes for a damaged database; rosbags reads what it can of one."""
     with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
         (found,) = database.execute("PRAGMA quick_check(1)").fetchone()
         if found != "ok":
-            raise ValueError(found)
+            raise DamagedBytes(recorded(found))
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from harness.adapters.providers.recording.raw_messages import Channel, Raw
 from harness.adapters.providers.recording.topics import StaticTransform, TopicSettings
 from harness.adapters.providers.recording.transforms import planar
 from harness.contracts.errors import RecordingInvalid
+from harness.contracts.reasons import because
 
 POSITIONS = (messages.POSE, messages.POSE_COVARIANCE, messages.ODOMETRY)
 
@@ -118,9 +119,12 @@ def _transform(stamped: Any) -> StaticTransform:
     values = (moved.x, moved.y, moved.z, turn.x, turn.y, turn.z, turn.w)
     if not all(map(math.isfinite, values)) or not any(values[3:]):
         raise RecordingInvalid(
-            f"The recorded transform of {stamped.child_frame_id} is not one ({values})",
-            where=f"frame {stamped.header.frame_id}",
-            do="give the transform in the topic settings and leave the recorded ones out",
+            because(
+                "recorded_transform_invalid",
+                child=str(stamped.child_frame_id),
+                parent=str(stamped.header.frame_id),
+                values=", ".join(f"{value:g}" for value in values),
+            )
         )
     return StaticTransform(
         parent=stamped.header.frame_id.lstrip("/"),

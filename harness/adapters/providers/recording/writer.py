@@ -20,6 +20,7 @@ from harness.adapters.providers.recording.transforms import body_from_map, matri
 from harness.contracts import observations
 from harness.contracts.errors import RecordingInvalid
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import because
 from harness.contracts.values import Name, Point, Positive, Value
 
 LIMIT_BYTES = 4 * 1024 * 1024
@@ -105,9 +106,7 @@ def record_mission(
     step until the file fits. Raises RecordingInvalid if it cannot fit, cannot be written or has no poses.
     """
     if not any(isinstance(sample, observations.Pose) for sample in samples):
-        raise RecordingInvalid(
-            f"Mission {mission.mission_id} has no poses to record", where=str(path), do="record a mission that moved"
-        )
+        raise RecordingInvalid(because("mission_without_poses", mission_id=mission.mission_id), where=str(path))
     beside = path.with_name(path.name + ".part")
     try:
         for thinning in THINNINGS:
@@ -119,16 +118,10 @@ def record_mission(
             if size <= limit_bytes:
                 os.replace(beside, path)
                 return Written(path=str(path), bytes=size, messages=counts, thinning=_told(thinning))
-        raise RecordingInvalid(
-            f"The mission does not fit into {limit_bytes} bytes even without pictures and lidar ({size} bytes)",
-            where=str(path),
-            do="raise the limit, or record fewer legs",
-        )
+        raise RecordingInvalid(because("mission_too_large", limit_bytes=limit_bytes, size_bytes=size), where=str(path))
     except OSError as error:
         raise RecordingInvalid(
-            f"The recording cannot be written ({error.strerror})",
-            where=str(path),
-            do="give a folder that exists and can be written, with space left",
+            because("recording_unwritable", error=error.strerror or str(error)), where=str(path)
         ) from error
     finally:
         beside.unlink(missing_ok=True)
@@ -195,8 +188,8 @@ class _Recorder:
             if leg.departed_s is not None:
                 yield _Entry(leg.departed_s, "log", self._line(leg.departed_s, f"DEPARTED on {leg.name}"))
             if leg.arrived_s is not None:
-                told = "" if leg.declared_distance_m is None else f": {leg.declared_distance_m:.6f} m to the goal"
-                yield _Entry(leg.arrived_s, "log", self._line(leg.arrived_s, f"GOAL REACHED{told}"))
+                text = "" if leg.declared_distance_m is None else f": {leg.declared_distance_m:.6f} m to the goal"
+                yield _Entry(leg.arrived_s, "log", self._line(leg.arrived_s, f"GOAL REACHED{text}"))
             if leg.closed_s is not None:
                 yield _Entry(leg.closed_s, "log", self._line(leg.closed_s, f"LEG CLOSED on {leg.name}"))
         at_s = start_s + _SLAM_PERIOD_S

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from harness.contracts.errors import ProviderFailed
+from harness.contracts.reasons import Reason, because, recorded
 
 Samples = npt.NDArray[np.int16]
 
@@ -25,15 +26,13 @@ def synthesise(text: str, *, voice: str = VOICE) -> tuple[Samples, int]:
     try:
         child = subprocess.run(command, input=text.encode(), capture_output=True, timeout=_LONGEST_S, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise _failure(str(error)) from error
+        raise _failure(recorded(str(error))) from error
     if child.returncode != 0:
-        reason = child.stderr.decode(errors="replace").strip().splitlines()
-        raise _failure(reason[-1] if reason else f"the synthesis ended with code {child.returncode}")
+        lines = child.stderr.decode(errors="replace").strip().splitlines()
+        raise _failure(recorded(lines[-1]) if lines else because("process_ended_with", status=child.returncode))
     rate, _, body = child.stdout.partition(b"\n")
     return np.frombuffer(body, dtype="<i2"), int(rate)
 
 
-def _failure(reason: str) -> ProviderFailed:
-    return ProviderFailed(
-        f"espeak-ng could not speak: {reason}", where="espeak-voice", do="install the project again or change the voice"
-    )
+def _failure(reason: Reason) -> ProviderFailed:
+    return ProviderFailed(because("speech_not_synthesised", reason=reason))

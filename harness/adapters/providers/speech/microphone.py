@@ -33,29 +33,30 @@ class RoomMicrophone:
         """Whether there is a room to record."""
         return self._room is not None
 
-    def measure(self, asked: Measurement) -> tuple[EvidenceReference, ...]:
+    def measure(self, measurement: Measurement) -> tuple[EvidenceReference, ...]:
         """Nothing for a look that speaks nothing. Raises ProviderFailed if the recogniser fails."""
-        if not asked.executes or asked.until_s <= asked.from_s:
+        if not measurement.executes or measurement.until_s <= measurement.from_s:
             return ()
         if self._room is not None:
-            recording = self._room.recording(asked.from_s, asked.until_s)
+            recording = self._room.recording(measurement.from_s, measurement.until_s)
             kept = self._keep(recording)
-            return (self._reference("room_sound", MICROPHONE, kept, asked), self._recognition(recording, asked))
-        played = [one.blob for one in asked.receipts if one.kind == "playback" and one.blob]
-        return (self._recognition(self._read(played[-1]), asked),) if played else ()
+            sound = self._reference("room_sound", MICROPHONE, kept, measurement)
+            return (sound, self._recognition(recording, measurement))
+        played = [one.blob for one in measurement.receipts if one.kind == "playback" and one.blob]
+        return (self._recognition(self._read(played[-1]), measurement),) if played else ()
 
-    def _recognition(self, recording: bytes, asked: Measurement) -> EvidenceReference:
-        found = recognised(recording, text=asked.text, names=asked.names)
-        return self._reference("recognition", RECOGNISER, self._keep(encode(found)), asked)
+    def _recognition(self, recording: bytes, measurement: Measurement) -> EvidenceReference:
+        found = recognised(recording, text=measurement.text, names=measurement.names)
+        return self._reference("recognition", RECOGNISER, self._keep(encode(found)), measurement)
 
-    def _reference(self, kind: str, source: str, blob: Digest, asked: Measurement) -> EvidenceReference:
+    def _reference(self, kind: str, source: str, blob: Digest, measurement: Measurement) -> EvidenceReference:
         return EvidenceReference(
             kind=kind,
             origin="sensor",
             source=source,
-            from_s=asked.from_s,
-            until_s=asked.until_s,
+            from_s=measurement.from_s,
+            until_s=measurement.until_s,
             confidence=1.0,
             blob=blob,
-            values={"asked_text": self._keep(asked.text.encode())},
+            values={"asked_text": self._keep(measurement.text.encode())},
         )

@@ -17,6 +17,7 @@ from harness.adapters.providers.speech.language import bigrams, pronunciations, 
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import sha256
 from harness.contracts.measurements import Recognition
+from harness.contracts.reasons import Reason, because, recorded
 
 RATE_HZ = 16_000
 _CHILD = Path(__file__).with_name("sphinx_child.py")
@@ -50,10 +51,10 @@ def _heard(samples: bytes, *, model: str, dictionary: str) -> str:
             [sys.executable, "-P", str(_CHILD)], input=job, capture_output=True, timeout=_LONGEST_S, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise _failure(str(error)) from error
+        raise _failure(recorded(str(error))) from error
     if child.returncode != 0:
-        reason = child.stderr.decode(errors="replace").strip().splitlines()
-        raise _failure(reason[-1] if reason else f"it ended with code {child.returncode}")
+        lines = child.stderr.decode(errors="replace").strip().splitlines()
+        raise _failure(recorded(lines[-1]) if lines else because("process_ended_with", status=child.returncode))
     return child.stdout.decode(errors="replace").strip()
 
 
@@ -62,11 +63,11 @@ def _samples(recording: bytes) -> bytes:
     try:
         with wave.open(io.BytesIO(recording)) as file:
             if (file.getnchannels(), file.getsampwidth()) != (1, 2):
-                raise _failure("the recording is not 16-bit mono")
+                raise _failure(because("sound_not_16_bit_mono"))
             rate_hz = file.getframerate()
             body: bytes = file.readframes(file.getnframes())
     except (wave.Error, EOFError) as error:
-        raise _failure(f"the recording is no WAV ({error})") from error
+        raise _failure(because("sound_no_wav", error=str(error))) from error
     if rate_hz == RATE_HZ:
         return body
     samples = np.frombuffer(body, dtype="<i2").astype(np.float64)
@@ -94,7 +95,5 @@ def _lines(sounds: dict[str, tuple[str, ...]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _failure(reason: str) -> ProviderFailed:
-    return ProviderFailed(
-        f"The recogniser could not work: {reason}", where="recogniser", do="install the project again"
-    )
+def _failure(reason: Reason) -> ProviderFailed:
+    return ProviderFailed(because("speech_recogniser_failed", reason=reason))

@@ -12,6 +12,7 @@ from harness.contracts.effects import Symbolic
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import PROTOCOL, Progress, StartRequest
+from harness.contracts.reasons import because
 from harness.contracts.values import Value
 from harness.provider_protocol.proposals import claims
 
@@ -67,16 +68,14 @@ class EspeakVoice(local.LocalProvider):
     def check(self, request: StartRequest) -> None:
         text = str(request.parameters["text"])
         if not text.strip() or "\0" in text:
-            raise ProviderFailed(
-                "The text cannot be spoken", where="espeak-voice, parameter text", do="pass the report"
-            )
+            raise ProviderFailed(because("text_not_speakable"), where=CARD.provider_id)
         if self._playback is not None and self._clock.now().mission_s < self._playback.end_s:
-            raise ProviderFailed("The speaker is playing", where="espeak-voice", do="wait for its end, or stop it")
+            raise ProviderFailed(because("speaker_busy"), where=CARD.provider_id)
 
     def begin(self, request: StartRequest, now_s: float) -> None:
         samples, rate_hz = synthesise(str(request.parameters["text"]))
         if not samples.any():
-            raise ProviderFailed("The text has no sound", where="espeak-voice, parameter text", do="use words")
+            raise ProviderFailed(because("text_without_sound"), where=CARD.provider_id)
         self._playback = _Playback(
             request=request.identity.request_id,
             wav=self._blobs.put(wav(samples, rate_hz=rate_hz)),

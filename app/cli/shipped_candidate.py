@@ -31,13 +31,13 @@ def put_in_review(releases: ReleaseService, folder: Path, found: Shipped | None 
         return
     name = shipped.candidate.candidate_id
     plain = "ships with the program"
-    _taken(releases.propose(shipped.candidate, _say("propose", plain)))
-    _taken(releases.begin(shipped.terms, _say("begin", plain)))
+    _taken(releases.propose(shipped.candidate, _signed("propose", plain)))
+    _taken(releases.begin(shipped.terms, _signed("begin", plain)))
     _counted(folder, shipped)
-    _taken(releases.submit_results(shipped.judged_on(), _say("results", plain)))
-    _taken(releases.comment(name, _say("label", shipped.label)))
+    _taken(releases.submit_results(shipped.judged_on(), _signed("results", plain)))
+    _taken(releases.comment(name, _signed("label", shipped.label)))
     if releases.review(name).status == "accepted":
-        _taken(releases.submit(name, _say("submit", "every clause that can be answered before a release passes")))
+        _taken(releases.submit(name, _signed("submit", "every clause that can be answered before a release passes")))
 
 
 def _counted(folder: Path, shipped: Shipped) -> None:
@@ -49,7 +49,7 @@ def _counted(folder: Path, shipped: Shipped) -> None:
             looks.close(opened, one.answer)
 
 
-def _say(word: str, reason: str) -> SignedBy:
+def _signed(word: str, reason: str) -> SignedBy:
     return SignedBy(STARTING, reason, f"shipped:{word}")
 
 
