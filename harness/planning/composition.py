@@ -329,8 +329,15 @@ class _Composition:
             made = replace(_renamed(condition, compiled), clause=cited)
             gone = {compiled.named(name) for name in skipped}
             made = replace(made, effect=_without(made.effect, gone))
+            made = _instead(made, gone, self._brought(compiled.part.place), scope=compiled.scope)
             made = self._over_the_way(compiled, made)
             yield _after(made, before) if before is not None and before != REQUEST else made
+
+    def _brought(self, place_id: PlaceId | None) -> NodeId | None:
+        """The stage that has brought the body to this place before; None if none has."""
+        target = next((one.approach_m for one in self._site.places if one.place_id == place_id), None)
+        found = [node.node_id for node in self._mission.nodes if target in tasks.targets_of(node)]
+        return found[-1] if found else None
 
     def _over_the_way(self, compiled: Compiled, condition: Condition) -> Condition:
         """A circuit that is not all of the mission is judged by what was accepted: the body may be elsewhere by now."""
@@ -467,6 +474,19 @@ def _without(effect: AnyEffect, gone: set[NodeId]) -> AnyEffect:
     if not isinstance(effect, Temporal) or not effect.nodes:
         return effect
     return replace(effect, nodes=tuple(name for name in effect.nodes if name not in gone))
+
+
+def _instead(condition: Condition, gone: set[NodeId], stage: NodeId | None, *, scope: str) -> Condition:
+    """What a stage that is left out was to show, of the stage that has brought the body there before.
+
+    The condition belongs to that stage's part, whose facts it reads.
+    """
+    effect = condition.effect
+    if not isinstance(effect, Relational) or effect.subject not in gone or stage is None:
+        return condition
+    own, part = condition.condition_id.removeprefix(scope), stage.rpartition(".")[0]
+    name = f"{part}.{own}.{scope.rstrip('.')}" if part else condition.condition_id
+    return replace(condition, condition_id=ConditionId(name), effect=replace(effect, subject=stage))
 
 
 def _within(condition: Condition, kept: set[NodeId]) -> Condition | None:

@@ -59,7 +59,7 @@ def bodies(events: list[dict[str, Any]], kind: str) -> list[dict[str, Any]]:
 
 
 def fails_by_name(code: int, found: dict[str, Any], clause: str, condition: str) -> None:
-    """Every stage was accepted, or declared where it may be, the mission failed, and person and program are told which clause it was."""
+    """No stage failed, the mission did, and person and program are told which clause it was."""
     assert (code, found["status"]) == (1, "failed")
     assert {stage["status"] for stage in found["stages"]} <= {"committed", "declared"}
     assert "goal not met" in found["reason"] and clause in found["reason"], found["reason"]
