@@ -20,7 +20,8 @@ class HarnessSettings(BaseSettings):
 
     `robots` names every robot of the site; without it there is one, `robot_id`. `robot_command` starts a robot program,
     which serves the HTTP provider protocol; its robot's name, folder, speed and seed follow as options. `database` is
-    where the event log is: empty is SQLite in the data folder, else postgresql://USER:PASSWORD@HOST/NAME.
+    where the event log is: empty is SQLite in the data folder, else postgresql://USER:PASSWORD@HOST/NAME. `site_file`:
+    places, routes and passages, in the shape of harness/baseline/site.yaml; the simulated site without one.
     """
 
     model_config = SettingsConfigDict(env_prefix="REGEN_", frozen=True, extra="ignore")
@@ -34,6 +35,7 @@ class HarnessSettings(BaseSettings):
     robot_command: tuple[str, ...] = ROBOT_COMMAND
     failpoint: str = ""
     database: Annotated[str, Field(repr=False)] = ""
+    site_file: Path | None = None
 
     @property
     def fleet(self) -> tuple[str, ...]:

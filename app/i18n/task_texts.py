@@ -45,13 +45,13 @@ def task_text(text: str, contract: TaskContract | None) -> str:
     if contract is None:
         return text
     return next((one for one in _chosen(contract) if one == text), None) or bound_text(
-        text, contract.template, contract.bindings
+        text, contract.compiled_from, contract.bindings
     )
 
 
-def bound_text(text: str, template: str, bindings: Mapping[str, Any]) -> str:
-    """A text that was bound from a template, as a message of it; unchanged where it is none of its texts."""
-    return next((one for one in _bound(template, bindings) if one == text), text)
+def bound_text(text: str, templates: Sequence[str], bindings: Mapping[str, Any]) -> str:
+    """A text that was bound from one of these templates, as a message of it; unchanged where it is none of theirs."""
+    return next((one for one in _bound(tuple(templates), bindings) if one == text), text)
 
 
 def told(results: Sequence[ConditionResult], contract: TaskContract | None) -> tuple[ConditionResult, ...]:
@@ -67,8 +67,8 @@ def _chosen(contract: TaskContract) -> Iterator[str]:
                 yield from (Message(one, {"x": f"{x:.1f}", "y": f"{y:.1f}"}) for one in CHOSEN)
 
 
-def _bound(template: str, bindings: Mapping[str, Any]) -> Iterator[str]:
-    found = (_filled(text, part) for text in _open_texts(template) for part in _parts(bindings))
+def _bound(templates: tuple[str, ...], bindings: Mapping[str, Any]) -> Iterator[str]:
+    found = (_filled(text, part) for text in _open_texts(templates) for part in _parts(bindings))
     return (one for one in found if one is not None)
 
 
@@ -82,11 +82,9 @@ def _parts(bindings: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 
 @cache
-def _open_texts(template: str) -> tuple[str, ...]:
-    """The texts that have open spots, of a shipped template, or of each one that a joined contract names."""
-    return tuple(
-        text for one in shipped() if one.name in template.split("+") for text in _texts(one) if _SPOT.search(text)
-    )
+def _open_texts(templates: tuple[str, ...]) -> tuple[str, ...]:
+    """The texts of shipped templates that have open spots."""
+    return tuple(text for one in shipped() if one.name in templates for text in _texts(one) if _SPOT.search(text))
 
 
 def _filled(text: str, bindings: Mapping[str, Any]) -> Message | None:

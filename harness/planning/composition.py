@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from msgspec import UnsetType
+from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
 from harness.contracts import tasks
@@ -108,6 +108,7 @@ class _Composition:
         self._report()
         self._cover()
         reading = self._plan.reading
+        names = tuple(dict.fromkeys(part.template.name for part in self._plan.parts))
         contracts = [one.contract for one in self._mission.parts]
         whole = tasks.TaskContract(
             goal=contracts[0].goal,
@@ -115,11 +116,12 @@ class _Composition:
             completion_conditions=tuple(self._mission.conditions),
             constraints=self._constraints(contracts),
             recovery_total=_budget(contracts),
-            template="+".join(dict.fromkeys(part.template.name for part in self._plan.parts)),
+            template="+".join(names),
             frame=contracts[0].frame,
             map_version=contracts[0].map_version,
             bindings=self._mission.bindings,
             reading=reading,
+            templates=names if len(names) > 1 else UNSET,
         )
         whole = replace(whole, confirmed=confirmed) if confirmed else whole
         tasks.check(whole, rules=self._rules)

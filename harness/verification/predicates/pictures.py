@@ -45,7 +45,7 @@ def pictured(effect: AnyEffect, evidence: Evidence) -> Finding:
     track = next((one for one in reversed(evidence.tracks) if one.current), None)
     if track is None or not track.odometry:
         return ambiguous(because("no_odometry_during_look"), images=float(len(images)))
-    images = _of_look(images, track, evidence)
+    images = list(_of_look(images, track, evidence))
     moved_m, turned_rad = _moved(track.odometry)
     problems = _small(images, effect, evidence)
     if len(images) < effect.frames:
