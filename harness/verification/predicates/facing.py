@@ -32,7 +32,9 @@ def facing(effect: AnyEffect, evidence: Evidence) -> Finding:
     scan = _at_rest(trajectory, until_s=evidence.speaks_at_s)
     if scan is None:
         return ambiguous(because("no_sweep_at_rest"))
-    found = evidence.once(("heading", scan.blob, effect.route_m, effect.target_m), lambda: _match(effect, scan, evidence))
+    found = evidence.once(
+        ("heading", scan.blob, effect.route_m, effect.target_m), lambda: _match(effect, scan, evidence)
+    )
     if found is None or found.share < LEAST_SHARE or found.share < LEAST_LEAD * found.other:
         share = found.share if found else 0.0
         return ambiguous(because("sweep_fits_no_heading", percent=100.0 * share), share=share)
