@@ -18,6 +18,7 @@ from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.damage import DamageReport, damages
 from experiments.campaigns.declared import declared_offences
 from experiments.campaigns.hammer import HammerReport, hammer
+from experiments.campaigns.hard_faults import HardFaultReport, hard_faults
 from experiments.campaigns.kills import KillReport, kill_campaign
 from experiments.campaigns.mission import played
 from experiments.campaigns.plan import mission_plan
@@ -47,6 +48,7 @@ FULL = {
     "hammer": 10_000,
     "workers": 1000,
     "instants": 200,
+    "hard": 20,
 }
 SMALLEST = {
     "answers": 3,
@@ -58,6 +60,7 @@ SMALLEST = {
     "hammer": 300,
     "workers": 12,
     "instants": 6,
+    "hard": 1,
 }
 QUICK = 24
 QUICK_DECISIONS, QUICK_KILLS_S = 200, (0.3, 0.9)
@@ -70,13 +73,23 @@ PARTS = (
     "damage",
     "kills",
     "instants",
+    "hard",
     "hammer",
     "workers",
     "simulation",
 )
 
 
-Report = RaceReport | SuspensionReport | DamageReport | KillReport | HammerReport | WorkersReport | RandomKillReport
+Report = (
+    RaceReport
+    | SuspensionReport
+    | DamageReport
+    | KillReport
+    | HammerReport
+    | WorkersReport
+    | RandomKillReport
+    | HardFaultReport
+)
 
 
 def main() -> None:
@@ -146,6 +159,7 @@ def _found(asked: argparse.Namespace, *, share: float) -> dict[str, tuple[dict[s
         "instants": lambda: _plain(
             "random_kills", random_kills(sizes["instants"], seed=asked.seed, minutes=asked.minutes)
         ),
+        "hard": lambda: _plain("hard_faults", hard_faults(sizes["hard"], seed=asked.seed)),
         "hammer": lambda: _plain("hammer", hammer(sizes["hammer"], seed=asked.seed)),
         "workers": lambda: _plain("workers", worked_missions(sizes["workers"], seed=asked.seed, minutes=asked.minutes)),
         "simulation": lambda: _simulated(asked),

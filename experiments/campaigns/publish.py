@@ -100,6 +100,16 @@ def _random_kills(killed: dict[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
+def _hard_faults(found: dict[str, Any]) -> list[tuple[str, str]]:
+    counts = f"{found['false_completions']} false completions, {found['lost_events']} read events lost, "
+    counts += f"{found['duplicate_starts']} starts doubled{_skipped(found['skipped'])}{_offences(found)}"
+    alone = ", ".join(f"{name} {found['succeeded'].get(name, 0)} of {n}" for name, n in found["struck"].items())
+    return [
+        ("faults of the machine under a live mission", f"{found['missions']} missions: {counts}"),
+        ("of those, succeeded without a person", alone),
+    ]
+
+
 def _raced(title: str) -> Callable[[dict[str, Any]], list[tuple[str, str]]]:
     def told(raced: dict[str, Any]) -> list[tuple[str, str]]:
         rounds = f"{raced['rounds']:,} rounds of {raced['responders']}, {raced['effective']:,} with a winner"
@@ -142,6 +152,7 @@ def _worked(found: dict[str, Any]) -> list[tuple[str, str]]:
 CAMPAIGNS = {
     "kill_campaign": _kills,
     "random_kills": _random_kills,
+    "hard_faults": _hard_faults,
     "races": _raced("races of answers and appends"),
     "rivals": _raced("races of approvals with their rivals"),
     "release_races": _raced("races at the release desk"),
