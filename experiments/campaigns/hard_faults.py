@@ -12,7 +12,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -59,7 +59,6 @@ class FaultScene:
     data: Path
     host: subprocess.Popen[bytes]
     link: Link | None = None
-    changes: dict[str, str] = field(default_factory=dict)
 
 
 Strike = Callable[[FaultScene], Iterator[None]]
@@ -149,7 +148,7 @@ def struck_by(fault: HardFault) -> HardFaultOutcome:
         changes = stack.enter_context(PREPARED.get(fault.name, _nothing)(data))
         link = stack.enter_context(_linked(data)) if fault.name == "link drops" else None
         reader = LogReader(data)
-        scene = FaultScene(data=data, host=started("worker", data, first=True, **changes), link=link)
+        scene = FaultScene(data=data, host=started("worker", data, first=True, changes=changes), link=link)
         stack.callback(lambda: end_host(scene.host))
         struck = _under(fault, scene, reader)
         lives = 1
@@ -159,7 +158,7 @@ def struck_by(fault: HardFault) -> HardFaultOutcome:
             if reader.settled() or scene.host.poll() is None:
                 break
             lives += 1
-            scene.host = started("worker", data, first=False, mission_id=reader.mission_id, **changes)
+            scene.host = started("worker", data, first=False, mission_id=reader.mission_id, changes=changes)
         until(lambda: reader.settled() or scene.host.poll() is not None, reader, seconds=PATIENCE_S)
         end_host(scene.host)
         reader.look()

@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -93,12 +93,11 @@ def started(
     *,
     first: bool,
     mission_id: str = "",
-    before: Callable[[], None] | None = None,
-    **changes: str,
+    changes: Mapping[str, str] | None = None,
 ) -> subprocess.Popen[bytes]:
     """A console or a worker on this folder, with a mission to begin or the one that was left open.
 
-    What it says on standard error is added to a file beside the folder. `before` runs in it before it begins.
+    What it says on standard error is added to a file beside the folder. `changes` of its environment.
     """
     if host == "console":
         words = ["up", "--data", str(data), "--port", "0", *SPEED, *(("--start", "circuit") if first else ())]
@@ -110,10 +109,9 @@ def started(
     return subprocess.Popen(
         [sys.executable, "-P", "-m", "app.cli.main", *words],
         cwd=ROOT,
-        env={**plain_environment, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1", **changes},
+        env={**plain_environment, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1", **(changes or {})},
         stdout=subprocess.DEVNULL,
         stderr=(data.parent / f"{data.name}.err").open("ab"),
-        preexec_fn=before,
     )
 
 

@@ -13,7 +13,6 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal, get_args
@@ -39,7 +38,6 @@ from rsi_reviews.bounds import upper_bound
 
 Target = Literal["console", "worker", "robot"]
 TARGETS: tuple[Target, ...] = get_args(Target)
-SIDE_BY_SIDE = 1
 LEAST_SHARE = 0.6
 
 
@@ -92,18 +90,14 @@ def random_kills(instants: int, *, seed: int = 1, minutes: float | None = None) 
     """That many kills, the targets in turn, or as many as `minutes` allow."""
     until_s = time.monotonic() + 60.0 * minutes if minutes is not None else float("inf")
     done: list[tuple[InstantOutcome, int]] = []
-    with ThreadPoolExecutor(SIDE_BY_SIDE) as threads:
-        for found in threads.map(lambda number: _within(until_s, number, seed), range(instants)):
-            if found is not None:
-                done.append(found)
-                one = found[0]
-                said = f"{len(done)} of {instants}: {one.kill.target} at {one.kill.at_s:.1f} s, {one.end} {one.asked}"
-                print(said, file=sys.stderr, flush=True)
+    for number in range(instants):
+        if time.monotonic() > until_s:
+            break
+        done.append(killed_at(instant(number, seed)))
+        one = done[-1][0]
+        said = f"{len(done)} of {instants}: {one.kill.target} at {one.kill.at_s:.1f} s, {one.end} {one.asked}"
+        print(said, file=sys.stderr, flush=True)
     return reported([one for one, _ in done], read_events=sum(read for _, read in done))
-
-
-def _within(until_s: float, number: int, seed: int) -> tuple[InstantOutcome, int] | None:
-    return killed_at(instant(number, seed)) if time.monotonic() < until_s else None
 
 
 def instant(number: int, seed: int) -> InstantKill:
@@ -115,7 +109,7 @@ def instant(number: int, seed: int) -> InstantKill:
 
 def reported(done: Sequence[InstantOutcome], *, read_events: int) -> RandomKillReport:
     """The counts per target; an offence is what must never be, and a target that a person had to help too often."""
-    targets = {}
+    targets: dict[str, TargetCount] = {}
     for target in TARGETS:
         mine = [one for one in done if one.kill.target == target and one.struck]
         targets[target] = TargetCount(
