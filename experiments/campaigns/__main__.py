@@ -18,12 +18,14 @@ from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.damage import DamageReport, damages
 from experiments.campaigns.declared import declared_offences
 from experiments.campaigns.hammer import HammerReport, hammer
+from experiments.campaigns.hard_faults import HardFaultReport, hard_faults
 from experiments.campaigns.kills import KillReport, kill_campaign
 from experiments.campaigns.mission import played
 from experiments.campaigns.plan import mission_plan
 from experiments.campaigns.planted import RED, Check, PlantedReport, planted_bugs
 from experiments.campaigns.publish import publish
 from experiments.campaigns.races import RaceReport, races
+from experiments.campaigns.random_kills import RandomKillReport, random_kills
 from experiments.campaigns.regen import ROOT
 from experiments.campaigns.release_races import release_races
 from experiments.campaigns.rivals import rival_rounds
@@ -45,6 +47,8 @@ FULL = {
     "planted": 400,
     "hammer": 10_000,
     "workers": 1000,
+    "instants": 200,
+    "hard": 20,
 }
 SMALLEST = {
     "answers": 3,
@@ -55,6 +59,8 @@ SMALLEST = {
     "planted": 250,
     "hammer": 300,
     "workers": 12,
+    "instants": 6,
+    "hard": 1,
 }
 QUICK = 24
 QUICK_DECISIONS, QUICK_KILLS_S = 200, (0.3, 0.9)
@@ -66,13 +72,24 @@ PARTS = (
     "suspended",
     "damage",
     "kills",
+    "instants",
+    "hard",
     "hammer",
     "workers",
     "simulation",
 )
 
 
-Report = RaceReport | SuspensionReport | DamageReport | KillReport | HammerReport | WorkersReport
+Report = (
+    RaceReport
+    | SuspensionReport
+    | DamageReport
+    | KillReport
+    | HammerReport
+    | WorkersReport
+    | RandomKillReport
+    | HardFaultReport
+)
 
 
 def main() -> None:
@@ -148,6 +165,10 @@ def _found(asked: argparse.Namespace, *, share: float) -> dict[str, tuple[dict[s
         "suspended": lambda: _plain("suspended_holders", suspensions(sizes["suspensions"])),
         "damage": lambda: _plain("damage", damages()),
         "kills": lambda: _killed(kill_campaign(most=points, seed=asked.seed)),
+        "instants": lambda: _plain(
+            "random_kills", random_kills(sizes["instants"], seed=asked.seed, minutes=asked.minutes)
+        ),
+        "hard": lambda: _plain("hard_faults", hard_faults(sizes["hard"], seed=asked.seed)),
         "hammer": lambda: _plain("hammer", hammer(sizes["hammer"], seed=asked.seed)),
         "workers": lambda: _plain("workers", worked_missions(sizes["workers"], seed=asked.seed, minutes=asked.minutes)),
         "simulation": lambda: _simulated(asked),

@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from harness.contracts.protocol import KEEPALIVE_LOST
 from harness.contracts.values import Point
 from simulator.floor_plan import FloorPlan
 from simulator.routes import RouteLine
@@ -93,3 +94,15 @@ def test_a_leg_ends_with_the_turn_that_is_asked_for() -> None:
     made.wait(1.0)
     assert report.status == "succeeded"
     assert abs(math.remainder(made.pose().yaw_rad + math.pi / 2, math.tau)) < math.radians(3.0)
+
+
+@pytest.mark.parametrize("provider", ["route-follower", "careful-local-planner"])
+def test_a_leg_that_the_watchdog_stopped_on_the_way_to_its_route_goes_on(provider: str) -> None:
+    """The way to the route takes longer than a follower may be without progress: it is not counted for the route."""
+    made = bench()
+    put_down(made, PLACES["in the corridor"])
+    report = made.watch(made.start(provider, along("circuit")), until_s=1.0)
+    made.wait(4.0)
+    assert made.provider(provider).report(report.handle).failure == KEEPALIVE_LOST
+    report = made.watch(made.provider(provider).resume(report.handle))
+    assert (report.status, report.failure) == ("succeeded", "")
