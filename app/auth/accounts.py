@@ -55,7 +55,7 @@ class Accounts:
         fresh: Callable[[], str],
         hasher: PasswordHasher | None = None,
     ) -> None:
-        self.store, self._clock, self._fresh = store, clock, fresh
+        self.store, self._clock, self.fresh = store, clock, fresh
         self._hasher = hasher or PasswordHasher()
         self._nobody = self._hasher.hash(fresh())
         self._one_at_a_time = Lock()
@@ -187,7 +187,7 @@ class Accounts:
                 because("token_name_or_scope_invalid", scopes=tuple(sorted(SCOPES))),
                 where=f"name {name[:40]!r}, scopes {', '.join(scopes) or 'none'}",
             )
-        now_s, secret = self._clock(), TOKEN_PREFIX + self._fresh()
+        now_s, secret = self._clock(), TOKEN_PREFIX + self.fresh()
         digest = sha256(secret.encode())
         token = Token(
             token_id=f"tok_{digest[:12]}",

@@ -14,7 +14,7 @@ from threading import Lock
 from msgspec.structs import replace
 
 from app.auth.accounts import Accounts, Throttled
-from app.auth.permissions import Principal
+from app.auth.permissions import HOST_PREFIX, Principal
 from harness.adapters.stores.accounts_rows import Session
 from harness.contracts.errors import StoreUnavailable
 from harness.contracts.ids import sha256
@@ -22,6 +22,8 @@ from harness.contracts.ids import sha256
 INVITATION_S = 3600.0
 ROTATE_S, GRACE_S, SEEN_S = 900.0, 60.0, 30.0
 INVITED_ROLES = ("operator", "reviewer", "releaser", "admin")
+LOGIN_PREFIX = "regen_login_"
+"""Before the cookie of a session that somebody opened at a terminal."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,11 @@ class SessionService:
         found = self.accounts.check(name, password, source=origin.source)
         return found if found is None or isinstance(found, Throttled) else self._open(name, origin, invited=False)
 
+    def terminal_sign_in(self, name: str, password: str, origin: Origin) -> str | Throttled | None:
+        """The same for a terminal: a token that is good as long as its session; it counts among the person's own."""
+        cookie = self.sign_in(name, password, origin)
+        return f"{LOGIN_PREFIX}{cookie}" if isinstance(cookie, str) else cookie
+
     def admit(self, name: str, origin: Origin) -> str:
         """A fresh cookie for somebody whom the identity provider named."""
         return self._open(name, origin, invited=False)
@@ -150,17 +157,26 @@ class SessionService:
         return fresh if self.accounts.store.change_session(digest, then) else None
 
     def bearer(self, authorization: str, *, source: str) -> Principal | None:
-        """Who `Bearer <token>` speaks for: the owner of the data folder, or an integration."""
+        """Who `Bearer <token>` speaks for: somebody signed in at a terminal, a user of this machine, an integration.
+
+        Whoever has the owner's token may read the data folder; that makes them nobody of its accounts.
+        """
         scheme, _, token = authorization.partition(" ")
         if scheme.lower() != "bearer":
             return None
         if self._owner and hmac.compare_digest(token.encode(), self._owner):
-            return Principal(name=self._owner_name, roles=INVITED_ROLES, source=source)
+            return Principal(name=f"{HOST_PREFIX}{self._owner_name}", source=source, host=True)
+        if token.startswith(LOGIN_PREFIX):
+            return self.who(token.removeprefix(LOGIN_PREFIX), source=source)
         return self.accounts.holder(token, source=source)
 
     def leave(self, cookie: str) -> None:
         """Ends one session."""
         self.accounts.store.close_sessions(digest=sha256(cookie.encode()))
+
+    def leave_terminal(self, token: str) -> None:
+        """Ends the session that a terminal's token is of."""
+        self.leave(token.removeprefix(LOGIN_PREFIX))
 
     def leave_everywhere(self, principal: Principal) -> int:
         """Ends all sessions of this person, this one too; how many there were."""

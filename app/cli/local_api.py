@@ -16,9 +16,10 @@ from app.auth.commit_authority import authority
 from app.background.signals import SignalBroker
 from app.cli.api_client import Api
 from app.cli.data_folder import opened, running
+from app.cli.logins import token_of
 from app.cli.output import ProgressPrinter, settings
 from app.cli.owner_api import owner_api
-from app.cli.person import me
+from app.cli.person import host_user
 from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
@@ -35,12 +36,12 @@ LOOKS = 4
 
 
 class LocalApi(Api):
-    """Requests to an application of this process, in the name of the person at this terminal."""
+    """Requests to an application of this process, as whoever signed in here, else as a user of this machine."""
 
     def __init__(self, runtime: Runtime, accounts: Accounts, data: Path, harness: Harness | None = None) -> None:
-        token = secrets.token_urlsafe(32)
+        host = secrets.token_urlsafe(32)
         robots = tuple(str(one) for one in harness.robots) if harness else ("vbot-1",)
-        console = ConsoleSettings(robots=robots, owner_token=SecretStr(token), owner=me().name, operator=me().name)
+        console = ConsoleSettings(robots=robots, owner_token=SecretStr(host), owner=host_user())
         self._broker, self._harness = SignalBroker(), harness
         self._app = create_app(
             runtime,
@@ -53,7 +54,8 @@ class LocalApi(Api):
             starts=harness.starts if harness else lambda mission_id: None,
             folder=data,
         )
-        self._base, self._headers = console.local_address, {"Authorization": f"Bearer {token}"}
+        self._base = console.local_address
+        self._headers = {"Authorization": f"Bearer {token_of(data, accounts) or host}"}
 
     def follow(self, mission_id: str) -> dict[str, Any]:
         """Runs the mission here, telling its stages on standard error."""

@@ -18,7 +18,7 @@ from harness.contracts.values import decode, encode
 from harness.gate.commit import CommandEnvelope
 from harness.projections.mission import Mission
 from tests.builders.consoles import Stand, console_stand
-from tests.builders.people import everybody, store_of
+from tests.builders.people import PASSWORD, SETTING_UP, browser, everybody, store_of
 
 FIELDS = ("cycle", "subject", "evidence", "key")
 
@@ -273,7 +273,10 @@ def test_a_claim_names_its_holder_to_others_and_follows_through_to_the_end(
     stand: Stand, waiting: tuple[Mission, HandoffId]
 ) -> None:
     _, handoff_id = waiting
-    operator, owner = stand.operator(), stand.owner()
+    accounts = stand.app.state.sessions.accounts
+    for name, roles in (("owner", ["admin", "operator"]), ("ada", ["operator"])):
+        accounts.add(name, roles=roles, password=PASSWORD, by=SETTING_UP)
+    operator, owner = browser(stand, "ada"), browser(stand, "owner")
     assert owner.post(f"/api/v1/handoffs/{handoff_id}/claim", json={"claim": "t-1"}).json()["status"] == "claimed"
     text = operator.get(f"/handoffs/{handoff_id}").text
     assert "owner has claimed it" in text
