@@ -20,6 +20,7 @@ from app.cli.logins import token_of
 from app.cli.output import ProgressPrinter, settings
 from app.cli.owner_api import owner_api
 from app.cli.person import host_user
+from app.i18n.visible_text import visible_at_terminal
 from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
@@ -70,7 +71,8 @@ class LocalApi(Api):
         for unfinished in harness.supervisor.unfinished(robot_id):
             if unfinished.mission_id == mission_id:
                 return
-            typer.echo(f"Going on with {unfinished.mission_id} first: {unfinished.goal}", err=True)
+            first = f"Going on with {unfinished.mission_id} first: {unfinished.goal}"
+            typer.echo(visible_at_terminal(first), err=True)
             harness.supervisor.run(unfinished.mission_id, watch=ProgressPrinter())
 
     def observe(self, mission_id: str) -> None:
