@@ -8,6 +8,7 @@ good until GRACE_S after the new one was first used, so that no request under wa
 
 import hmac
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from threading import Lock
 
@@ -54,6 +55,7 @@ class SessionService:
         self._idle_s, self._age_s = limits
         self._clock, self._fresh = clock, fresh
         self._invitations: dict[str, float] = {}
+        self._unwritable_until_s = 0.0
         self._lock = Lock()
 
     @property
@@ -154,7 +156,9 @@ class SessionService:
             previous_until_s=None,
             rotated_at_s=now_s,
         )
-        return fresh if self.accounts.store.change_session(digest, then) else None
+        with suppress(StoreUnavailable):
+            return fresh if self.accounts.store.change_session(digest, then) else None
+        return None
 
     def bearer(self, authorization: str, *, source: str) -> Principal | None:
         """Who `Bearer <token>` speaks for: somebody signed in at a terminal, a user of this machine, an integration.
@@ -203,7 +207,8 @@ class SessionService:
     def _lasts(self, session: Session, digest: str) -> bool:
         now_s = self._clock()
         if now_s - session.seen_at_s > self._idle_s or now_s - session.began_at_s > self._age_s:
-            self.accounts.store.close_sessions(digest=session.digest)
+            with suppress(StoreUnavailable):
+                self.accounts.store.close_sessions(digest=session.digest)
             return False
         superseded = digest == session.previous and now_s > (session.previous_until_s or now_s)
         return not superseded
@@ -219,10 +224,13 @@ class SessionService:
         first_use = digest == session.digest and bool(session.previous) and session.previous_until_s is None
         until_s = now_s + GRACE_S if first_use else session.previous_until_s
         seen_s = now_s if active and now_s - session.seen_at_s > min(SEEN_S, self._idle_s / 10) else session.seen_at_s
-        if first_use or seen_s != session.seen_at_s:
-            self.accounts.store.change_session(
-                session.digest, replace(session, previous_until_s=until_s, seen_at_s=seen_s)
-            )
+        if (first_use or seen_s != session.seen_at_s) and now_s >= self._unwritable_until_s:
+            try:
+                self.accounts.store.change_session(
+                    session.digest, replace(session, previous_until_s=until_s, seen_at_s=seen_s)
+                )
+            except StoreUnavailable:
+                self._unwritable_until_s = now_s + SEEN_S
 
 
 class HeldAccess:
