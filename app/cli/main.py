@@ -31,6 +31,9 @@ GROUPS = {
 }
 COMMANDS = {
     "up": "service:up",
+    "login": "logins:login",
+    "logout": "logins:logout",
+    "whoami": "logins:whoami",
     "verify": "dossiers:verify",
     "evaluate": "evaluate:evaluate",
     "doctor": "service:doctor",

@@ -11,6 +11,7 @@ import msgspec
 import typer
 
 from app.cli.output import Json, settings, show, table
+from app.i18n.visible_text import visible_at_terminal
 from harness.conformance.address import addressed
 from harness.conformance.declaration import ConformanceFile, read, shipped
 from harness.conformance.findings import Checked, ConformanceFinding
@@ -127,12 +128,12 @@ def _wanted(
 
 def _checked(name: ProviderId, stand: Stand, declared: dict[ProviderId, ConformanceFile], *, fencing: int) -> Checked:
     declaration = declared[name] if name in declared else shipped(name)
-    sys.stderr.write(f"{name}\n")
+    sys.stderr.write(f"{visible_at_terminal(name)}\n")
     return check(stand, declaration, mission_id=fresh_name(), fencing=fencing, watch=_tell)
 
 
 def _tell(finding: ConformanceFinding) -> None:
-    sys.stderr.write(f"  {finding.outcome:<8} {finding.row}\n")
+    sys.stderr.write(visible_at_terminal(f"  {finding.outcome:<8} {finding.row}\n"))
     sys.stderr.flush()
 
 

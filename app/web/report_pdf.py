@@ -18,6 +18,7 @@ from fpdf.image_parsing import preload_image
 from app.i18n.catalogues import ENGLISH
 from app.i18n.languages import localise
 from app.i18n.messages import lazy_gettext, word
+from app.i18n.visible_text import visible
 from app.views.missions import sentence
 from app.views.readings import clause_verdicts, goal_words, source_words
 from app.views.report import DeclaredResult, ReportPage, ReportPicture
@@ -83,7 +84,7 @@ class _Paper(FPDF):
 
     def spoken(self, text: str) -> str:
         """The text in the reader's language, as these fonts can draw it."""
-        text = str(localise(text, self.language))
+        text = visible(str(localise(text, self.language)))
         if CHINESE.lower() not in self.fonts and any(ord(sign) not in self._known for sign in text if sign != "\n"):
             self.add_font(CHINESE, "", self._fonts / HANZI)
             self.set_fallback_fonts([CHINESE], exact_match=False)

@@ -91,6 +91,10 @@ class StoreUnavailable(HarnessError):
     code = "store_unavailable"
 
 
+class StoreBusy(StoreUnavailable):
+    """Another process held the store for longer than a write waits: nothing of this write was stored."""
+
+
 class StoreOwned(StoreUnavailable):
     code = "store_owned"
 
