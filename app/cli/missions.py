@@ -20,6 +20,7 @@ from app.views.mission_json import mission_outcome
 from harness.bootstrap import read_harness
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import Digest, MissionId
+from harness.contracts.observations import SINGLE_SOURCE
 from harness.contracts.proposals import CandidateSet, RoutingExplanation
 from harness.contracts.upcasting import name_of
 from harness.contracts.values import decode
@@ -148,9 +149,10 @@ def replay(
     with replayed(settings, recording, target=_point(target), place=place, topics=topic or []) as replayer:
         mission, facts = replayer.run(me(), watch=output.ProgressPrinter())
         outcome = mission_outcome(mission, Histories(replayer.harness.runtime).of(mission.mission_id), ()) | facts
-    output.show(
-        outcome, as_json=as_json, lines=[*_summary(outcome), *(f"{name}: {value}" for name, value in facts.items())]
-    )
+    lines = [*_summary(outcome), *(f"{name}: {value}" for name, value in facts.items() if value != "")]
+    if topic_alone := facts[SINGLE_SOURCE]:
+        lines.append(f"Single source: position and motion come from {topic_alone}; nothing else confirms them.")
+    output.show(outcome, as_json=as_json, lines=lines)
     raise typer.Exit(output.exit_code(outcome["status"]))
 
 
