@@ -37,6 +37,8 @@ COMMANDS = {
     "verify": "dossiers:verify",
     "evaluate": "evaluate:evaluate",
     "doctor": "service:doctor",
+    "backup": "backups:backup",
+    "restore": "backups:restore",
     "mission dossier": "dossiers:dossier",
     "rsi case": "rsi_cases:case",
     "rsi evaluate": "rsi_evaluate:evaluate",

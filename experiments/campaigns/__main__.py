@@ -1,4 +1,4 @@
-"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `replay SEED`, `check NAME`.
+"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `fuzz`, `replay SEED`, `check NAME`.
 
 `run` does everything, prints what it found and publishes it where it was of the full size (or with --publish).
 CAMPAIGN_MISSIONS and CAMPAIGN_SEED, or --missions and --seed, ask for another run; a smaller one leaves docs/ alone.
@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 import msgspec
 
-from experiments.campaigns import recovery_steps, seeds
+from experiments.campaigns import fuzz, recovery_steps, seeds
 from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.damage import DamageReport, damages
 from experiments.campaigns.declared import declared_offences
@@ -114,6 +114,9 @@ def main() -> None:
     many.add_argument("--minutes", type=float, default=None, help="play no longer than this")
     many.add_argument("--processes", type=int, default=PROCESSES)
     many.add_argument("--publish", action="store_true", help="write docs/reliability.md and docs/results/seeds.json")
+    fuzzing = commands.add_parser("fuzz", help="changed bytes for every parser of foreign files")
+    fuzzing.add_argument("--minutes", type=float, default=10.0, help="for each parser")
+    fuzzing.add_argument("--seed", type=int, default=SEED)
     again = commands.add_parser("replay", help="one mission of a simulation, with all that happened")
     again.add_argument("seed", type=int)
     check = commands.add_parser("check", help="one campaign, until the first offence")
@@ -128,6 +131,8 @@ def main() -> None:
             recovery_steps.run(asked)
         case "seeds":
             seeds.run(asked)
+        case "fuzz":
+            fuzz.run(asked)
         case "replay":
             _replay(asked.seed)
         case _:
