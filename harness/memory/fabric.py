@@ -125,6 +125,24 @@ class MemoryFabric:
         """What is known of a region at one instant of mission time, conflicts and expired records withheld (R69)."""
         return self.find(memory.MemoryQuery(kinds=SPATIAL, region=region, valid_at_s=at_s, limit=limit))
 
+    def arrivals(self, region: memory.FloorBox, *, since_s: float, limit: int) -> tuple[memory.MemoryRecord, ...]:
+        """Measured poses on this floor that the gate accepted since then, newest first, each with what was seen on the
+        way there.
+
+        That the body has moved on since does not make them less true; a pose that was disputed does not count.
+        """
+        asked = memory.MemoryQuery(kinds=("pose",), region=region, standings=("verified", "superseded"), limit=limit)
+        known = [one.record for one in self.find(asked)]
+        disputes = self.find(memory.MemoryQuery(kinds=("dispute",), standings=("disputed",), limit=limit))
+        doubted = {one.record.provenance.packet_id for one in disputes}
+        return tuple(
+            one
+            for one in known
+            if one.verification == "verified"
+            and one.valid_from_s >= since_s
+            and one.provenance.packet_id not in doubted
+        )
+
     def semantic(self, *, limit: int = 100) -> list[memory.Remembered]:
         """The capability contracts and rules that hold now."""
         return self.find(memory.MemoryQuery(kinds=SEMANTIC, limit=limit))
