@@ -4,10 +4,15 @@ import threading
 import time
 from collections.abc import Callable
 
-from harness.contracts.errors import ProviderUnreachable
+from harness.contracts.errors import ProviderFailed
 from harness.contracts.values import Moment
 
 RESYNC_S = 0.5
+STALLED_S = 10.0
+"""A clock that shows the same instant for so long, wall seconds, is extrapolated like one that does not answer."""
+ROUNDING_S = 1e-3
+FURTHEST_S = 60.0
+"""How far beyond the instant that was asked for a robot in lockstep may say that it ran, mission seconds."""
 
 
 class RobotClock:
@@ -20,7 +25,7 @@ class RobotClock:
         self._read, self._speed = read, speed
         self._lock = threading.Lock()
         self._latest_s = self._base_s = read()
-        self._read_s = time.monotonic()
+        self._read_s = self._advanced_s = time.monotonic()
 
     def now(self) -> Moment:
         """Both clocks now."""
@@ -41,13 +46,21 @@ class RobotClock:
         sent_s = time.monotonic()
         try:
             read_s = self._read()
-        except ProviderUnreachable:
+        except ProviderFailed:
             return
+        if read_s <= self._base_s and sent_s - self._advanced_s > STALLED_S:
+            return
+        if read_s > self._base_s:
+            self._advanced_s = sent_s
         self._base_s, self._read_s = read_s, (sent_s + time.monotonic()) / 2
 
 
 class LockstepClock:
-    """Mission time that passes only by waiting for it: `advance` runs the world and returns the time reached."""
+    """Mission time that passes only by waiting for it: `advance` runs the world and returns the time reached.
+
+    While the world does not answer, or says that it ran elsewhere than asked, time passes without it: a mission on a
+    robot that is gone comes to its deadlines.
+    """
 
     def __init__(self, advance: Callable[[float], float], at_s: float, wall: Callable[[], float] = time.time) -> None:
         self._advance, self._at_s, self._wall = advance, at_s, wall
@@ -58,8 +71,13 @@ class LockstepClock:
 
     def wait_until(self, mission_s: float) -> None:
         """Let the world run to mission time `mission_s`."""
-        if mission_s > self._at_s:
-            self._at_s = self._advance(mission_s)
+        if mission_s <= self._at_s:
+            return
+        try:
+            reached_s = self._advance(mission_s)
+        except ProviderFailed:
+            reached_s = mission_s
+        self._at_s = reached_s if -ROUNDING_S <= reached_s - mission_s <= FURTHEST_S else mission_s
 
 
 class SystemClock:

@@ -33,6 +33,7 @@ from app.i18n.reasons import (
     requests,
     restrictions,
     reviews,
+    robots,
     routing,
     stores,
     supervision,
@@ -61,6 +62,7 @@ SENTENCES: Mapping[str, str] = {
     **restrictions.SENTENCES,
     **reviews.SENTENCES,
     **requests.SENTENCES,
+    **robots.SENTENCES,
     **routing.SENTENCES,
     **stores.SENTENCES,
     **supervision.SENTENCES,
@@ -73,6 +75,7 @@ REMEDIES: Mapping[str, str] = {
     **compiling.REMEDIES,
     **contracts.REMEDIES,
     **requests.REMEDIES,
+    **robots.REMEDIES,
     **stores.REMEDIES,
 }
 """What to do about an error, by the code of what happened."""
