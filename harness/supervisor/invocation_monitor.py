@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 
 from harness.contracts import commands, protocol
 from harness.contracts.capabilities import CapabilityCard
@@ -155,6 +155,23 @@ class InvocationMonitor:
         """Whether the robot's own journal holds a start of this request."""
         return any(start.request_id == intent.request_id for start in self._connection.robot.starts())
 
+    def _starts(self, mission: Mission, intent: DispatchIntended) -> int | UnsetType:
+        """How many starts of a motion the robot's own journal holds; a look asks about the motion that it looks at.
+
+        Unset where nothing moved or nobody says.
+        """
+        request = intent.request_id if intent.moves else None
+        if intent.verify_only:
+            packets = mission.of(intent.node_id).packets
+            moved = [one.identity.request_id for one in packets if not one.verify_only and one.begun is not UNSET]
+            request = moved[-1] if moved else None
+        if request is None or mission.replay:
+            return UNSET
+        try:
+            return sum(start.request_id == request for start in self._connection.robot.starts())
+        except (ProviderFailed, UnknownName):
+            return UNSET
+
     def _refusal(self, mission: Mission, invocation: Invocation, now_s: float) -> float:
         """The provider refused the request. A motion that shows nevertheless is of unknown outcome, not refused."""
         assert self._refused is not None
@@ -269,6 +286,7 @@ class InvocationMonitor:
             collected_s=until_s,
             protocol=protocol.version_of(card.protocol),
             measured=self._measurements.of_invocation(mission, invocation, report=report, until_s=until_s),
+            begun=self._starts(mission, intent),
         )
         try:
             c3, verdict = judgement(self._roles, mission, packet, card=card)

@@ -18,7 +18,7 @@ from harness.supervisor.robot_connection import RobotConnection
 
 RECENT_S = 12.0
 BATCH = 5000
-MOST_BATCHES = 40
+MOST_BATCHES = 24
 """A reading of samples ends with a batch that is not full; after this many full ones the robot sends nonsense."""
 MOST_RECENT = 50_000
 DRAIN_S = 8.0
@@ -51,6 +51,7 @@ class ObservationBuffer:
 
         `trouble` says why an answer cannot be used: nothing of it is kept then, and nothing may rest on it.
         """
+        endless = self.trouble is not None and self.trouble.code == "observations_endless"
         self.trouble = None
         self._forget_old()
         try:
@@ -61,17 +62,17 @@ class ObservationBuffer:
                 )
                 return True
             self.status = status
-            self.trouble = self._drained(spooling)
+            self.trouble = self._drained(spooling, batches=1 if endless else MOST_BATCHES)
         except ProviderUnreachable:
             return False
         except ROBOT_ERRORS as error:
             self.trouble = because("observations_unusable", reason=error.reason)
         return True
 
-    def _drained(self, spooling: InvocationId | None) -> Reason | None:
-        """Read batch after batch; None, or why the robot's samples cannot be used."""
+    def _drained(self, spooling: InvocationId | None, *, batches: int) -> Reason | None:
+        """Read at most so many batches; None, or why the robot's samples cannot be used."""
         began_s = self._connection.clock.now().wall_s
-        for _ in range(MOST_BATCHES):
+        for _ in range(batches):
             batch = self._connection.robot.observations(self._after, BATCH)
             self._take(batch, spooling)
             if len(batch.samples) < BATCH or self._connection.clock.now().wall_s > began_s + DRAIN_S:

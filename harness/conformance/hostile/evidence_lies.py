@@ -44,8 +44,8 @@ class Walk:
             way, speed, rate = SPEED_MPS * (t - 0.5 * rise), SPEED_MPS, 0.0
         if t in (0.0, self.lasts_s):
             speed = rate = 0.0
-        for (a, b), length in zip(pairwise(self.points), self.lengths, strict=True):
-            if way <= length or (b == self.points[-1] and length):
+        for number, ((a, b), length) in enumerate(zip(pairwise(self.points), self.lengths, strict=True), start=1):
+            if way <= length or number == len(self.lengths):
                 share = min(way / length, 1.0) if length else 0.0
                 x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
                 return x, y, math.atan2(b[1] - a[1], b[0] - a[0]), speed, rate
