@@ -1,4 +1,4 @@
-"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `replay SEED`, `check NAME`.
+"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `hostile`, `replay SEED`, `check NAME`.
 
 `run` does everything, prints what it found and publishes it where it was of the full size (or with --publish).
 CAMPAIGN_MISSIONS and CAMPAIGN_SEED, or --missions and --seed, ask for another run; a smaller one leaves docs/ alone.
@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 import msgspec
 
-from experiments.campaigns import recovery_steps
+from experiments.campaigns import hostile, recovery_steps
 from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.damage import DamageReport, damages
 from experiments.campaigns.declared import declared_offences
@@ -90,6 +90,10 @@ def main() -> None:
     steps.add_argument("--missions", type=int, default=MISSIONS_EACH, help="missions for each fault and template")
     steps.add_argument("--seed", type=int, default=SEED)
     steps.add_argument("--publish", action="store_true", help="write docs/recovery.md")
+    lies = commands.add_parser("hostile", help="missions against robots that lie, flood, hang and break the protocol")
+    lies.add_argument("modes", nargs="*", help="lies or groups of lies; all of them without any")
+    lies.add_argument("--seed", type=int, default=3)
+    lies.add_argument("--publish", action="store_true", help="write the section of docs/reliability.md")
     again = commands.add_parser("replay", help="one mission of a simulation, with all that happened")
     again.add_argument("seed", type=int)
     check = commands.add_parser("check", help="one campaign, until the first offence")
@@ -102,6 +106,8 @@ def main() -> None:
             _run(asked)
         case "recovery":
             recovery_steps.run(asked)
+        case "hostile":
+            hostile.run(asked)
         case "replay":
             _replay(asked.seed)
         case _:
