@@ -1,4 +1,4 @@
-"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `fuzz`, `replay SEED`, `check NAME`.
+"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `fuzz`, `hostile`, `replay SEED`, `check NAME`.
 
 `run` does everything, prints what it found and publishes it where it was of the full size (or with --publish).
 CAMPAIGN_MISSIONS and CAMPAIGN_SEED, or --missions and --seed, ask for another run; a smaller one leaves docs/ alone.
@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 import msgspec
 
-from experiments.campaigns import fuzz, recovery_steps, seeds
+from experiments.campaigns import fuzz, hostile, recovery_steps, seeds
 from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.damage import DamageReport, damages
 from experiments.campaigns.declared import declared_offences
@@ -117,6 +117,10 @@ def main() -> None:
     fuzzing = commands.add_parser("fuzz", help="changed bytes for every parser of foreign files")
     fuzzing.add_argument("--minutes", type=float, default=10.0, help="for each parser")
     fuzzing.add_argument("--seed", type=int, default=SEED)
+    lies = commands.add_parser("hostile", help="missions against robots that lie, flood, hang and break the protocol")
+    lies.add_argument("modes", nargs="*", help="lies or groups of lies; all of them without any")
+    lies.add_argument("--seed", type=int, default=3)
+    lies.add_argument("--publish", action="store_true", help="write the section of docs/reliability.md")
     again = commands.add_parser("replay", help="one mission of a simulation, with all that happened")
     again.add_argument("seed", type=int)
     check = commands.add_parser("check", help="one campaign, until the first offence")
@@ -133,6 +137,8 @@ def main() -> None:
             seeds.run(asked)
         case "fuzz":
             fuzz.run(asked)
+        case "hostile":
+            hostile.run(asked)
         case "replay":
             _replay(asked.seed)
         case _:

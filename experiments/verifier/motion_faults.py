@@ -7,7 +7,7 @@ from random import Random
 
 from msgspec.structs import replace
 
-from harness.contracts.observations import Odometry, Pose, Trajectory
+from harness.contracts.observations import Odometry, Trajectory
 
 Distort = Callable[[Trajectory, "Window", Random], Trajectory]
 

@@ -14,7 +14,6 @@ import numpy as np
 from msgspec.structs import replace
 
 from experiments.verifier.cases import (
-    Shown,
     VerifierCase,
     condition_id_of,
     fact,
@@ -24,8 +23,8 @@ from experiments.verifier.cases import (
     stage,
 )
 from experiments.verifier.executions import Execution, executed, receipts_for, reference_to
-from harness.baseline.load import site
 from harness.adapters.providers.models.analysis import CARD as ANALYST
+from harness.baseline.load import site
 from harness.contracts.effects import Metric, Visual
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest, sha256

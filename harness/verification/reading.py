@@ -29,6 +29,7 @@ FUTURE_S = 0.05
 class AdmittedTrack:
     """The admitted samples of one execution: distinct sensor times, in order, none below the minimum confidence.
 
+    `imu`: times with accelerations, `turning`: with turn rates.
     `newest_arrived_s`: the latest instant by other streams' clocks at which a pose arrived, whatever its stamp.
     """
 
@@ -39,6 +40,7 @@ class AdmittedTrack:
     imu: tuple[tuple[float, float, float], ...]
     blob: Digest | None
     newest_arrived_s: float | None
+    turning: tuple[tuple[float, float], ...] = ()
 
     @property
     def until_s(self) -> float | None:
@@ -270,6 +272,7 @@ class Evidence:
         poses = {one.at_s: one for one in samples.poses if one.at_s <= until_s and one.confidence >= least}
         odometry = {one.at_s: one for one in samples.odometry if one.at_s <= until_s}
         imu = {one.at_s: (one.at_s, one.ax_mps2, one.ay_mps2) for one in samples.imu if one.at_s <= until_s}
+        turning = {one.at_s: (one.at_s, one.w_radps) for one in samples.imu if one.at_s <= until_s}
         return AdmittedTrack(
             current=current,
             dispatched_s=dispatched_s,
@@ -278,6 +281,7 @@ class Evidence:
             imu=tuple(imu[at_s] for at_s in sorted(imu)),
             blob=blob,
             newest_arrived_s=_newest_arrival(samples, until_s=until_s),
+            turning=tuple(turning[at_s] for at_s in sorted(turning)),
         )
 
     def _required(self, kind: str, of: type[T]) -> T:

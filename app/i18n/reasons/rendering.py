@@ -37,6 +37,7 @@ from app.i18n.reasons import (
     requests,
     restrictions,
     reviews,
+    robots,
     routing,
     stores,
     supervision,
@@ -68,6 +69,7 @@ SENTENCES: Mapping[str, str] = {
     **restrictions.SENTENCES,
     **reviews.SENTENCES,
     **requests.SENTENCES,
+    **robots.SENTENCES,
     **routing.SENTENCES,
     **stores.SENTENCES,
     **supervision.SENTENCES,
@@ -82,6 +84,7 @@ REMEDIES: Mapping[str, str] = {
     **providers.REMEDIES,
     **recordings.REMEDIES,
     **requests.REMEDIES,
+    **robots.REMEDIES,
     **stores.REMEDIES,
 }
 """What to do about an error, by the code of what happened."""
