@@ -1,4 +1,4 @@
-"""Measures the verifier: `python -m experiments.campaigns verifier`. Every predicate of the rules, against the truth."""
+"""Measures the verifier: `python -m experiments.campaigns verifier`. Each predicate against the truth."""
 
 import argparse
 import shlex
@@ -117,13 +117,11 @@ def measured(
     found = tuple(matrix(name, counting[name]) for name in current_predicates() if name in counting)
     missing = [f"{name}: no family makes cases of it" for name in current_predicates() if name not in counting]
     wrong = [line for one in found for line in offences(one, cases=cases, false=round(LEAST_FALSE_SHARE * cases))]
-    return VerifierReport(
-        cases=cases, seed=seed, pools=pools.sizes(), predicates=found, offences=tuple([*missing, *wrong])
-    )
+    return VerifierReport(cases=cases, seed=seed, pools=pools.sizes(), predicates=found, offences=(*missing, *wrong))
 
 
 def _drawn(cases: int, seed: int, pools: Pools, say: Callable[[str], None]) -> Iterator[VerifierCase]:
-    """Of every family as many cases that have a truth, and are not epistemic, as are asked of each of its predicates."""
+    """Of every family so many cases of each of its predicates that have a truth and are not epistemic."""
     for family, (predicates, make) in FAMILIES.items():
         say(family)
         left = dict.fromkeys(predicates, cases)

@@ -132,9 +132,13 @@ def placed(
 
 
 def recorded(
-    robot: SimulatedRobot, truth: Sequence[tuple[float, float, float, float]], *, report: InvocationReport, from_s: float,
+    robot: SimulatedRobot,
+    truth: Sequence[tuple[float, float, float, float]],
+    *,
+    report: InvocationReport,
+    from_s: float,
     fault: str = "",
-) -> Execution:  # fmt: skip
+) -> Execution:
     """Everything that the robot published so far, with the bytes that it cites."""
     samples: list[AnySample] = []
     arrivals: list[float] = []

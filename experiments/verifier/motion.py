@@ -3,6 +3,7 @@
 Their samples are those of simulated drives; faults are added to them, and the truth is where the body truly was.
 """
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -35,12 +36,13 @@ from harness.contracts.values import Point
 from simulator.cards import ROUTE_FOLLOWER
 
 TOLERANCE_M, EDGE_M = 0.40, 0.05
-STILL_M, STILL_FROM_M, STILL_TO_M = 0.02, 0.012, 0.035
+STILL_M, STILL_FROM_M, STILL_TO_M = 0.02, 0.012, 0.05
 FRESH_S = 1.0
 CORRIDOR_M, CORRIDOR_EDGE_M = 1.5, 0.15
 SHARE, SHARE_EDGE = 0.95, 0.05
 AWAY_M = 0.8
 BIASED = "localiser biased from before the dispatch on"
+MIRRORED = "localiser mirrored from before the dispatch on"
 FORGED = "every source forged: a drive that arrived, with fresh stamps"
 SIMULATED = ("stale-pose", "missing-pose", "frozen-localiser", "early-success", "interrupted", "lost-localisation")
 Truth = bool | None
@@ -71,7 +73,7 @@ def drives(seed: int, *, whole: bool) -> Drives:
     circuit = routes["circuit"]
     rounds = [driven(circuit, seed=one) for one in seeds]
     cut = [driven(route, seed=seed) for route in _cut(circuit)[: None if whole else 2]]
-    return Drives(tuple([*plain, *struck]), tuple(biased), tuple(rounds), tuple(cut))
+    return Drives((*plain, *struck), tuple(biased), tuple(rounds), tuple(cut))
 
 
 def _cut(circuit: Sequence[Point]) -> list[tuple[Point, ...]]:
@@ -97,9 +99,10 @@ def standing(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]
         track = run.between(window.from_s - 1.0, window.until_s)
         if name == FORGED:
             track = _forged(chance, pool, window)
+        track = distort(track, window, chance)
         target, region = _target(chance, run, window, track), _region(chance, run, window)
-        effects = (_arrival(target), _rest(1.0), _inside(region))
-        shown = _packet(effects, distort(track, window, chance), window)
+        effects: tuple[AnyEffect, ...] = (_arrival(target), _rest(1.0), _inside(region))
+        shown = _packet(effects, track, window)
         here = [run.true_at(window.until_s - back)[:2] for back in (0.0, 0.5, 1.0)]
         still = [run.true_motion(window.until_s - back) for back in (0.0, 0.5, 1.0)]
         truths = (
@@ -133,7 +136,7 @@ def steady(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
             each = [_both(_near(at, inner.target_m), _still(one)) for at, one in zip(points, moved, strict=True)]
         else:
             each = [_beyond(float(value), 0.0, EDGE_M) for value in depth(np.array(points), region)]
-        looks = int(round(interval_s / 0.1)) + 1
+        looks = round(interval_s / 0.1) + 1
         truth = _throughout(each[:looks], each)
         effect = Temporal(predicate="stable", interval_s=interval_s, bound=0.5, inner=inner)
         yield _case(
@@ -191,7 +194,7 @@ def kept_out(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]
             packet = _sensed(node, distort(track, window, chance), window, blobs)
             nodes.append(node)
             packets[node.node_id] = (packet, 4 + index)
-        run, window = chosen[-1]
+        run, window = max(chosen, key=lambda pair: pair[1].until_s)
         shown = shown_goal((effect,), nodes, packets, blobs, at_s=window.until_s, recent=_recent(run, window))
         deepest = float(depth(path, region).max())
         truth = _beyond(-deepest, 0.0, EDGE_M)
@@ -224,7 +227,7 @@ def earlier_jumps(chance: Random, count: int, pool: Drives) -> Iterator[Verifier
         if not run.fault:
             track = motion_faults.jumps_earlier(track, window, chance)
         target, region = _target(chance, run, window, track), _region(chance, run, window)
-        effects = (_arrival(target), _inside(region))
+        effects: tuple[AnyEffect, ...] = (_arrival(target), _inside(region))
         shown = _packet(effects, track, window)
         here = run.true_at(window.until_s)[:2]
         truths = (
@@ -261,7 +264,7 @@ def _along(path: Floats, route: Sequence[Point], radius_m: float) -> float:
     """
     dense = [
         (a[0] + (b[0] - a[0]) * step / count, a[1] + (b[1] - a[1]) * step / count)
-        for a, b in zip(route, route[1:], strict=False)
+        for a, b in itertools.pairwise(route)
         for count in [max(1, round(math.dist(a, b) / 0.25))]
         for step in range(count)
     ] + [route[-1]]
@@ -285,7 +288,9 @@ def _fault(chance: Random) -> tuple[str, Distort, bool]:
     drawn_at = chance.random()
     if drawn_at < 0.05:
         return BIASED, motion_faults.biased, True
-    if drawn_at < 0.08:
+    if drawn_at < 0.07:
+        return MIRRORED, motion_faults.mirrored, True
+    if drawn_at < 0.10:
         return FORGED, motion_faults.nothing, True
     name, distort = chance.choice(FAULTS)
     return name, distort, False

@@ -7,7 +7,7 @@ from random import Random
 
 from msgspec.structs import replace
 
-from harness.contracts.observations import Odometry, Pose, Trajectory
+from harness.contracts.observations import Odometry, Trajectory
 
 Distort = Callable[[Trajectory, "Window", Random], Trajectory]
 
@@ -160,7 +160,6 @@ FAULTS: tuple[tuple[str, Distort], ...] = (
     ("odometry missing", no_odometry),
     ("localiser missing", no_localiser),
     ("poses of another map", other_map),
-    ("localiser mirrored", mirrored),
     ("localiser says it is unsure", unsure),
     ("localiser's clock behind", clock_behind),
     ("localiser's clock ahead", clock_ahead),

@@ -197,7 +197,7 @@ def _thing(chance: Random, index: int) -> Solid:
 def _drawn(
     chance: Random, things: Sequence[Solid], frames: tuple[Digest, ...], position: Point, *, hidden: bool
 ) -> Report:
-    """A report as the shipped analyser makes it, drawn from the truth: widths off by 3 cm, now and then a thing missed."""
+    """A report drawn from the truth as an analyser makes it: widths off by 3 cm, now and then a thing missed."""
     found = []
     for one in things:
         if not _stands_in(one) or chance.random() < 0.05:

@@ -14,7 +14,6 @@ import numpy as np
 from msgspec.structs import replace
 
 from experiments.verifier.cases import (
-    Shown,
     VerifierCase,
     condition_id_of,
     fact,
@@ -24,8 +23,8 @@ from experiments.verifier.cases import (
     stage,
 )
 from experiments.verifier.executions import Execution, executed, receipts_for, reference_to
-from harness.baseline.load import site
 from harness.adapters.providers.models.analysis import CARD as ANALYST
+from harness.baseline.load import site
 from harness.contracts.effects import Metric, Visual
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest, sha256
@@ -146,7 +145,7 @@ def stills(chance: Random, count: int, pool: Looks) -> Iterator[VerifierCase]:
 
 
 def findings(chance: Random, count: int, pool: Looks) -> Iterator[VerifierCase]:
-    """sighted: a provider's report names boxes in the frames; only its own word says that there is something in them."""
+    """sighted: a provider's report names boxes in the frames; its word alone says that something is in them."""
     for _ in range(count):
         run = chance.choice(pool.panoramas)
         frames = [one.blob for one in run.images]
@@ -249,8 +248,15 @@ def _faces(true_rad: float, aim: float) -> Truth:
 
 
 def _circle(
-    name: str, effect: Visual, run: Execution, *, keep: Sequence[int], truth: Truth, epistemic: bool = False, **changed: Any
-) -> VerifierCase:  # fmt: skip
+    name: str,
+    effect: Visual,
+    run: Execution,
+    *,
+    keep: Sequence[int],
+    truth: Truth,
+    epistemic: bool = False,
+    **changed: Any,
+) -> VerifierCase:
     """A panorama's packet of these frames. `changed`: images, receipts, odometry, poses or blobs instead of its own."""
     card, node = PANORAMA_CAMERA, stage(effect, mandatory=("image", "receipts", "trajectory"))
     request = identity_of(card).request_id
@@ -329,7 +335,7 @@ def _moving(name: str, effect: Visual, chance: Random, pool: Looks) -> VerifierC
     track = run.between(run.from_s - 0.5, run.until_s)
     odometry = tuple(replace(one, x_m=one.x_m + speed * (one.at_s - run.from_s)) for one in track.odometry)
     poses = tuple(replace(one, x_m=one.x_m + speed * (one.at_s - run.from_s)) for one in track.poses)
-    truth = True if speed < 0.012 else False
+    truth = speed < 0.012
     return _circle(name, effect, run, keep=range(FRAMES), truth=truth, track={"odometry": odometry, "poses": poses})
 
 

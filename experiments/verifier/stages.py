@@ -4,6 +4,7 @@ The order is that of the robot's start journal; what was sent and where it was d
 or not.
 """
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -166,7 +167,7 @@ def _ordered(nodes: Sequence[NodeId], journal: Journal) -> bool:
     at = {start.node_id: (start.at_s, end) for start, end in zip(journal.starts, journal.ends, strict=True)}
     if any(name not in at for name in nodes):
         return False
-    return all(at[a][1] <= at[b][0] for a, b in zip(nodes, nodes[1:], strict=False))
+    return all(at[a][1] <= at[b][0] for a, b in itertools.pairwise(nodes))
 
 
 def _declared(shown: Shown, node_id: NodeId, packets: dict[NodeId, Any]) -> Shown:
@@ -293,8 +294,15 @@ def _subject(name: str, chance: Random, run: Execution, number: int) -> Verifier
 
 
 def _facts_of(
-    name: str, subject: str, at_m: Point, floor: Sequence[Point], frames: list[Digest], sent: list[Digest], *, level: int
-) -> list[CommittedFact]:  # fmt: skip
+    name: str,
+    subject: str,
+    at_m: Point,
+    floor: Sequence[Point],
+    frames: list[Digest],
+    sent: list[Digest],
+    *,
+    level: int,
+) -> list[CommittedFact]:
     if name == "no fact":
         return []
     if subject == "go":
