@@ -1,4 +1,4 @@
-"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `replay SEED`, `check NAME`.
+"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `verifier`, `replay SEED`, `check NAME`.
 
 `run` does everything, prints what it found and publishes it where it was of the full size (or with --publish).
 CAMPAIGN_MISSIONS and CAMPAIGN_SEED, or --missions and --seed, ask for another run; a smaller one leaves docs/ alone.
@@ -31,6 +31,7 @@ from experiments.campaigns.simulate import one_mission, seeds_of, simulated_camp
 from experiments.campaigns.suspended import SuspensionReport, suspensions
 from experiments.campaigns.tally import summary
 from experiments.campaigns.workers import WorkersReport, worked_missions
+from experiments.verifier import campaign as verifier
 from harness.contracts.ids import sha256
 
 MISSIONS, SEED = 100_000, 1
@@ -90,6 +91,10 @@ def main() -> None:
     steps.add_argument("--missions", type=int, default=MISSIONS_EACH, help="missions for each fault and template")
     steps.add_argument("--seed", type=int, default=SEED)
     steps.add_argument("--publish", action="store_true", help="write docs/recovery.md")
+    cases = commands.add_parser("verifier", help="how often each predicate is right, against the simulated truth")
+    cases.add_argument("--cases", type=int, default=verifier.CASES, help="cases of each predicate")
+    cases.add_argument("--seed", type=int, default=SEED)
+    cases.add_argument("--publish", action="store_true", help="write docs/verifier.md")
     again = commands.add_parser("replay", help="one mission of a simulation, with all that happened")
     again.add_argument("seed", type=int)
     check = commands.add_parser("check", help="one campaign, until the first offence")
@@ -102,6 +107,8 @@ def main() -> None:
             _run(asked)
         case "recovery":
             recovery_steps.run(asked)
+        case "verifier":
+            verifier.run(asked)
         case "replay":
             _replay(asked.seed)
         case _:

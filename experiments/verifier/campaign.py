@@ -19,7 +19,7 @@ CASES, SEED = 2000, 1
 WHOLE = 1000
 """From so many cases on, the pools are those of the published campaign."""
 LEAST_FALSE_SHARE = 0.1
-SPARE = 1.6
+SPARE = 1.3
 """Cases that are epistemic or at a bound do not count: so many times more are drawn."""
 MOST_DRAWS = 6
 
@@ -46,7 +46,7 @@ class Pools:
 
     @cached_property
     def recordings(self) -> tuple[speech.Spoken, ...]:
-        return speech.recordings(self.seed, count=48 if self.whole else len(speech.KINDS))
+        return speech.recordings(self.seed, count=36 if self.whole else len(speech.KINDS))
 
     @cached_property
     def journals(self) -> tuple[stages.Journal, ...]:

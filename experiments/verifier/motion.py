@@ -117,7 +117,7 @@ def standing(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]
 def steady(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
     """stable: an arrival, or a place in a region, at every look of an interval."""
     for _ in range(count):
-        run, window = _window(chance, pool.ways, shortest_s=7.0, longest_s=9.0)
+        run, window = _window(chance, pool.ways, shortest_s=5.5, longest_s=7.0)
         name, distort, epistemic = _fault(chance)
         track = run.between(window.from_s - 1.0, window.until_s)
         if name == FORGED:

@@ -67,7 +67,7 @@ class Looks:
 def looks(seed: int, *, whole: bool) -> Looks:
     """`whole`: the pool of the published campaign; else a few."""
     chance = Random(seed)
-    stands = tuple(_stand(chance, seed + index) for index in range(260 if whole else 8))
+    stands = tuple(_stand(chance, seed + index) for index in range(160 if whole else 8))
     places = [(0.0, 0.0, 0.0), (11.0, 8.557, 1.57), (9.0, 4.8, 0.4)][: 3 if whole else 1]
     panoramas = tuple(
         executed(PANORAMA_CAMERA, {"frames": 8.0}, at=place, seed=seed + index) for index, place in enumerate(places)
@@ -85,8 +85,8 @@ def looks(seed: int, *, whole: bool) -> Looks:
 
 
 def headings(chance: Random, count: int, pool: Looks) -> Iterator[VerifierCase]:
-    """facing: eight wanted headings for each sweep, so that most of a sweep's cost is shared."""
-    each = 8
+    """facing: twelve wanted headings for each sweep, so that most of a sweep's cost is shared."""
+    each = 12
     for _ in range(max(1, count // each)):
         run = chance.choice(pool.stands)
         scan = chance.choice([one for one in run.scans if one.at_s >= run.from_s])
