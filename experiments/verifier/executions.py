@@ -82,9 +82,13 @@ class Execution:
         return np.asarray(self.truth[within, 1:3])
 
     def true_motion(self, until_s: float, window_s: float = 1.0) -> float:
-        """How far the body truly moved within the window that ends then: the largest distance from its end, metres."""
+        """How far the body truly moved in the window that ends then, as standing still is defined (D15), metres: from
+        the median of its first third to that of its last third, extrapolated to the whole window."""
         path = self.true_path(until_s - window_s, until_s)
-        return float(np.hypot(*(path - path[-1]).T).max()) if len(path) else math.inf
+        third = len(path) // 3
+        if third < 2:
+            return math.inf
+        return 1.5 * float(np.hypot(*(np.median(path[-third:], axis=0) - np.median(path[:third], axis=0))))
 
 
 def executed(

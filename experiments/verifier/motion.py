@@ -36,7 +36,7 @@ from harness.contracts.values import Point
 from simulator.cards import ROUTE_FOLLOWER
 
 TOLERANCE_M, EDGE_M = 0.40, 0.05
-STILL_M, STILL_FROM_M, STILL_TO_M = 0.02, 0.012, 0.05
+STILL_M, STILL_FROM_M, STILL_TO_M = 0.02, 0.015, 0.025
 FRESH_S = 1.0
 CORRIDOR_M, CORRIDOR_EDGE_M = 1.5, 0.15
 SHARE, SHARE_EDGE = 0.95, 0.05
