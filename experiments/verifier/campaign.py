@@ -36,7 +36,7 @@ class Pools:
         return motion.drives(self.seed, whole=self.whole)
 
     @cached_property
-    def looks(self) -> pictures.Looks:
+    def looks(self) -> pictures.SimulatedLooks:
         return pictures.looks(self.seed, whole=self.whole)
 
     @cached_property

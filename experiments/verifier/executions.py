@@ -37,7 +37,7 @@ SPAN = 5000
 
 
 @dataclass(frozen=True)
-class Execution:
+class SimulatedExecution:
     """One execution. `truth` holds (at_s, x_m, y_m, yaw_rad) at every tick; `arrivals` when each sample came."""
 
     samples: tuple[AnySample, ...]
@@ -101,7 +101,7 @@ def executed(
     fault: str = "",
     after_s: float = 4.0,
     request: str = "r-1",
-) -> Execution:
+) -> SimulatedExecution:
     """One invocation of the kinematic robot, put down at a pose; it stands SETTLE_S before and `after_s` afterwards."""
     robot = placed(at, seed=seed, site=site, fault=fault)
     truth: list[tuple[float, float, float, float]] = []
@@ -142,7 +142,7 @@ def recorded(
     report: InvocationReport,
     from_s: float,
     fault: str = "",
-) -> Execution:
+) -> SimulatedExecution:
     """Everything that the robot published so far, with the bytes that it cites."""
     samples: list[AnySample] = []
     arrivals: list[float] = []
@@ -156,7 +156,7 @@ def recorded(
     cited = [one.blob for one in samples if isinstance(one, Scan | Image)]
     cited += [one.blob for one in report.receipts if one.blob]
     blobs = {digest: robot.blob(digest) for digest in cited}
-    return Execution(
+    return SimulatedExecution(
         samples=tuple(samples),
         arrivals=tuple(arrivals),
         truth=np.array(truth),
@@ -168,7 +168,7 @@ def recorded(
     )
 
 
-def driven(route: Sequence[Point], *, seed: int, fault: str = "", site: SiteModel | None = None) -> Execution:
+def driven(route: Sequence[Point], *, seed: int, fault: str = "", site: SiteModel | None = None) -> SimulatedExecution:
     """A drive along a route with the route follower, from its first point."""
     (x, y), (next_x, next_y) = route[0], route[1]
     parameters: Parameters = {

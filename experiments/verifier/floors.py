@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from experiments.verifier.cases import K, VerifierCase, condition_id_of, packet_of, shown_goal, stage
-from experiments.verifier.executions import Execution, executed
+from experiments.verifier.executions import SimulatedExecution, executed
 from experiments.verifier.polygons import depth
 from harness.baseline.load import site
 from harness.contracts.effects import Symbolic
@@ -42,7 +42,7 @@ PLACES = (
 class Viewed:
     """One stand of the body with its sweeps, and the cells of the map that truly can be seen from there."""
 
-    run: Execution
+    run: SimulatedExecution
     seen: Mask
 
 

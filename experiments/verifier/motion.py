@@ -23,8 +23,8 @@ from experiments.verifier.cases import (
     shown_packet,
     stage,
 )
-from experiments.verifier.executions import Execution, driven, reference_to
-from experiments.verifier.motion_faults import FAULTS, Distort, Window
+from experiments.verifier.executions import SimulatedExecution, driven, reference_to
+from experiments.verifier.motion_faults import FAULTS, Distort, JudgedSpan
 from experiments.verifier.polygons import Floats, depth, drawn
 from harness.baseline.load import site
 from harness.contracts.effects import AnyEffect, Metric, Relational, Symbolic, Temporal
@@ -52,10 +52,10 @@ Truth = bool | None
 class Drives:
     """Simulated drives between places, and rounds: whole ones, and some that leave something out."""
 
-    ways: tuple[Execution, ...]
-    biased: tuple[Execution, ...]
-    rounds: tuple[Execution, ...]
-    cut_rounds: tuple[Execution, ...]
+    ways: tuple[SimulatedExecution, ...]
+    biased: tuple[SimulatedExecution, ...]
+    rounds: tuple[SimulatedExecution, ...]
+    cut_rounds: tuple[SimulatedExecution, ...]
 
     @property
     def distinct(self) -> int:
@@ -163,7 +163,7 @@ def rounds(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
         until_s = run.until_s - chance.uniform(0.0, 2.5)
         if chance.random() < 0.2:
             until_s = run.from_s + chance.uniform(0.1, 1.0) * (run.until_s - run.from_s)
-        window = Window(run.from_s, until_s)
+        window = JudgedSpan(run.from_s, until_s)
         name, distort, epistemic = _fault(chance)
         track = run.between(run.from_s - 1.0, until_s)
         if name == FORGED:
@@ -239,7 +239,7 @@ def earlier_jumps(chance: Random, count: int, pool: Drives) -> Iterator[Verifier
             yield _case(effect, name, truth, shown, epistemic=True)
 
 
-def went_round(run: Execution, window: Window, route: Sequence[Point], home: Point) -> Truth:
+def went_round(run: SimulatedExecution, window: JudgedSpan, route: Sequence[Point], home: Point) -> Truth:
     """Whether the body truly left, came along the whole route in its order, and stood at home at the end."""
     path = run.true_path(window.from_s, window.until_s)
     if not len(path):
@@ -297,18 +297,18 @@ def _fault(chance: Random) -> tuple[str, Distort, bool]:
 
 
 def _window(
-    chance: Random, runs: Sequence[Execution], *, shortest_s: float, longest_s: float, rest: float = 0.7
-) -> tuple[Execution, Window]:
+    chance: Random, runs: Sequence[SimulatedExecution], *, shortest_s: float, longest_s: float, rest: float = 0.7
+) -> tuple[SimulatedExecution, JudgedSpan]:
     """An execution, and the part of it that is judged; `rest`: how often the body stands at its end."""
     run = chance.choice(runs)
     until_s = run.from_s + chance.uniform(0.0, 1.0) * (run.until_s - run.from_s)
     if chance.random() < rest:
         until_s = chance.uniform(min(run.terminal_s, run.until_s - 0.1), run.until_s)
     from_s = max(run.from_s, until_s - chance.uniform(shortest_s, longest_s))
-    return run, Window(from_s, round(until_s, 3))
+    return run, JudgedSpan(from_s, round(until_s, 3))
 
 
-def _target(chance: Random, run: Execution, window: Window, track: Trajectory) -> Point:
+def _target(chance: Random, run: SimulatedExecution, window: JudgedSpan, track: Trajectory) -> Point:
     """A target at some distance from where the body is at the end, or from where its localiser takes it to be."""
     x, y, _ = run.true_at(window.until_s)
     if chance.random() < 0.3 and track.poses:
@@ -318,7 +318,7 @@ def _target(chance: Random, run: Execution, window: Window, track: Trajectory) -
     return round(x + away_m * math.cos(angle), 3), round(y + away_m * math.sin(angle), 3)
 
 
-def _region(chance: Random, run: Execution, window: Window) -> tuple[Point, ...]:
+def _region(chance: Random, run: SimulatedExecution, window: JudgedSpan) -> tuple[Point, ...]:
     x, y, _ = run.true_at(window.until_s)
     away_m, angle = chance.choice((0.0, 0.3, 0.8, 2.0)), chance.uniform(-math.pi, math.pi)
     middle = (x + away_m * math.cos(angle), y + away_m * math.sin(angle))
@@ -346,14 +346,14 @@ def _inside(region: tuple[Point, ...], **changes: str) -> Relational:
     return replace(made, **changes)
 
 
-def _packet(effects: Sequence[AnyEffect], track: Trajectory, window: Window, **parts: Any) -> Shown:
+def _packet(effects: Sequence[AnyEffect], track: Trajectory, window: JudgedSpan, **parts: Any) -> Shown:
     blobs: dict[Digest, bytes] = {}
     node = stage(*effects, mandatory=("trajectory",))
     packet = replace(_sensed(node, track, window, blobs), **parts)
     return shown_packet(node, packet, ROUTE_FOLLOWER, blobs)
 
 
-def _sensed(node: Node, track: Trajectory, window: Window, blobs: dict[Digest, bytes]) -> EvidencePacket:
+def _sensed(node: Node, track: Trajectory, window: JudgedSpan, blobs: dict[Digest, bytes]) -> EvidencePacket:
     """A packet whose samples before the dispatch stand beside its trajectory, as a dispatch records them."""
     since = Trajectory(
         poses=tuple(one for one in track.poses if one.at_s >= window.from_s),
@@ -375,11 +375,11 @@ def _sensed(node: Node, track: Trajectory, window: Window, blobs: dict[Digest, b
     )
 
 
-def _forged(chance: Random, pool: Drives, window: Window) -> Trajectory:
+def _forged(chance: Random, pool: Drives, window: JudgedSpan) -> Trajectory:
     return _restamped(chance.choice(pool.ways), window)
 
 
-def _restamped(run: Execution, window: Window) -> Trajectory:
+def _restamped(run: SimulatedExecution, window: JudgedSpan) -> Trajectory:
     """The last samples of another execution, with the stamps of this one."""
     shift = window.until_s - run.until_s
     track = run.between(window.from_s - 1.0 - shift, run.until_s)
@@ -390,13 +390,13 @@ def _restamped(run: Execution, window: Window) -> Trajectory:
     )
 
 
-def _elsewhere(chance: Random, pool: Drives, region: tuple[Point, ...]) -> Execution:
+def _elsewhere(chance: Random, pool: Drives, region: tuple[Point, ...]) -> SimulatedExecution:
     """A drive that stays out of the region, if there is one."""
     out = [one for one in pool.rounds if float(depth(one.truth[:, 1:3], region).max()) < 0.0]
     return chance.choice(out or list(pool.ways))
 
 
-def _recent(run: Execution, window: Window) -> tuple[AnySample, ...]:
+def _recent(run: SimulatedExecution, window: JudgedSpan) -> tuple[AnySample, ...]:
     track = run.between(window.until_s - 3.0, window.until_s)
     return (*track.poses, *track.odometry, *track.imu)
 

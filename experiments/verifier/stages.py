@@ -25,7 +25,7 @@ from experiments.verifier.cases import (
     shown_goal,
     stage,
 )
-from experiments.verifier.executions import TICK_S, Execution, placed
+from experiments.verifier.executions import TICK_S, SimulatedExecution, placed
 from experiments.verifier.polygons import depth, drawn
 from harness.contracts.effects import Relational, Symbolic, Temporal
 from harness.contracts.evidence import CommittedFact, DeclaredEffect
@@ -80,7 +80,7 @@ def chains(chance: Random, count: int) -> Iterator[VerifierCase]:
         yield _chain(chance.choice(names), chance, number)
 
 
-def subjects(chance: Random, count: int, runs: Sequence[Execution]) -> Iterator[VerifierCase]:
+def subjects(chance: Random, count: int, runs: Sequence[SimulatedExecution]) -> Iterator[VerifierCase]:
     """one_subject: where a stage truly was, what it truly analysed and what was told, against the clause's place."""
     names = (
         "none", "none", "none", "place of the images unknown", "another floor analysed", "another analysis told",
@@ -247,7 +247,7 @@ def _on_packet(one: CommittedFact, packets: dict[NodeId, Any]) -> CommittedFact:
     return replace(one, packet_id=found[0].identity.packet_id) if found else one
 
 
-def _subject(name: str, chance: Random, run: Execution, number: int) -> VerifierCase:
+def _subject(name: str, chance: Random, run: SimulatedExecution, number: int) -> VerifierCase:
     poses = run.between(run.from_s, run.until_s).poses
     pose = chance.choice(poses)
     true = run.true_at(pose.at_s)[:2]
