@@ -85,7 +85,7 @@ def _case(
     return VerifierCase("covered", name, truth, shown, condition_id_of(effect, "goal"), epistemic=name in FORGED)
 
 
-ASKED = 10
+ASKED = 20
 """So many shares are asked of each map."""
 FORGED = ("map of another exploration", "localiser biased: the map is drawn elsewhere", "sweeps mirrored")
 """The map comes from one lidar and one localiser: what these forge consistently is seen by nothing that is asked."""

@@ -117,12 +117,12 @@ def standing(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]
 def steady(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
     """stable: an arrival, or a place in a region, at every look of an interval."""
     for _ in range(count):
-        run, window = _window(chance, pool.ways, shortest_s=5.5, longest_s=7.0)
+        run, window = _window(chance, pool.ways, shortest_s=4.0, longest_s=5.0)
         name, distort, epistemic = _fault(chance)
         track = run.between(window.from_s - 1.0, window.until_s)
         if name == FORGED:
             track = _forged(chance, pool, window)
-        interval_s = chance.uniform(0.8, 2.0)
+        interval_s = chance.uniform(0.6, 1.2)
         if chance.random() < 0.5:
             target = _target(chance, run, window, track)
             inner: Metric | Relational = _arrival(target)
@@ -174,10 +174,10 @@ def rounds(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
 
 
 def kept_out(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
-    """stayed_out: a goal over one to three executions, and a region beside, near or on the way of one of them."""
+    """stayed_out: a goal over one or two executions, and a region beside, near or on the way of one of them."""
     for _ in range(count):
         name, distort, epistemic = _fault(chance)
-        chosen = [_window(chance, pool.ways, shortest_s=6.0, longest_s=18.0) for _ in range(chance.randint(1, 3))]
+        chosen = [_window(chance, pool.ways, shortest_s=5.0, longest_s=12.0) for _ in range(chance.randint(1, 2))]
         path = np.concatenate([run.true_path(window.from_s, window.until_s) for run, window in chosen])
         away_m = chance.choice((0.0, chance.uniform(0.5, 2.0), chance.uniform(1.0, 5.0)))
         centre, angle = path[chance.randrange(len(path))], chance.uniform(-math.pi, math.pi)
