@@ -1,4 +1,5 @@
-"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `fuzz`, `hostile`, `replay SEED`, `check NAME`.
+"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `verifier`, `fuzz`, `hostile`, `replay SEED`,
+`check NAME`.
 
 `run` does everything, prints what it found and publishes it where it was of the full size (or with --publish).
 CAMPAIGN_MISSIONS and CAMPAIGN_SEED, or --missions and --seed, ask for another run; a smaller one leaves docs/ alone.
@@ -33,6 +34,7 @@ from experiments.campaigns.simulate import one_mission, seeds_of, simulated_camp
 from experiments.campaigns.suspended import SuspensionReport, suspensions
 from experiments.campaigns.tally import summary
 from experiments.campaigns.workers import WorkersReport, worked_missions
+from experiments.verifier import campaign as verifier
 from harness.contracts.ids import sha256
 
 MISSIONS, SEED = 100_000, 1
@@ -121,6 +123,10 @@ def main() -> None:
     lies.add_argument("modes", nargs="*", help="lies or groups of lies; all of them without any")
     lies.add_argument("--seed", type=int, default=3)
     lies.add_argument("--publish", action="store_true", help="write the section of docs/reliability.md")
+    cases = commands.add_parser("verifier", help="how often each predicate is right, against the simulated truth")
+    cases.add_argument("--cases", type=int, default=verifier.CASES, help="cases of each predicate")
+    cases.add_argument("--seed", type=int, default=SEED)
+    cases.add_argument("--publish", action="store_true", help="write docs/verifier.md")
     again = commands.add_parser("replay", help="one mission of a simulation, with all that happened")
     again.add_argument("seed", type=int)
     check = commands.add_parser("check", help="one campaign, until the first offence")
@@ -139,6 +145,8 @@ def main() -> None:
             fuzz.run(asked)
         case "hostile":
             hostile.run(asked)
+        case "verifier":
+            verifier.run(asked)
         case "replay":
             _replay(asked.seed)
         case _:

@@ -216,7 +216,7 @@ def _message(chance: Random, number: int, *, of_goal: bool) -> VerifierCase:
         shown = shown_goal(
             (effect,),
             (stage(effect, node_id=NodeId("analysis")), node),
-            {"delivery": (packet, K + 1)},
+            {node.node_id: (packet, K + 1)},
             blobs,
             at_s=late_s,
             facts=(reported, accepted),

@@ -1,7 +1,7 @@
 """Reads C3 for the verifier: typed records, checked blobs and tracks. Raises Undecidable for what it cannot read."""
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any, TypeVar, cast
 
@@ -31,6 +31,7 @@ class AdmittedTrack:
 
     `imu`: times with accelerations, `turning`: with turn rates.
     `newest_arrived_s`: the latest instant by other streams' clocks at which a pose arrived, whatever its stamp.
+    `terminal_s`: when the execution ended, where the reference says so.
     """
 
     current: bool
@@ -41,6 +42,7 @@ class AdmittedTrack:
     blob: Digest | None
     newest_arrived_s: float | None
     turning: tuple[tuple[float, float], ...] = ()
+    terminal_s: float | None = None
 
     @property
     def until_s(self) -> float | None:
@@ -263,7 +265,9 @@ class Evidence:
             imu=tuple(sample for one in samples for sample in one.imu),
         )
         dispatched_s = min(float(one.values.get("dispatched_s", one.from_s)) for one in references)
-        return self._admitted(merged, current=current, dispatched_s=dispatched_s, blob=references[0].blob)
+        admitted = self._admitted(merged, current=current, dispatched_s=dispatched_s, blob=references[0].blob)
+        ends = [float(one.values["terminal_s"]) for one in references if "terminal_s" in one.values]
+        return replace(admitted, terminal_s=max(ends, default=None))
 
     def _admitted(
         self, samples: Trajectory, *, current: bool, dispatched_s: float, blob: Digest | None

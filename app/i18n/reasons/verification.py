@@ -37,6 +37,9 @@ SENTENCES: Mapping[str, str] = {
     "goal_not_in_context": N_("the goal is not in the context"),
     "hardware_stop_is_engaged": N_("the hardware stop is engaged"),
     "hardware_stop_is_released": N_("the hardware stop is released"),
+    "headings_apart": N_(
+        "localiser and odometry saw turns that differ by {apart_rad:.2f} rad, at most {bound_rad:.2f} rad are allowed"
+    ),
     "held_at_looks": N_("held at {held} of {looks} looks in {interval_s:g} s"),
     "image_not_of_panorama": N_("an image is not of the accepted panorama"),
     "image_not_whole": N_("image {image} cannot be decoded to its end ({error})"),
