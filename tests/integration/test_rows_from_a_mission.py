@@ -24,6 +24,7 @@ from tests.integration.runs import regen
 class Inspected:
     """One inspection whose first leg was interrupted once: what the command line printed, and its log."""
 
+    data: Path
     outcome: dict[str, Any]
     events: tuple[Any, ...]
     runtime: Runtime
@@ -44,7 +45,7 @@ def inspected(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inspected]:
     outcome = json.loads(done.stdout)
     with read_harness(HarnessSettings(data_folder=Path(data))) as runtime:
         log = runtime.events(MissionId(outcome["mission_id"]))
-        yield Inspected(outcome, tuple(DECIDER.codec.decode(one) for one in log), runtime)
+        yield Inspected(Path(data), outcome, tuple(DECIDER.codec.decode(one) for one in log), runtime)
 
 
 @pytest.mark.ledger("R70", entry="command line", symbol="harness.contexts.planner:_failures")
@@ -93,3 +94,21 @@ def test_the_return_ended_with_a_turn_by_the_lidar_and_a_body_at_rest_before_the
     assert done.index("return") < done.index("report")
     played = [one for one in inspected.outcome["receipts"] if one["kind"] == "playback"]
     assert len(played) == 1 and results["report.heard"].verdict == "satisfied"
+
+
+@pytest.mark.ledger("R63", entry="command line", symbol="harness.routing.explanation:explained")
+def test_the_command_line_says_why_a_provider_was_chosen_term_by_term(inspected: Inspected) -> None:
+    asked = ("mission", "routing", inspected.outcome["mission_id"], "--data", inspected.data)
+    found = json.loads(regen(*asked, "--json").stdout)
+    (first, *_) = [one for one in found["decisions"] if one["node_id"] == "go"]
+    scored = {one["provider_id"]: one for one in first["candidates"] if one["score"] is not None}
+    assert first["chosen"] == max(scored, key=lambda name: scored[name]["score"])
+    for one in scored.values():
+        assert {"success", "risk", "uncertainty", "latency", "cost", "history"} <= one["terms"].keys()
+        assert one["score"] == pytest.approx(sum(one["terms"].values()))
+    turned_down = [one for one in first["candidates"] if one["score"] is None]
+    assert turned_down and all(one["refused_by"] and one["reason"] for one in turned_down), (
+        "who cannot do it is named with the reason"
+    )
+    text = regen(*asked).stdout
+    assert "route-follower" in text and "history" in text
