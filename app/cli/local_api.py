@@ -56,7 +56,7 @@ class LocalApi(Api):
             folder=data,
         )
         self._base = console.local_address
-        self._headers = {"Authorization": f"Bearer {token_of(data, accounts) or host}"}
+        self._headers = {"Authorization": f"Bearer {token_of(data) or host}"}
 
     def follow(self, mission_id: str) -> dict[str, Any]:
         """Runs the mission here, telling its stages on standard error."""

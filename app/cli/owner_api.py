@@ -7,7 +7,6 @@ from typing import Any
 import httpx
 
 from app.cli.api_client import Api
-from app.cli.data_folder import opened
 from app.cli.logins import token_of
 from harness.bootstrap import owner_of
 from harness.contracts.errors import HarnessError, StoreOwned
@@ -64,5 +63,4 @@ def owner_api(data: Path) -> OwnerApi | None:
         return None
     if not owner.url:
         raise StoreOwned(because("owner_without_api", pid=owner.pid), where=str(data))
-    with opened(data) as accounts:
-        return OwnerApi(owner.url, token_of(data, accounts) or owner.token)
+    return OwnerApi(owner.url, token_of(data) or owner.token)
