@@ -58,7 +58,7 @@ class LocalApi(Api):
             folder=data,
         )
         self._base = console.local_address
-        self._headers = {"Authorization": f"Bearer {token_of(data, accounts) or host}"}
+        self._headers = {"Authorization": f"Bearer {token_of(data) or host}"}
 
     def follow(self, mission_id: str, *, wait: bool = False) -> dict[str, Any]:
         """Runs the mission here, printing its stages on standard error. Ctrl-C stops the robot first."""

@@ -16,6 +16,7 @@ from app.auth.sessions import Origin, SessionService
 from app.cli import output
 from app.cli.data_folder import opened
 from app.cli.person import here
+from app.i18n.reasons.rendering import explained
 from app.settings import ConsoleSettings
 from harness.contracts.errors import ContractInvalid, HarnessError, StoreUnavailable
 from harness.contracts.ids import sha256
@@ -72,35 +73,43 @@ def logout(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
 
 def whoami(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Who acts here: an account, or a user of this machine without one."""
-    with opened(data) as accounts:
-        found = principal(data, accounts)
+    found = principal(data)
     told = ", ".join(found.roles) if found.roles else "no account: may run, stop and administer, and decides nothing"
     output.show({"name": found.name, "roles": list(found.roles)}, as_json=as_json, lines=[f"{found.name} ({told})"])
 
 
-def token_of(data: Path, accounts: Accounts) -> str:
-    """The token of whoever is signed in at this terminal; empty for nobody, said on standard error if they were."""
+def token_of(data: Path) -> str:
+    """The token of whoever is signed in at this terminal; empty for nobody, said on standard error if they were.
+
+    Nothing is opened where nobody signed in; where the accounts cannot be read, nobody is signed in: stopping goes on.
+    """
     found = _read(data)
     if found is None:
         return ""
-    if _sessions(accounts).bearer(f"Bearer {found.token}", source="terminal") is not None:
-        return found.token
-    sys.stderr.write(f"regen: the session of {found.name} is over; sign in again with `regen login {found.name}`\n")
-    _file(data).unlink(missing_ok=True)
-    return ""
+    try:
+        with opened(data) as accounts:
+            good = _sessions(accounts).bearer(f"Bearer {found.token}", source="terminal") is not None
+    except StoreUnavailable as error:
+        sys.stderr.write(f"regen: {found.name} is not signed in: {explained(error)}\n")
+        return ""
+    if not good:
+        sys.stderr.write(f"regen: the session of {found.name} is over; sign in again with `regen login {found.name}`\n")
+        _file(data).unlink(missing_ok=True)
+    return found.token if good else ""
 
 
-def principal(data: Path, accounts: Accounts) -> Principal:
+def principal(data: Path) -> Principal:
     """Who acts at this terminal on this data folder."""
-    token = token_of(data, accounts)
-    found = _sessions(accounts).bearer(f"Bearer {token}", source="terminal") if token else None
-    return found or here()
+    token = token_of(data)
+    if not token:
+        return here()
+    with opened(data) as accounts:
+        return _sessions(accounts).bearer(f"Bearer {token}", source="terminal") or here()
 
 
 def acting_name(data: Path) -> str:
     """The name of whoever acts at this terminal on this data folder."""
-    with opened(data) as accounts:
-        return principal(data, accounts).name
+    return principal(data).name
 
 
 def _sessions(accounts: Accounts) -> SessionService:

@@ -8,7 +8,6 @@ import httpx
 import typer
 
 from app.cli.api_client import Api
-from app.cli.data_folder import opened
 from app.cli.interruption import EXIT
 from app.cli.logins import token_of
 from harness.bootstrap import owner_of
@@ -100,5 +99,4 @@ def owner_api(data: Path) -> OwnerApi | None:
         return None
     if not owner.url:
         raise StoreOwned(because("owner_without_api", pid=owner.pid), where=str(data))
-    with opened(data) as accounts:
-        return OwnerApi(owner.url, token_of(data, accounts) or owner.token)
+    return OwnerApi(owner.url, token_of(data) or owner.token)

@@ -90,7 +90,7 @@ def up(
                 "speed": chosen.speed,
                 "robots": tuple(harness.robots),
                 "owner_token": SecretStr(harness.token),
-                "owner": console.owner if "owner" in console.model_fields_set else host_user(),
+                "owner": host_user(),
             }
         )
         _begin(harness, start, seed=seed, faults=faults)

@@ -193,3 +193,9 @@ def test_a_folder_without_accounts_says_how_to_make_the_first(tmp_path: Path) ->
     alone = Terminal(tmp_path)
     done = alone.run("mallory", "login", "mallory", "--password-stdin", typed=PASSWORD)
     assert "Nobody has an account" in told(done)
+
+
+def test_where_nobody_signed_in_nothing_is_opened_or_made(tmp_path: Path) -> None:
+    nowhere = Terminal(tmp_path)
+    assert nowhere.said("mallory", "whoami") == {"name": HOST, "roles": []}
+    assert not nowhere.data.exists()
