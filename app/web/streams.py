@@ -81,12 +81,17 @@ class GuardedStream:
             self._around.cancel()
             await checkpoint()
         self._watch = asyncio.create_task(self._ask())
+        self._watch.add_done_callback(self._end)
 
     async def _ask(self) -> None:
         while self._lasts():
             await asyncio.sleep(CHECK_S)
-        self.revoked = True
-        self._around.cancel()
+
+    def _end(self, watch: asyncio.Task[None]) -> None:
+        """Whatever ends the watch ends the stream, an error too: nobody reads on unasked."""
+        if not watch.cancelled():
+            self.revoked = True
+            self._around.cancel()
 
 
 def _is_stream(message: Message) -> bool:
