@@ -52,8 +52,8 @@ def oidc_settings() -> OidcSettings:
 
 
 class ConsoleSettings(BaseSettings):
-    """Settings of one console, from REGEN_* or from the caller. `owner_token` opens the API to the command line,
-    which acts under the name `owner`; `regen up` takes the name of whoever starts it.
+    """Settings of one console, from REGEN_* or from the caller. `owner_token` opens the API to the command line
+    of a user of this machine, `owner`, as whom nothing is decided; `regen up` takes whoever it runs as.
 
     `names` are the host names (with a port unless it is the usual one) that people use beside loopback's; `proxies`
     the addresses of TLS proxies in front, whose word on where a request comes from is taken. `streams` are the live

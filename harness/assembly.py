@@ -18,6 +18,7 @@ from harness.adapters.providers.messaging.read_back import FolderReader, MemoryR
 from harness.adapters.providers.models.analysis import OpenCvAnalysis
 from harness.adapters.providers.models.description import OpenCvDescription
 from harness.adapters.providers.speech.microphone import RoomMicrophone
+from harness.adapters.providers.speech.recordings import RecordingClaims
 from harness.adapters.providers.speech.speaker import PacedSpeaker, RoomSpeaker
 from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.configurations import StoredConfigurations
@@ -344,6 +345,6 @@ def local_services(
     sources = (
         MessageReadBack(messages.reader, keep=blobs.put),
         PassageSweep(keep=blobs.put),
-        RoomMicrophone(room, keep=blobs.put, read=blobs.get),
+        RoomMicrophone(room, keep=blobs.put, read=blobs.get, claims=RecordingClaims(journal("room-recordings"))),
     )
     return LocalServices(providers, sources)

@@ -43,8 +43,7 @@ from harness.assembly import (
     nothing_selected,
     runtime_on,
 )
-from harness.baseline.load import baseline
-from harness.baseline.load import site as shipped_site
+from harness.baseline.load import baseline, site_from
 from harness.contracts import ports
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Authority, unquestioned
@@ -108,8 +107,10 @@ def open_harness(
     `deciders` are for further families of streams, `select` says which version new missions are pinned to, `trial`
     whether one is in canary, so that a person approves each motion.
     `authority` is asked in every commit whether whoever gave a command still may.
-    Raises StoreOwned if another supervisor owns the folder, StoreUnavailable or StoreNewer if it cannot be used.
+    Raises StoreOwned if another supervisor owns the folder, StoreUnavailable or StoreNewer if it cannot be used,
+    ContractInvalid for a site file that breaks a rule.
     """
+    site = site_from(settings.site_file)
     with ExitStack() as stack:
         folder = prepare(settings.data_folder)
         lock = stack.enter_context(OwnerLock(folder.root))
@@ -134,6 +135,7 @@ def open_harness(
             authority=authority,
             select=select,
             trial=trial,
+            site=site,
         )
         members = [_kept_member(parts, one, folder) for one in kept]
         yield replace(joined(stack, settings, parts, members), token=token)
@@ -191,6 +193,7 @@ def _without_robots(
             deciders=deciders,
             authority=authority,
             select=select,
+            site=site_from(settings.site_file),
         )
         yield runtime_on(parts)
 
@@ -233,7 +236,7 @@ def simulated(
             clock=clocks[0],
             signals=NullSignals(),
             configuration=configuration or baseline(),
-            site=site or shipped_site(),
+            site=site or site_from(settings.site_file),
             deciders=deciders,
             authority=authority,
             select=select,

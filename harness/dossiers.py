@@ -5,6 +5,7 @@ from pathlib import Path
 
 from harness.adapters.clock import SystemClock
 from harness.adapters.ids import SystemIds
+from harness.adapters.limited_process import Limits, run_limited
 from harness.adapters.stores.dossier import open_dossier, signing_key, write_dossier
 from harness.adapters.stores.memory import MemorySpool
 from harness.auditing.dossier import DossierVerdict, collect, judge
@@ -13,7 +14,11 @@ from harness.contracts.dossier import DossierContents
 from harness.contracts.errors import DossierInvalid
 from harness.contracts.ids import MissionId
 from harness.contracts.reasons import because
+from harness.contracts.values import Value, decode, encode
 from harness.runtime import Runtime
+
+LIMITS = Limits(memory_bytes=256 * 2**20, cpu_s=300.0, wall_s=900.0, output_bytes=16 * 2**20)
+"""For the check of one dossier; a mission of seven stages takes a few seconds and 20 MiB of it."""
 
 
 def export_dossier(
@@ -29,14 +34,34 @@ def export_dossier(
     return collected.contents
 
 
+class Check(Value):
+    """What the process that checks a dossier is asked."""
+
+    file: str
+    key: str
+
+
 def verify_dossier(file: Path, *, key: str = "") -> DossierVerdict:
     """Signature, digests, chain, and every decision derived again. `key`: the public key that must have signed it.
 
-    Raises DossierInvalid or LogDamaged that name what does not hold. Needs no data folder and no network.
+    Anybody may have made the file: it is read in a process with limits. Raises DossierInvalid or LogDamaged that name
+    what does not hold. Needs no data folder and no network.
     """
+    request = encode(Check(file=str(file.absolute()), key=key))
+    answer = run_limited(checked, request, LIMITS, failure=DossierInvalid, where=str(file))
+    return decode(answer, DossierVerdict)
+
+
+def checked(request: bytes) -> bytes:
+    """The verdict on a dossier, in this very process. Raises DossierInvalid, LogDamaged."""
+    check = decode(request, Check)
+    return encode(_verdict(Path(check.file), key=check.key))
+
+
+def _verdict(file: Path, *, key: str) -> DossierVerdict:
     try:
         archive = zipfile.ZipFile(file)
-    except (OSError, zipfile.BadZipFile) as error:
+    except (OSError, zipfile.BadZipFile, ValueError) as error:
         raise DossierInvalid(because("dossier_unreadable", error=str(error)), where=str(file)) from error
     with archive:
         dossier = open_dossier(archive, where=str(file))

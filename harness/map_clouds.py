@@ -1,38 +1,110 @@
-"""Imports a point cloud file into the blob store, split into levels. The gate decides on attaching it."""
+"""Imports a point cloud file into the blob store, split into levels. The gate decides on attaching it.
 
+Anybody may have made the file: a process with limits reads and splits it, and this one takes the parts.
+"""
+
+import hashlib
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.adapters.cloud_levels import chunks, origin_of
+from harness.adapters.cloud_headers import CloudHead, cloud_head
+from harness.adapters.cloud_levels import CHUNK_POINTS, chunks, origin_of
 from harness.adapters.clouds import read_cloud
-from harness.contracts.ids import sha256
+from harness.adapters.limited_process import Limits, run_limited
+from harness.contracts.errors import CloudInvalid
+from harness.contracts.ids import Digest
 from harness.contracts.maps import CloudChunk, Corner, MapCloud
+from harness.contracts.values import Value, decode, encode
 from harness.runtime import Runtime
+
+CHUNK_BYTES = CHUNK_POINTS * 3 * 4
+
+
+class CloudToSplit(Value):
+    """What the process that reads a cloud is asked; it writes one file a chunk into `folder`."""
+
+    file: str
+    folder: str
+    metres_per_unit: float
+
+
+class SplitCloud(Value):
+    """What it found. `chunks` are voxel size in metres and number of points of each file, in order."""
+
+    source_digest: Digest
+    points: int
+    dropped: int
+    origin_m: Corner
+    low_m: Corner
+    high_m: Corner
+    chunks: tuple[tuple[float, int], ...]
 
 
 def stored_cloud(
     runtime: Runtime, file: Path, *, map_version: str, frame: str, metres_per_unit: float = 1.0
 ) -> MapCloud:
     """Every finite point of a PCD or PLY file, in metres. Raises CloudInvalid, StoreUnavailable."""
-    points, dropped = read_cloud(file, metres_per_unit=metres_per_unit)
-    origin_m = origin_of(points)
-    return MapCloud(
-        map_version=map_version,
-        frame=frame,
-        source=file.name,
-        source_digest=sha256(file.read_bytes()),
-        points=len(points),
-        dropped=dropped,
-        origin_m=origin_m,
-        low_m=_corner(points.min(axis=0)),
-        high_m=_corner(points.max(axis=0)),
-        chunks=tuple(
-            CloudChunk(voxel_m=one.voxel_m, points=len(one.points), blob=runtime.keep(one.points.tobytes()))
-            for one in chunks(points, origin_m)
-        ),
+    limits = limits_for(cloud_head(file), size_bytes=file.stat().st_size)
+    with TemporaryDirectory(prefix="regen-cloud-") as folder:
+        asked = CloudToSplit(file=str(file.absolute()), folder=folder, metres_per_unit=metres_per_unit)
+        answer = run_limited(split_cloud, encode(asked), limits, failure=CloudInvalid, where=str(file))
+        found = decode(answer, SplitCloud)
+        return MapCloud(
+            map_version=map_version,
+            frame=frame,
+            source=file.name,
+            source_digest=found.source_digest,
+            points=found.points,
+            dropped=found.dropped,
+            origin_m=found.origin_m,
+            low_m=found.low_m,
+            high_m=found.high_m,
+            chunks=tuple(
+                CloudChunk(voxel_m=voxel_m, points=points, blob=runtime.keep(_part(folder, number).read_bytes()))
+                for number, (voxel_m, points) in enumerate(found.chunks)
+            ),
+        )
+
+
+def limits_for(head: CloudHead, *, size_bytes: int) -> Limits:
+    """Room and time for a cloud of that size: coordinates, masks and voxel keys take about twelve times its bytes."""
+    unpacked = max(head.unpacked_bytes, size_bytes)
+    mib = unpacked / 2**20
+    return Limits(
+        memory_bytes=256 * 2**20 + 16 * unpacked, cpu_s=20.0 + mib, wall_s=120.0 + 4 * mib, output_bytes=2 * CHUNK_BYTES
     )
+
+
+def split_cloud(request: bytes) -> bytes:
+    """Read a cloud and write its chunks, in this very process. Raises CloudInvalid."""
+    asked = decode(request, CloudToSplit)
+    file = Path(asked.file)
+    points, dropped = read_cloud(file, metres_per_unit=asked.metres_per_unit)
+    origin_m = origin_of(points)
+    parts = list[tuple[float, int]]()
+    for number, one in enumerate(chunks(points, origin_m)):
+        _part(asked.folder, number).write_bytes(one.points.tobytes())
+        parts.append((one.voxel_m, len(one.points)))
+    with file.open("rb") as opened:
+        digest = Digest(hashlib.file_digest(opened, "sha256").hexdigest())
+    return encode(
+        SplitCloud(
+            source_digest=digest,
+            points=len(points),
+            dropped=dropped,
+            origin_m=origin_m,
+            low_m=_corner(points.min(axis=0)),
+            high_m=_corner(points.max(axis=0)),
+            chunks=tuple(parts),
+        )
+    )
+
+
+def _part(folder: str, number: int) -> Path:
+    return Path(folder) / f"{number:04d}"
 
 
 def _corner(values: NDArray[np.float64]) -> Corner:

@@ -10,6 +10,7 @@ import msgspec
 from pydantic import ValidationError
 
 from harness.adapters.ids import SystemIds
+from harness.adapters.limited_process import Limits, run_limited
 from harness.adapters.providers.recording.reader import Recording, open_recording
 from harness.adapters.providers.recording.robot import RecordedRobot
 from harness.adapters.providers.recording.segments import Segment
@@ -26,16 +27,16 @@ from harness.baseline.load import site as shipped_site
 from harness.bootstrap import Harness, NullSignals, Parts, assemble
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid
+from harness.contracts.errors import ContractInvalid, RecordingInvalid
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import Digest, MissionId, RobotId
-from harness.contracts.observations import AnySample, Image, Trajectory
+from harness.contracts.observations import SINGLE_SOURCE, AnySample, Image, Trajectory
 from harness.contracts.place_events import place_stream
 from harness.contracts.places import Site
 from harness.contracts.ports import EventStore
 from harness.contracts.reasons import because
 from harness.contracts.tasks import Node, TaskTemplate
-from harness.contracts.values import Point, decode
+from harness.contracts.values import Point, Value, decode, encode
 from harness.gate.places import DECIDER as PLACE
 from harness.planning.binding import bind_place
 from harness.planning.templates import by_name
@@ -46,6 +47,8 @@ from harness.settings import HarnessSettings
 from harness.verification.geometry import path_length
 
 TOLERANCE_M = 0.40
+LARGEST_COPY = 64 * 2**30
+"""Bytes that a packed recording may unpack to, on disk."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,12 @@ class Replayer:
     recording: Recording
     robot: RecordedRobot
     target_source: str
+
+    @property
+    def single_source(self) -> str:
+        """The topic that position and motion both come from, so that neither confirms the other; empty for two."""
+        summary = self.recording.summary()
+        return (summary.position_topic or summary.odometry_topic) if summary.single_source else ""
 
     def run(self, actor: Actor, *, watch: Callable[[Mission], None]) -> tuple[Mission, dict[str, Any]]:
         """Run the navigation mission on the recording, and what the harness measured on its own (D38)."""
@@ -85,6 +94,7 @@ class Replayer:
 
     def _labels(self) -> dict[str, str]:
         labels = {"recording": self.recording.sha256, "target_source": self.target_source}
+        labels |= {SINGLE_SOURCE: self.single_source} if self.single_source else {}
         return labels | ({"incomplete": "yes"} if self.recording.summary().incomplete else {})
 
     def facts(self, mission: Mission) -> dict[str, Any]:
@@ -100,6 +110,7 @@ class Replayer:
             "duration_s": self.recording.duration_s,
             "target_source": self.target_source,
             "target_m": self.robot.segments[-1].target_m,
+            SINGLE_SOURCE: self.single_source,
             "recording": self.recording.sha256,
             "checks": summary.checks,
             "incomplete": summary.incomplete,
@@ -135,7 +146,7 @@ def replayed(
     before a mission is created.
     """
     with ExitStack() as stack:
-        recording = open_recording(path, _topics(topics), recover=recover)
+        recording = open_checked(path, _topics(topics), recover=recover)
         stack.callback(recording.close)
         folder = prepare(settings.data_folder)
         lock = stack.enter_context(OwnerLock(folder.root))
@@ -160,6 +171,54 @@ def replayed(
         given = f"--place {place}" if place else "--target" if target is not None else ""
         source = given or robot.segments[-1].target_source
         yield Replayer(harness=harness, recording=recording, robot=robot, target_source=source)
+
+
+class RecordingToRead(Value):
+    """What the process that reads a recording first is asked; `topics` is JSON."""
+
+    path: str
+    topics: str
+    recover: bool = False
+
+
+def open_checked(path: Path, topics: TopicSettings | None = None, *, recover: bool = False) -> Recording:
+    """A recording that a process with limits has read from end to end before: what it takes is known then.
+
+    Raises RecordingInvalid for one that cannot be read, takes more than that, or changes meanwhile.
+    """
+    settings = topics or TopicSettings()
+    asked = RecordingToRead(
+        path=str(path.absolute()), topics=settings.model_dump_json(exclude_unset=True), recover=recover
+    )
+    answer = run_limited(read_whole, encode(asked), _limits(path), failure=RecordingInvalid, where=str(path))
+    recording = open_recording(path, settings, recover=recover)
+    if recording.sha256 != answer.decode():
+        recording.close()
+        raise RecordingInvalid(because("recording_changed"), where=str(path))
+    return recording
+
+
+def read_whole(request: bytes) -> bytes:
+    """The digest of a recording after every sample of it was decoded, in this very process. Raises RecordingInvalid."""
+    asked = decode(request, RecordingToRead)
+    topics = TopicSettings.model_validate_json(asked.topics)
+    with open_recording(Path(asked.path), topics, recover=asked.recover) as recording:
+        for _ in recording.samples():
+            pass
+        return recording.sha256.encode()
+
+
+def _limits(path: Path) -> Limits:
+    """Room for blocks and pictures, time by its size, and space for the copy of a packed one."""
+    files = [path] if path.is_file() else [one for one in path.glob("*") if one.is_file()]
+    size = sum(one.stat().st_size for one in files)
+    mib = size / 2**20
+    return Limits(
+        memory_bytes=768 * 2**20,
+        cpu_s=60.0 + 2 * mib,
+        wall_s=300.0 + 8 * mib,
+        output_bytes=min(256 * 2**20 + 20 * size, LARGEST_COPY),
+    )
 
 
 def _site(store: EventStore) -> Site:

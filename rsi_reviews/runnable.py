@@ -12,7 +12,7 @@ from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import PlaceId
 from harness.contracts.places import Passage, Place, Route, Site, Zone
 from harness.contracts.protocol import Receipt
-from harness.contracts.reasons import Fact, Reason, because
+from harness.contracts.reasons import Fact, because
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Point
 from harness.goals.satisfiable import check_satisfiable
@@ -52,7 +52,7 @@ def _contexts(rules: configuration.ContextRules) -> Iterator[RestrictionViolatio
     for name, floor in ITEM_FLOORS.items():
         items = getattr(rules, name)
         if items < floor:
-            yield _flaw("context_too_small", f"context_rules.{name}", items, "too_few_records", least=floor)
+            yield _refusal("context_too_small", f"context_rules.{name}", "", items, "too_few_records", least=floor)
 
 
 def _template(template: TaskTemplate) -> Iterator[RestrictionViolation]:
@@ -67,7 +67,7 @@ def _template(template: TaskTemplate) -> Iterator[RestrictionViolation]:
         return
     for act, stage in (template.stages or {}).items():
         if stage not in {node.node_id for node in contract.nodes}:
-            yield _flaw("stage_missing", f"{path}.stages.{act}", stage, "stage_missing")
+            yield _refusal("stage_missing", f"{path}.stages.{act}", "", stage, "template_stage_missing")
     yield from _budgets(path, contract)
     yield from _evidence(path, contract)
 
@@ -77,20 +77,25 @@ def _budgets(path: str, contract: TaskContract) -> Iterator[RestrictionViolation
     for node in contract.nodes:
         counters = sum(getattr(node.recovery, action) for action in configuration.SPENDING)
         if bool(counters) != bool(node.recovery.total):
-            yield _flaw(
-                "zero_budget", f"{path}.nodes.{node.node_id}.recovery.total", node.recovery.total, "budget_pays_nothing"
+            yield _refusal(
+                "zero_budget",
+                f"{path}.nodes.{node.node_id}.recovery.total",
+                "",
+                node.recovery.total,
+                "budget_pays_nothing",
             )
     if contract.recovery_total == 0 and any(node.recovery.total for node in contract.nodes):
-        yield _flaw("zero_budget", f"{path}.recovery_total", 0, "budget_pays_nothing")
+        yield _refusal("zero_budget", f"{path}.recovery_total", "", 0, "budget_pays_nothing")
 
 
 def _evidence(path: str, contract: TaskContract) -> Iterator[RestrictionViolation]:
     for node in contract.nodes:
         for name in node.evidence.mandatory:
             if name not in EVIDENCE:
-                yield _flaw(
+                yield _refusal(
                     "unknown_evidence",
                     f"{path}.nodes.{node.node_id}.evidence.mandatory",
+                    "",
                     name,
                     "evidence_never_there",
                     kinds=tuple(sorted(EVIDENCE)),
@@ -104,9 +109,10 @@ def _ladders(one: configuration.Configuration) -> Iterator[RestrictionViolation]
         for action in dict.fromkeys(step for step in ladder if step in configuration.SPENDING):
             paid = max((_count(node, action) for node in nodes), default=0)
             if ladder.count(action) > paid:
-                yield _flaw(
+                yield _refusal(
                     "ladder_cycle",
                     f"recovery.ladders.{failure}",
+                    "",
                     ladder,
                     "step_never_paid",
                     action=action,
@@ -206,6 +212,5 @@ def _square(middle: Point, half_m: float) -> tuple[Point, ...]:
     return tuple((x + right * half_m, y + up * half_m) for right, up in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
 
 
-def _flaw(rule: str, path: str, new: object, code: str, **facts: Fact) -> RestrictionViolation:
-    reason: Reason = because(code, **facts)
-    return RestrictionViolation(rule=rule, path=path, new=shown(new), reason=reason)
+def _refusal(rule: str, path: str, old: str, new: object, code: str, **facts: Fact) -> RestrictionViolation:
+    return RestrictionViolation(rule=rule, path=path, old=old, new=shown(new), reason=because(code, **facts))

@@ -101,9 +101,10 @@ class RouteFollower:
         return min(1.0, self._at_m / self.route.length_m) if self.route.length_m > 0 else 1.0
 
     def resume(self, at_s: float) -> None:
-        self._marked_s = at_s
         if self._approach is not None:
-            self._approach.resume(at_s)
+            self._approach.resume(at_s)  # progress along the route itself is watched from where it begins
+        else:
+            self._marked_s = at_s
 
     def step(self, perception: Perception) -> Step:
         """Steer, stop in front of an obstacle, settle at the goal, give up after NO_PROGRESS_S."""

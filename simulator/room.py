@@ -1,7 +1,7 @@
 """The room around the robot: it carries what a loudspeaker plays, and its microphone records what can be heard there.
 
 It is part of the simulated world and knows nothing of who speaks: a recording holds what was played, with the room's
-echo and noise, and silence where nothing was.
+echo and noise, and silence where nothing was. The noise is of its instant: no two recordings have the same samples.
 """
 
 import io
@@ -47,7 +47,8 @@ class SimulatedRoom:
         delay = round(ECHO_S * MICROPHONE_HZ)
         echoed = air.copy()
         echoed[delay:] += ECHO_GAIN * air[: max(0, count - delay)]
-        noise = np.random.Generator(np.random.Philox(key=11)).standard_normal(count)
+        key = np.array([11, round(abs(from_s) * 1000)], dtype=np.uint64)
+        noise = np.random.Generator(np.random.Philox(key=key)).standard_normal(count)
         heard = np.clip(GAIN * echoed + NOISE * noise, -1.0, 1.0)
         return _wav((heard * 32767.0).astype("<i2").tobytes())
 

@@ -29,6 +29,9 @@ REAL_TIME = 1.0
 LEAD_S = 0.75
 """How far a robot runs ahead of who supervises it at more than real time, in mission seconds: less than its heartbeat
 watchdog and a pose's freshness allow."""
+SLOWED = 0.1
+"""Mission seconds per second while the supervisor is that far behind: never 0, so that the watchdog strikes."""
+ALONE_AFTER_S = 1.0
 GIVE_WAY_S = 0.05
 
 
@@ -39,7 +42,8 @@ class Pace:
     moves, time runs by itself, so that the heartbeat watchdog works when the harness is gone.
 
     A speed above real time is a wish. Time is what the physics reached, so a slow machine slows it; and it drops to
-    real time while nobody has looked at the robot for LEAD_S, so that a slow supervisor is not left behind.
+    SLOWED while nobody has looked at the robot for LEAD_S, so that a slow supervisor is not left behind. A robot whose
+    parent is gone runs on at its speed until it stands.
     """
 
     def __init__(self, robot: SimulatedRobot, speed: float) -> None:
@@ -49,7 +53,7 @@ class Pace:
         self._asking = 0
         self._counting = threading.Lock()
         self._ended = threading.Event()
-        self._orphaned = threading.Event()
+        self._orphaned_s: float | None = None
         self._retired = False
         self._thread = threading.Thread(target=self._run, name="pace", daemon=True)
 
@@ -63,7 +67,7 @@ class Pace:
 
     def orphan(self) -> None:
         """No more requests will come: do not wait before running free."""
-        self._orphaned.set()
+        self._orphaned_s = time.monotonic()
 
     @property
     def silent_s(self) -> float:
@@ -101,7 +105,8 @@ class Pace:
         """Mission seconds per second that are wanted now: 0 while time stands."""
         if not self.speed:
             return REAL_TIME if self._runs_free() else 0.0
-        return self.speed if self.robot.unattended_s <= LEAD_S else min(self.speed, REAL_TIME)
+        late = self.speed > REAL_TIME and self.robot.unattended_s > LEAD_S and not self._alone()
+        return SLOWED if late else self.speed
 
     def _run(self) -> None:
         due_s = time.monotonic()
@@ -128,8 +133,11 @@ class Pace:
             self._asking += change
 
     def _runs_free(self) -> bool:
-        silent = self._orphaned.is_set() or self.silent_s > FREE_RUN_AFTER_S
-        return silent and not self.standing()
+        return (self._alone() or self.silent_s > FREE_RUN_AFTER_S) and not self.standing()
+
+    def _alone(self) -> bool:
+        """Whether the parent is gone and nobody has adopted the robot since; its last requests may still arrive."""
+        return self._orphaned_s is not None and self._asked_s < self._orphaned_s + ALONE_AFTER_S
 
 
 class PacedCamera:

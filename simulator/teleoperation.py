@@ -64,6 +64,7 @@ class SimulatedTeleoperation:
     def drive(self, order: protocol.DriveOrder) -> protocol.DriveReport:
         """Hold this velocity for DRIVE_DEAD_MAN_S at most; the first order of a session begins it."""
         robot = self._robot
+        robot.attend()
         running = robot.running(order.session)
         if running is None:
             running = self._begin(order)

@@ -3,8 +3,10 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, field_validator
 
+from app.i18n.messages import lazy_gettext
+from app.i18n.visible_text import unseen_in
 from app.views import forms
 from app.views.forms import Wrong
 from harness.contracts.actors import Actor, Command
@@ -31,6 +33,14 @@ class ActModel(BaseModel):
 
     sentences: ClassVar[Mapping[str, str]] = {}
     """What a person is told about a field of a form that they filled in wrongly."""
+
+    @field_validator("*")
+    @classmethod
+    def _readable(cls, value: Any) -> Any:
+        """Refuses what a reader would not see, or would see in another order than it is stored."""
+        if unseen := unseen_in(value):
+            raise ValueError(f"{unseen} is a control or an invisible character")
+        return value
 
     def body(self) -> dict[str, Any]:
         """The JSON body that the API takes for this act."""
@@ -65,11 +75,20 @@ class ActModel(BaseModel):
         strange = next((name for name in fields if name not in (*WHY, *cls.sentences)), None)
         if strange is not None:
             raise ContractInvalid(because("answer_unbound"), where=strange)
-        return tuple(Wrong(name, text) for name in fields for text in cls._messages(name, given.get(name, "")))
+        return tuple(
+            Wrong(name, text)
+            for name in fields
+            for text in _unread(given.get(name)) or cls._messages(name, given.get(name, ""))
+        )
 
     @classmethod
     def _messages(cls, name: str, value: Any) -> list[str]:
         return [cls.sentences[name]] if name in cls.sentences else forms.wrong_reason(str(value))
+
+
+def _unread(value: Any) -> list[str]:
+    unseen = unseen_in(value)
+    return [lazy_gettext("Leave out the invisible character {code}.", code=unseen)] if unseen else []
 
 
 class Act(ActModel):

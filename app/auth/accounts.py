@@ -1,9 +1,13 @@
 """Stores people with their passwords and the tokens of integrations, and limits wrong passwords."""
 
+import logging
 import re
+from collections import deque
 from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from threading import Lock
+from typing import Any
 
 from argon2 import PasswordHasher
 from argon2.exceptions import InvalidHashError, VerificationError
@@ -14,10 +18,11 @@ from app.i18n.catalogues import N_
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.adapters.stores.accounts_rows import Account, AuditEntry, Token
 from harness.contracts.actors import Actor
-from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.errors import ContractInvalid, StoreUnavailable, UnknownName
 from harness.contracts.ids import sha256
 from harness.contracts.reasons import Reason, because
 
+LOG = logging.getLogger(__name__)
 SHORTEST, LONGEST = 12, 256
 PASSWORD_RULE = N_("A password has 12 to 256 characters, at least five different ones, and not the name in it.")
 NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,39}")
@@ -55,10 +60,11 @@ class Accounts:
         fresh: Callable[[], str],
         hasher: PasswordHasher | None = None,
     ) -> None:
-        self.store, self._clock, self._fresh = store, clock, fresh
+        self.store, self._clock, self.fresh = store, clock, fresh
         self._hasher = hasher or PasswordHasher()
         self._nobody = self._hasher.hash(fresh())
-        self._one_at_a_time = Lock()
+        self._one_at_a_time, self._telling = Lock(), Lock()
+        self._untold: deque[dict[str, Any]] = deque()
 
     # people ---------------------------------------------------------------------------------------------------------
 
@@ -187,7 +193,7 @@ class Accounts:
                 because("token_name_or_scope_invalid", scopes=tuple(sorted(SCOPES))),
                 where=f"name {name[:40]!r}, scopes {', '.join(scopes) or 'none'}",
             )
-        now_s, secret = self._clock(), TOKEN_PREFIX + self._fresh()
+        now_s, secret = self._clock(), TOKEN_PREFIX + self.fresh()
         digest = sha256(secret.encode())
         token = Token(
             token_id=f"tok_{digest[:12]}",
@@ -226,7 +232,8 @@ class Accounts:
         if token is None or token.revoked_at_s is not None or now_s >= (token.expires_at_s or now_s + 1):
             return None
         if now_s - (token.used_at_s or 0.0) > RECENT_S:
-            self.store.change_token(replace(token, used_at_s=now_s))
+            with suppress(StoreUnavailable):
+                self.store.change_token(replace(token, used_at_s=now_s))
         return Principal(name=token.name, scopes=token.scopes, source=source, robot_id=token.robot_id)
 
     # the trail ------------------------------------------------------------------------------------------------------
@@ -244,16 +251,29 @@ class Accounts:
         )
 
     def told(self, by: Principal, actor: Actor, command: str, subject: str, outcome: str) -> None:
-        """Write a person's command to the audit log, with its outcome and the address it came from."""
-        self.store.record(
-            at_s=self._clock(),
-            kind=f"command.{command}",
-            actor=actor.name,
-            role=actor.role,
-            subject=subject,
-            detail=outcome,
-            source=by.source,
+        """Write a person's command to the audit log, with its outcome and the address it came from.
+
+        The command was decided before: where the audit log is held by another process, the entry waits for the next.
+        """
+        self._untold.append(
+            {
+                "at_s": self._clock(),
+                "kind": f"command.{command}",
+                "actor": actor.name,
+                "role": actor.role,
+                "subject": subject,
+                "detail": outcome,
+                "source": by.source,
+            }
         )
+        with self._telling:
+            while self._untold:
+                try:
+                    self.store.record(**self._untold[0])
+                except StoreUnavailable:
+                    LOG.exception("audit_entry_waits command=%s actor=%s", command, actor.name)
+                    return
+                self._untold.popleft()
 
     def sessions_of(self, principal: Principal) -> Sequence[tuple[str, float, float, bool]]:
         """(from where, since, last seen, whether it is this one) of a person's open sessions."""

@@ -64,7 +64,7 @@ ASKED: Mapping[type[Command], Permission] = MappingProxyType(
         review_commands.BeginCanary: "release",
         review_commands.RollBack: "release",
         review_commands.RetireVersion: "release",
-        review_commands.SavePolicy: "people",
+        review_commands.SavePolicy: "policy",
         suite_growth.AddCase: "dispute",
     }
 )

@@ -2,7 +2,7 @@
 
 from app.auth.accounts import Accounts
 from app.auth.command_permissions import HARNESS_COMMANDS, PERMISSIONS, giver
-from app.auth.permissions import permissions_of
+from app.auth.permissions import HOST_PREFIX, OF_ACCOUNTS, permissions_of
 from harness.contracts.actors import Command
 from harness.contracts.decisions import Authority, Refused, refused
 
@@ -22,6 +22,8 @@ def authority(accounts: Accounts) -> Authority:
         actor = giver(command)
         if actor is None or actor.channel != "human":
             return None
+        if actor.name.startswith(HOST_PREFIX) and needed in OF_ACCOUNTS:
+            return refused("role_revoked", actor=actor.name)
         account = accounts.store.account(actor.name)
         if account is None or (not account.disabled and needed in permissions_of(account.roles)):
             return None

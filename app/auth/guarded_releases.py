@@ -4,9 +4,11 @@ from typing import Any, Protocol
 
 from app.auth.command_permissions import asked_permission
 from app.auth.guarded_runtime import AuditLog, principal
+from app.auth.permissions import MEANING, OF_ACCOUNTS, NotPermitted, Permission
 from harness.contracts.actors import Actor, Command
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.ids import Digest, MissionId
+from harness.contracts.reasons import because
 from harness.runtime import Runtime
 from rsi_reviews import commands
 from rsi_reviews.candidate_queries import CandidateQueries
@@ -46,7 +48,9 @@ class GuardedReleaseService(CandidateQueries):
 
     def ask(self, candidate: Digest, act: CandidateRequest) -> Answered:
         """One act on a candidate. Raises UnknownName, and NotPermitted before anything is decided."""
-        actor = principal().acting(asked_permission(act.becomes))
+        needed = asked_permission(act.becomes)
+        actor = principal().acting(needed)
+        self._of_an_account(needed)
         decision = act.ask(self._releases, candidate, actor)
         self._written(act.becomes, actor, f"candidate/{candidate}", decision)
         return decision
@@ -64,6 +68,11 @@ class GuardedReleaseService(CandidateQueries):
         decision = self._releases.save_policy(policy, signed, reviewers=reviewers, releasers=releasers)
         self._written(commands.SavePolicy, signed.actor, "release/pointer", decision)
         return decision
+
+    def _of_an_account(self, needed: Permission) -> None:
+        """Where two people must agree, whoever came by the first link is none of them: anybody could come by it."""
+        if principal().invited and needed in OF_ACCOUNTS and self.pointer().policy.kind == "two_person":
+            raise NotPermitted(because("account_needed", meaning=MEANING[needed]), where=principal().name)
 
     def _written(self, kind: type[Command], actor: Actor, subject: str, decision: Answered) -> None:
         outcome = f"refused: {decision.rule}" if isinstance(decision, Refused) else "accepted"

@@ -12,7 +12,7 @@ from harness.contracts.reasons import because
 Role = Literal["viewer", "operator", "reviewer", "releaser", "admin"]
 Permission = Literal[
     "read", "export", "drive", "stop", "observe", "decide", "dispute", "attest", "alerts", "propose", "review",
-    "release", "trail", "people",
+    "release", "policy", "trail", "people",
 ]  # fmt: skip
 ROLES: tuple[str, ...] = get_args(Role)
 GRANTS: Mapping[Permission, tuple[Role, ...]] = {
@@ -28,11 +28,16 @@ GRANTS: Mapping[Permission, tuple[Role, ...]] = {
     "propose": ("releaser", "reviewer", "operator"),
     "review": ("reviewer",),
     "release": ("releaser",),
+    "policy": ("admin",),
     "trail": ("reviewer", "releaser", "admin"),
     "people": ("admin",),
 }
 SCOPES: frozenset[Permission] = frozenset({"read", "drive", "stop", "observe"})
 """The scopes a token may have; answering handoffs, releasing and managing accounts are for people only."""
+OF_ACCOUNTS: frozenset[Permission] = frozenset({"decide", "attest", "review", "release", "policy"})
+"""What counts as a person's decision: it needs an account that somebody signed in to, at a page or a terminal."""
+HOST_PREFIX = "host:"
+"""Before the name of a user of this machine; no account's name may have a colon."""
 
 MEANING: Mapping[Permission, str] = {
     "read": N_("see missions, evidence and the log"),
@@ -47,6 +52,7 @@ MEANING: Mapping[Permission, str] = {
     "propose": N_("propose changes to the harness and speak about them"),
     "review": N_("review candidates"),
     "release": N_("release and roll back configurations"),
+    "policy": N_("say who must agree before a release"),
     "trail": N_("read who signed in and who commanded what"),
     "people": N_("change accounts, roles and tokens"),
 }
@@ -62,7 +68,9 @@ class NotPermitted(HarnessError):
 class Principal:
     """Who is asking: a person with roles, or an integration with scopes; from where; `session` is a cookie's digest.
 
-    `robot_id` binds an integration to one robot. `invited` came by the first link, before there were accounts.
+    `robot_id` binds an integration to one robot. `invited` came by the first link, before there were accounts. `host`
+    is a user of this machine at a terminal who signed in to no account: they run, stop and administer, and what they do
+    is stored with the channel `policy`, so that it never counts as a person's decision.
     """
 
     name: str
@@ -72,14 +80,21 @@ class Principal:
     session: str = ""
     robot_id: str = ""
     invited: bool = False
+    host: bool = False
 
     @property
     def actor(self) -> Actor:
         """The principal as an actor with all their roles; a command is stored with the one role that allowed it."""
+        if self.host:
+            return Actor(name=self.name, role="host", channel=self._channel)
         return Actor(name=self.name, role="+".join(self.roles) or "integration", channel=self._channel)
 
     def acting(self, permission: Permission) -> Actor:
         """The actor in the role that allows it; raises NotPermitted."""
+        if self.host:
+            if permission in OF_ACCOUNTS:
+                raise NotPermitted(because("account_needed", meaning=MEANING[permission]), where=self.name)
+            return self.actor
         if not self.roles:
             if permission not in self.scopes:
                 raise NotPermitted(
@@ -96,6 +111,9 @@ class Principal:
         return Actor(name=self.name, role=role, channel=self._channel)
 
     def may(self, permission: Permission) -> bool:
+        """Whether their roles, scopes or place at a terminal of this machine allow it."""
+        if self.host:
+            return permission not in OF_ACCOUNTS
         return permission in (permissions_of(self.roles) if self.roles else self.scopes)
 
     @property
@@ -104,7 +122,7 @@ class Principal:
 
     @property
     def _channel(self) -> Literal["human", "policy"]:
-        return "human" if self.roles else "policy"
+        return "human" if self.roles and not self.host else "policy"
 
 
 def permissions_of(roles: Collection[str]) -> tuple[Permission, ...]:

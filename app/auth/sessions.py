@@ -8,13 +8,14 @@ good until GRACE_S after the new one was first used, so that no request under wa
 
 import hmac
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from threading import Lock
 
 from msgspec.structs import replace
 
 from app.auth.accounts import Accounts, Throttled
-from app.auth.permissions import Principal
+from app.auth.permissions import HOST_PREFIX, Principal
 from harness.adapters.stores.accounts_rows import Session
 from harness.contracts.errors import StoreUnavailable
 from harness.contracts.ids import sha256
@@ -22,6 +23,8 @@ from harness.contracts.ids import sha256
 INVITATION_S = 3600.0
 ROTATE_S, GRACE_S, SEEN_S = 900.0, 60.0, 30.0
 INVITED_ROLES = ("operator", "reviewer", "releaser", "admin")
+LOGIN_PREFIX = "regen_login_"
+"""Before the cookie of a session that somebody opened at a terminal."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,7 @@ class SessionService:
         self._idle_s, self._age_s = limits
         self._clock, self._fresh = clock, fresh
         self._invitations: dict[str, float] = {}
+        self._unwritable_until_s = 0.0
         self._lock = Lock()
 
     @property
@@ -90,6 +94,11 @@ class SessionService:
         """A fresh cookie for the right password; None for a wrong one, Throttled after too many."""
         found = self.accounts.check(name, password, source=origin.source)
         return found if found is None or isinstance(found, Throttled) else self._open(name, origin, invited=False)
+
+    def terminal_sign_in(self, name: str, password: str, origin: Origin) -> str | Throttled | None:
+        """The same for a terminal: a token that is good as long as its session; it counts among the person's own."""
+        cookie = self.sign_in(name, password, origin)
+        return f"{LOGIN_PREFIX}{cookie}" if isinstance(cookie, str) else cookie
 
     def admit(self, name: str, origin: Origin) -> str:
         """A fresh cookie for somebody whom the identity provider named."""
@@ -147,20 +156,31 @@ class SessionService:
             previous_until_s=None,
             rotated_at_s=now_s,
         )
-        return fresh if self.accounts.store.change_session(digest, then) else None
+        with suppress(StoreUnavailable):
+            return fresh if self.accounts.store.change_session(digest, then) else None
+        return None
 
     def bearer(self, authorization: str, *, source: str) -> Principal | None:
-        """Who `Bearer <token>` speaks for: the owner of the data folder, or an integration."""
+        """Who `Bearer <token>` speaks for: somebody signed in at a terminal, a user of this machine, an integration.
+
+        Whoever has the owner's token may read the data folder; that makes them nobody of its accounts.
+        """
         scheme, _, token = authorization.partition(" ")
         if scheme.lower() != "bearer":
             return None
         if self._owner and hmac.compare_digest(token.encode(), self._owner):
-            return Principal(name=self._owner_name, roles=INVITED_ROLES, source=source)
+            return Principal(name=f"{HOST_PREFIX}{self._owner_name}", source=source, host=True)
+        if token.startswith(LOGIN_PREFIX):
+            return self.who(token.removeprefix(LOGIN_PREFIX), source=source)
         return self.accounts.holder(token, source=source)
 
     def leave(self, cookie: str) -> None:
         """Ends one session."""
         self.accounts.store.close_sessions(digest=sha256(cookie.encode()))
+
+    def leave_terminal(self, token: str) -> None:
+        """Ends the session that a terminal's token is of."""
+        self.leave(token.removeprefix(LOGIN_PREFIX))
 
     def leave_everywhere(self, principal: Principal) -> int:
         """Ends all sessions of this person, this one too; how many there were."""
@@ -187,7 +207,8 @@ class SessionService:
     def _lasts(self, session: Session, digest: str) -> bool:
         now_s = self._clock()
         if now_s - session.seen_at_s > self._idle_s or now_s - session.began_at_s > self._age_s:
-            self.accounts.store.close_sessions(digest=session.digest)
+            with suppress(StoreUnavailable):
+                self.accounts.store.close_sessions(digest=session.digest)
             return False
         superseded = digest == session.previous and now_s > (session.previous_until_s or now_s)
         return not superseded
@@ -203,10 +224,13 @@ class SessionService:
         first_use = digest == session.digest and bool(session.previous) and session.previous_until_s is None
         until_s = now_s + GRACE_S if first_use else session.previous_until_s
         seen_s = now_s if active and now_s - session.seen_at_s > min(SEEN_S, self._idle_s / 10) else session.seen_at_s
-        if first_use or seen_s != session.seen_at_s:
-            self.accounts.store.change_session(
-                session.digest, replace(session, previous_until_s=until_s, seen_at_s=seen_s)
-            )
+        if (first_use or seen_s != session.seen_at_s) and now_s >= self._unwritable_until_s:
+            try:
+                self.accounts.store.change_session(
+                    session.digest, replace(session, previous_until_s=until_s, seen_at_s=seen_s)
+                )
+            except StoreUnavailable:
+                self._unwritable_until_s = now_s + SEEN_S
 
 
 class HeldAccess:

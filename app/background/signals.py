@@ -2,11 +2,29 @@
 
 import asyncio
 from collections.abc import AsyncIterator
+from contextvars import ContextVar
 from dataclasses import dataclass
 from threading import Lock
 
 HEARTBEAT_S = 0.5
 SPACING_S = 0.1
+
+
+@dataclass
+class RequestWrites:
+    """What one request has done to the log: its commits, and whether a commit found the log held by another process."""
+
+    commits: int = 0
+    busy: bool = False
+
+    @property
+    def nothing(self) -> bool:
+        """Whether it is known that nothing was stored."""
+        return self.busy and not self.commits
+
+
+WRITES: ContextVar[RequestWrites | None] = ContextVar("writes", default=None)
+"""Of the present request, where it can be repeated under a key; set by app/web/idempotency.py."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +121,10 @@ class SignalBroker:
         self._closed = False
 
     def changed(self, name: str) -> None:
+        """Tell every page that watches it; a commit is told in the context of the request that made it."""
+        writes = WRITES.get()
+        if writes is not None and not name.startswith("live/"):
+            writes.commits += 1
         with self._lock:
             self._changes += 1
             watching = tuple(self._subscriptions)

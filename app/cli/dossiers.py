@@ -7,7 +7,7 @@ import msgspec
 import typer
 
 from app.cli import output
-from app.cli.person import me
+from app.cli.logins import acting_name
 from app.i18n.reasons.rendering import sentence, stating
 from harness.auditing.dossier import DossierVerdict
 from harness.auditing.places import PlaceChange
@@ -27,7 +27,7 @@ def dossier(
     """Write events, verdicts, decisions, contexts and evidence of a mission as one signed file."""
     file = out or Path(f"{mission_id}.dossier.zip")
     with read_harness(output.settings(data_folder=data)) as runtime:
-        contents = export_dossier(runtime, MissionId(mission_id), file, data=data, exported_by=me().name)
+        contents = export_dossier(runtime, MissionId(mission_id), file, data=data, exported_by=acting_name(data))
     lines = [f"{file}: {contents.events} events, {contents.records} records, {len(contents.files) - 2} blobs."]
     lines += [f"Evidence {digest} was missing or damaged and is not in it." for digest in contents.absent]
     output.show({"file": str(file), **msgspec.to_builtins(contents)}, as_json=as_json, lines=lines)

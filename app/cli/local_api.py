@@ -17,10 +17,12 @@ from app.background.signals import SignalBroker
 from app.cli.api_client import Api
 from app.cli.data_folder import opened, running
 from app.cli.interruption import EXIT, interruptible
+from app.cli.logins import token_of
 from app.cli.output import ProgressPrinter, settings
 from app.cli.owner_api import owner_api
-from app.cli.person import me
+from app.cli.person import host_user
 from app.i18n.reasons.rendering import sentence
+from app.i18n.visible_text import visible_at_terminal
 from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
@@ -37,12 +39,12 @@ LOOKS = 4
 
 
 class LocalApi(Api):
-    """Requests to an application of this process, in the name of the person at this terminal."""
+    """Requests to an application of this process, as whoever signed in here, else as a user of this machine."""
 
     def __init__(self, runtime: Runtime, accounts: Accounts, data: Path, harness: Harness | None = None) -> None:
-        token = secrets.token_urlsafe(32)
+        host = secrets.token_urlsafe(32)
         robots = tuple(str(one) for one in harness.robots) if harness else ("vbot-1",)
-        console = ConsoleSettings(robots=robots, owner_token=SecretStr(token), owner=me().name, operator=me().name)
+        console = ConsoleSettings(robots=robots, owner_token=SecretStr(host), owner=host_user())
         self._broker, self._harness = SignalBroker(), harness
         self._app = create_app(
             runtime,
@@ -55,7 +57,8 @@ class LocalApi(Api):
             starts=harness.starts if harness else lambda mission_id: None,
             folder=data,
         )
-        self._base, self._headers = console.local_address, {"Authorization": f"Bearer {token}"}
+        self._base = console.local_address
+        self._headers = {"Authorization": f"Bearer {token_of(data) or host}"}
 
     def follow(self, mission_id: str, *, wait: bool = False) -> dict[str, Any]:
         """Runs the mission here, printing its stages on standard error. Ctrl-C stops the robot first."""
@@ -70,7 +73,8 @@ class LocalApi(Api):
         for unfinished in harness.supervisor.unfinished(robot_id):
             if unfinished.mission_id == mission_id:
                 return
-            typer.echo(f"Going on with {unfinished.mission_id} first: {unfinished.goal}", err=True)
+            first = f"Going on with {unfinished.mission_id} first: {unfinished.goal}"
+            typer.echo(visible_at_terminal(first), err=True)
             self._run(unfinished.mission_id)
 
     def _run(self, mission_id: MissionId) -> None:

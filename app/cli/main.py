@@ -31,9 +31,14 @@ GROUPS = {
 }
 COMMANDS = {
     "up": "service:up",
+    "login": "logins:login",
+    "logout": "logins:logout",
+    "whoami": "logins:whoami",
     "verify": "dossiers:verify",
     "evaluate": "evaluate:evaluate",
     "doctor": "service:doctor",
+    "backup": "backups:backup",
+    "restore": "backups:restore",
     "mission dossier": "dossiers:dossier",
     "rsi case": "rsi_cases:case",
     "rsi evaluate": "rsi_evaluate:evaluate",

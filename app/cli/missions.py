@@ -20,6 +20,7 @@ from app.views.mission_json import mission_outcome
 from harness.bootstrap import read_harness
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import Digest, MissionId
+from harness.contracts.observations import SINGLE_SOURCE
 from harness.contracts.proposals import CandidateSet, RoutingExplanation
 from harness.contracts.upcasting import name_of
 from harness.contracts.values import decode
@@ -154,7 +155,9 @@ def replay(
         mission, facts = replayer.run(me(), watch=output.ProgressPrinter())
         outcome = mission_outcome(mission, Histories(replayer.harness.runtime).of(mission.mission_id), ())
     outcome |= reasons.stating(facts)
-    lines = [f"{name}: {reasons.stating(value)}" for name, value in facts.items()]
+    lines = [f"{name}: {reasons.stating(value)}" for name, value in facts.items() if value != ""]
+    if topic_alone := facts[SINGLE_SOURCE]:
+        lines.append(f"Single source: position and motion come from {topic_alone}; nothing else confirms them.")
     output.show(outcome, as_json=as_json, lines=[*_summary(outcome), *lines])
     raise typer.Exit(output.exit_code(outcome["status"]))
 

@@ -10,6 +10,7 @@ import typer
 from pydantic import ValidationError
 
 from app.i18n.reasons import rendering as reasons
+from app.i18n.visible_text import escaped, visible_at_terminal
 from app.views.readings import question_view
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, HarnessError, UnknownName
@@ -37,10 +38,10 @@ def settings(**given: Any) -> HarnessSettings:
 def show(value: Mapping[str, Any], *, as_json: bool, lines: Iterable[str]) -> None:
     """Print the JSON object, or the lines."""
     if as_json:
-        typer.echo(json.dumps(value, ensure_ascii=False, default=str))
+        typer.echo(escaped(json.dumps(value, ensure_ascii=False, default=str)))
     else:
         for line in lines:
-            typer.echo(line)
+            typer.echo(visible_at_terminal(line))
 
 
 def table(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -69,11 +70,11 @@ class ActRefused(HarnessError):
 
 def complain(error: HarnessError, *, as_json: bool = False) -> int:
     """Say what happened, where, and what to do; the exit code that goes with it. A refusal is JSON for a program."""
-    sys.stderr.write(f"regen: {reasons.explained(error)}\n")
+    sys.stderr.write(f"regen: {visible_at_terminal(reasons.explained(error))}\n")
     if isinstance(error, GoalNotUnderstood):
-        sys.stderr.write("".join(f"{line}\n" for line in _question_lines(error.question)))
+        sys.stderr.write("".join(f"{visible_at_terminal(line)}\n" for line in _question_lines(error.question)))
     if as_json and isinstance(error, ActRefused):
-        typer.echo(json.dumps({"refused": error.problem}, ensure_ascii=False))
+        typer.echo(escaped(json.dumps({"refused": error.problem}, ensure_ascii=False)))
     return 2 if isinstance(error, (*WRONG_ASKED, ActRefused)) else 1
 
 
@@ -109,7 +110,7 @@ class ProgressPrinter:
             if node.status != "pending" and self._seen.get(node.node_id) != word:
                 self._seen[node.node_id] = word
                 why = f": {node.failure.failure}, {reasons.sentence(node.failure.reason)}" if node.failure else ""
-                sys.stderr.write(f"k {mission.k:>3}  {node.node_id:<10} {word}{why}\n")
+                sys.stderr.write(visible_at_terminal(f"k {mission.k:>3}  {node.node_id:<10} {word}{why}\n"))
         if mission.status != self._seen.get(""):
             self._seen[""] = mission.status
             sys.stderr.write(f"k {mission.k:>3}  {'mission':<10} {mission.status}\n")

@@ -9,6 +9,7 @@ import typer
 
 from app.cli.api_client import Api
 from app.cli.interruption import EXIT
+from app.cli.logins import token_of
 from harness.bootstrap import owner_of
 from harness.contracts.errors import HarnessError, StoreOwned
 from harness.contracts.reasons import because
@@ -89,10 +90,13 @@ class OwnerApi(Api):
 
 
 def owner_api(data: Path) -> OwnerApi | None:
-    """The API of the process that owns this folder, or None. Raises StoreOwned for an owner without an API."""
+    """The API of the process that owns this folder, or None. Raises StoreOwned for an owner without an API.
+
+    Asked as whoever signed in at this terminal, else as a user of this machine without an account.
+    """
     owner = owner_of(data)
     if owner is None:
         return None
     if not owner.url:
         raise StoreOwned(because("owner_without_api", pid=owner.pid), where=str(data))
-    return OwnerApi(owner.url, owner.token)
+    return OwnerApi(owner.url, token_of(data) or owner.token)

@@ -1,16 +1,26 @@
-"""Names the person who gives the commands of this command line."""
+"""Names the user of this machine at this command line, by the kernel's word and not by the environment's."""
 
-import getpass
+import os
+import pwd
 
-from app.auth.permissions import Principal
+from app.auth.permissions import HOST_PREFIX, Principal
 from harness.contracts.actors import Actor
 
 
+def host_user() -> str:
+    """The name of the user this process runs as; `uid-N` for one without a name."""
+    uid = os.geteuid()
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return f"uid-{uid}"
+
+
 def me() -> Actor:
-    """The person at this terminal."""
-    return Actor(name=getpass.getuser(), role="operator")
+    """The user of this machine as an actor: nobody of the accounts, and no person who decides."""
+    return here().actor
 
 
 def here() -> Principal:
-    """Whoever may read and write the data folder is its admin."""
-    return Principal(name=me().name, roles=("admin",), source="terminal")
+    """Whoever may read and write the data folder administers it; decisions need an account (`regen login`)."""
+    return Principal(name=f"{HOST_PREFIX}{host_user()}", source="terminal", host=True)

@@ -11,14 +11,17 @@ import msgspec
 import typer
 
 from app.cli.output import Json, settings, show, table
+from app.i18n.visible_text import visible_at_terminal
 from harness.conformance.address import addressed
 from harness.conformance.declaration import ConformanceFile, read, shipped
 from harness.conformance.findings import Checked, ConformanceFinding
+from harness.conformance.hostile.kit import Fuzzed, chosen, fuzzed
+from harness.conformance.hostile.missions import Met, met, met_at
 from harness.conformance.kit import FIRST_TOKEN, check
 from harness.conformance.provider_setup import fresh_name, installed, installed_cards, protocol
 from harness.conformance.subject import Stand
 from harness.contracts.capabilities import CapabilityCard
-from harness.contracts.errors import UnknownName
+from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import ProviderId
 from harness.contracts.reasons import because
 from simulator.in_process import SIMULATOR
@@ -92,6 +95,47 @@ def check_provider(
     raise typer.Exit(0 if ok else 1)
 
 
+@app.command("fuzz")
+def fuzz_harness(
+    mode: Annotated[list[str] | None, typer.Argument(help="Lies or groups of lies; all of them without any.")] = None,
+    as_json: Json = False,
+    builtin: Annotated[bool, typer.Option("--builtin", help="Against a simulated robot in this process.")] = False,
+    url: Annotated[str, typer.Option(help="Against the simulator at this address, which runs in lockstep.")] = "",
+    token: Annotated[str, typer.Option(help="The simulator's bearer token.", envvar="REGEN_ROBOT_TOKEN")] = "",
+    seed: Annotated[int, typer.Option(help="Seed of every mission.", min=0)] = 3,
+) -> None:
+    """Run missions against a robot that lies, floods, hangs and breaks the protocol. It tests the harness.
+
+    Nothing is ever forwarded to a physical robot: an address without a simulation is refused. Exit 0: no false
+    completion, second motion, hang, traceback or held lease, and at most 400 MiB; 1 otherwise.
+    """
+    if builtin == bool(url):
+        raise ContractInvalid(because("fuzz_needs_one_robot"))
+    meet = (lambda one: met_at(one, url, token, seed=seed)) if url else (lambda one: met(one, SIMULATOR, seed=seed))
+    result = fuzzed(chosen(mode or []), meet, watch=_tell_met)
+    show(msgspec.to_builtins(result), as_json=as_json, lines=_met_lines(result))
+    raise typer.Exit(0 if result.ok else 1)
+
+
+def _tell_met(one: Met) -> None:
+    sys.stderr.write(f"{'ok' if one.harmless else 'WRONG':<6} {one.mode:<40} {one.ended} ({one.wall_s:.1f} s)\n")
+    sys.stderr.flush()
+
+
+def _met_lines(result: Fuzzed) -> list[str]:
+    rows = [["lie", "ended", "stages accepted", "motions", "wrong"]] + [
+        [one.mode, one.ended, str(len(one.committed)), str(one.motions), "" if one.harmless else "yes"]
+        for one in result.met
+    ]
+    counts = (
+        f"{result.missions} missions: {result.false_completions} false completions, "
+        f"{result.second_motions} second motions, {result.hangs} hangs, {result.tracebacks} tracebacks, "
+        f"{result.held} leases left held, {result.peak_mib} MiB at the peak; "
+        f"{result.epistemic} epistemic (every source forged)"
+    )
+    return [*table(rows), counts]
+
+
 @app.command()
 def openapi() -> None:
     """The HTTP provider protocol as an OpenAPI document."""
@@ -127,12 +171,12 @@ def _wanted(
 
 def _checked(name: ProviderId, stand: Stand, declared: dict[ProviderId, ConformanceFile], *, fencing: int) -> Checked:
     declaration = declared[name] if name in declared else shipped(name)
-    sys.stderr.write(f"{name}\n")
+    sys.stderr.write(f"{visible_at_terminal(name)}\n")
     return check(stand, declaration, mission_id=fresh_name(), fencing=fencing, watch=_tell)
 
 
 def _tell(finding: ConformanceFinding) -> None:
-    sys.stderr.write(f"  {finding.outcome:<8} {finding.row}\n")
+    sys.stderr.write(visible_at_terminal(f"  {finding.outcome:<8} {finding.row}\n"))
     sys.stderr.flush()
 
 

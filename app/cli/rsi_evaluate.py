@@ -21,6 +21,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from app.cli import output
 from app.cli.data_folder import deciding
+from app.cli.logins import acting_name
 from app.cli.owner_api import owner_api
 from app.cli.person import me
 from app.cli.rsi import CandidateName
@@ -129,7 +130,7 @@ def _trial(name: str, how: How) -> Trial:
         candidate,
         baseline,
         suites,
-        launched_by=(me().name,),
+        launched_by=(acting_name(how.data),),
         simulator=SIMULATOR,
         suite_edited_by=growth.hands,
         most=how.cases,

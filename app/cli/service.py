@@ -21,7 +21,7 @@ from app.cli import output
 from app.cli.audit import log_problems
 from app.cli.data_folder import duplicate_starts, opened
 from app.cli.identity import examine_issuer
-from app.cli.person import me
+from app.cli.person import host_user
 from app.cli.shipped_candidate import put_in_review
 from app.i18n.reasons.rendering import explained, sentence
 from app.main import bind, create_app, open_accounts, serve
@@ -90,7 +90,7 @@ def up(
                 "speed": chosen.speed,
                 "robots": tuple(harness.robots),
                 "owner_token": SecretStr(harness.token),
-                "owner": console.owner if "owner" in console.model_fields_set else me().name,
+                "owner": host_user(),
             }
         )
         _begin(harness, start, seed=seed, faults=faults)

@@ -56,13 +56,13 @@ def task_text(text: str, contract: TaskContract | None) -> str:
     if contract is None:
         return text
     chosen = next((one for one in _chosen(contract) if one == text), None)
-    found = chosen or bound_text(text, contract.template, contract.bindings)
+    found = chosen or bound_text(text, contract.compiled_from, contract.bindings)
     return found if isinstance(found, Message) else next(_composed(text, contract), text)
 
 
-def bound_text(text: str, template: str, bindings: Mapping[str, Any]) -> str:
-    """A text that was bound from a template, as a message of it; unchanged where it is none of its texts."""
-    return next((one for one in _bound(template, bindings) if one == text), text)
+def bound_text(text: str, templates: Sequence[str], bindings: Mapping[str, Any]) -> str:
+    """A text that was bound from one of these templates, as a message of it; unchanged where it is none of theirs."""
+    return next((one for one in _bound(tuple(templates), bindings) if one == text), text)
 
 
 def in_words(results: Sequence[ConditionResult], contract: TaskContract | None) -> tuple[ConditionResult, ...]:
@@ -100,8 +100,8 @@ def _names(tree: object) -> Iterator[str]:
                 yield from _names(value)
 
 
-def _bound(template: str, bindings: Mapping[str, Any]) -> Iterator[str]:
-    found = (_filled(text, part) for text in _open_texts(template) for part in _parts(bindings))
+def _bound(templates: tuple[str, ...], bindings: Mapping[str, Any]) -> Iterator[str]:
+    found = (_filled(text, part) for text in _open_texts(templates) for part in _parts(bindings))
     return (one for one in found if one is not None)
 
 
@@ -115,11 +115,9 @@ def _parts(bindings: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 
 @cache
-def _open_texts(template: str) -> tuple[str, ...]:
-    """The texts that have open spots, of a shipped template, or of each one that a joined contract names."""
-    return tuple(
-        text for one in shipped() if one.name in template.split("+") for text in _texts(one) if _SPOT.search(text)
-    )
+def _open_texts(templates: tuple[str, ...]) -> tuple[str, ...]:
+    """The texts of shipped templates that have open spots."""
+    return tuple(text for one in shipped() if one.name in templates for text in _texts(one) if _SPOT.search(text))
 
 
 def _filled(text: str, bindings: Mapping[str, Any]) -> Message | None:

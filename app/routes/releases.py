@@ -87,7 +87,7 @@ def page_of(
         key=console.sessions.key(),
         at=releases.at_instant(pointer, asked, instant_of(asked), console.settings.robots) if asked else None,
         policy=releases.policy_form(
-            pointer, around, may="people" in permissions_of(actor.role.split("+")), typed=typed, refused=refused
+            pointer, around, may="policy" in permissions_of(actor.role.split("+")), typed=typed, refused=refused
         ),
     )
 

@@ -32,6 +32,7 @@ from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.events import HandoffAnswered
 from harness.contracts.handoff_events import HandoffEvent, HandoffOpened, NoAnswerTaken
 from harness.contracts.ids import Digest, HandoffId, MissionId, handoff_stream
+from harness.contracts.observations import SINGLE_SOURCE
 from harness.contracts.reasons import because
 from harness.contracts.retreat_events import RetreatEnded, RetreatEvent, RetreatIntended, RetreatStopping
 from harness.contracts.revision_commands import DisputeCompletion
@@ -98,6 +99,7 @@ def machine_readable(console: ConsoleDep, mission_id: MissionId) -> JSONResponse
     body: dict[str, Any] = mission_outcome(mission, entries, console.starts(mission_id))
     body["timings"] = [vars(one) for one in report.timings(mission, entries)]
     body["no_answer"] = _no_answer(console, mission_id)
+    body[SINGLE_SOURCE] = mission.labels.get(SINGLE_SOURCE, "")
     body["log"] = {"position": entries[-1].position, "digest": entries[-1].digest}
     return JSONResponse(body, headers={"Content-Disposition": f'attachment; filename="{mission_id}.json"'})
 

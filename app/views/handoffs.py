@@ -179,7 +179,7 @@ def asking(robot: str, stage: str, *, waits: bool) -> str:
 def question(item: HandoffItem) -> str:
     """The title of a question in a list."""
     bindings = {name: {"name": value} for name, value in item.names.items()}
-    stage = bound_text(item.stage, item.template, bindings)
+    stage = bound_text(item.stage, item.templates, bindings)
     return asking(item.robot_id, stage or word(item.node_id), waits=waits(item))
 
 

@@ -16,6 +16,7 @@ from starlette.types import Scope
 
 from app.auth.next_url import OVERVIEW, safe_next_url
 from app.auth.permissions import NotPermitted
+from app.background.signals import WRITES
 from app.i18n import languages
 from app.i18n.catalogues import ENGLISH, N_
 from app.i18n.reasons import rendering as reasons
@@ -34,6 +35,10 @@ STATUS: tuple[tuple[type[errors.HarnessError], int], ...] = (
     (errors.StoreUnavailable, 503),
     (errors.LogDamaged, 500),
 )
+
+
+STORE_AGAIN_S = 5
+"""What a caller is told to wait where a store cannot be used."""
 
 
 class PortBusy(errors.HarnessError):
@@ -95,6 +100,11 @@ REFUSALS = {
         N_("Each person, and each token, holds a limited number of live pages and 3D views here."),
         N_("Close some of them, then open this one again."),
     ),
+    "store_unavailable": (
+        N_("The accounts cannot be read or written now"),
+        N_("Another process holds their database, or its disk fails. Nothing was done."),
+        N_("Try again in a few seconds; the same request under the same key is done once."),
+    ),
     "unexpected": (
         N_("The console failed to answer"),
         N_("Nothing that was recorded is lost, and missions go on without this page."),
@@ -152,7 +162,13 @@ def install(app: FastAPI) -> None:
         more = {"reason": to_builtins(error.what)} if isinstance(error.what, Reason) else {}
         if isinstance(error, errors.GoalNotUnderstood):
             more |= question_json(error.question)
-        return answered(request, status=status, code=error.code, what=what, where=where, do=do, more=more)
+        writes = WRITES.get()
+        if writes is not None and isinstance(error, errors.StoreBusy):
+            writes.busy = True
+        answer = answered(request, status=status, code=error.code, what=what, where=where, do=do, more=more)
+        if isinstance(error, errors.StoreUnavailable):
+            answer.headers["retry-after"] = str(STORE_AGAIN_S)
+        return answer
 
     @app.exception_handler(RequestValidationError)
     def invalid(request: Request, error: RequestValidationError) -> Response:

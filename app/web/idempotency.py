@@ -1,12 +1,16 @@
 """Serves `Idempotency-Key` on the API: a repeated request gets the first answer and does nothing.
 
 An answer is kept for a day. A request that was begun and whose answer is not known, because the console died on it, is
-never done again: its second sender is told so.
+never done again: its second sender is told so. One that found the log held by another process, and stored nothing, is
+as if it had never been sent; one that is under way is waited for.
 """
 
+import asyncio
 import re
 from collections.abc import Callable
+from contextlib import suppress
 
+from cachetools import LRUCache
 from msgspec.structs import replace
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
@@ -15,12 +19,18 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.auth.permissions import Principal
-from app.web.errors import problem
+from app.background.signals import WRITES, RequestWrites
+from app.web.errors import STORE_AGAIN_S, problem, refused
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.adapters.stores.accounts_rows import StoredAnswer
+from harness.contracts.errors import StoreUnavailable
 from harness.contracts.ids import sha256
 
 KEPT_S = 86400.0
+PATIENCE_S = 20.0
+"""How long the second sender of a key waits for the first request to end."""
+UNKEPT = 4096
+"""Answers that are kept in memory because their store was held by another process."""
 KEY = re.compile("[!-~]{1,200}")
 SECRET_ANSWERS = ("/api/v1/tokens", "/api/v1/sign-in-links")
 """Routes whose answers carry a secret that is shown once: it is recorded that they answered, not the answer."""
@@ -31,6 +41,8 @@ class Idempotency:
 
     def __init__(self, app: ASGIApp, *, store: SqlAccounts, clock: Callable[[], float]) -> None:
         self._app, self._store, self._clock = app, store, clock
+        self._under_way: dict[tuple[str, str], asyncio.Event] = {}
+        self._unkept: LRUCache[tuple[str, str], StoredAnswer | None] = LRUCache(UNKEPT)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         principal: Principal | None = scope.get("state", {}).get("principal")
@@ -59,23 +71,56 @@ class Idempotency:
         begun = StoredAnswer(
             caller=caller, key=key, request=sha256(said), begun_at_s=self._clock(), status=0, media_type="", body=b""
         )
-        known = await run_in_threadpool(self._store.begin, begun, forget_before_s=self._clock() - KEPT_S)
-        if known is not None:
-            await _again(begun, known)(scope, receive, send)
+        name = (caller, key)
+        try:
+            known = await self._known(begun)
+        except StoreUnavailable:
+            await refused(scope, status=503, code="store_unavailable", wait_s=STORE_AGAIN_S)(scope, receive, send)
             return
-        answer = _Overheard(send)
-        await self._app(scope, _told_again(body, receive), answer)
+        if known is not None:
+            await _again(begun, known, under_way=name in self._under_way)(scope, receive, send)
+            return
+        done = self._under_way[name] = asyncio.Event()
+        writes = RequestWrites()
+        mark, answer = WRITES.set(writes), _Overheard(send)
+        try:
+            await self._app(scope, _told_again(body, receive), answer)
+        finally:
+            WRITES.reset(mark)
+            try:
+                await self._end(begun, answer, writes, secret=str(scope["path"]).startswith(SECRET_ANSWERS))
+            finally:
+                del self._under_way[name]
+                done.set()
+
+    async def _known(self, begun: StoredAnswer) -> StoredAnswer | None:
+        """What is known of the first request with this key, once that is over; None: this is the first, or it did
+        nothing. Raises StoreUnavailable."""
+        name = (begun.caller, begun.key)
+        if (first := self._under_way.get(name)) is not None:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(first.wait(), PATIENCE_S)
+        known = await run_in_threadpool(self._store.begin, begun, forget_before_s=self._clock() - KEPT_S)
+        if known is None or known.status or known.request != begun.request or name not in self._unkept:
+            return known
+        return self._unkept[name]
+
+    async def _end(self, begun: StoredAnswer, answer: "_Overheard", writes: RequestWrites, *, secret: bool) -> None:
+        """Keep the answer, or free the key where nothing was done; by memory where the store is held right now."""
+        name = (begun.caller, begun.key)
         if answer.status < 400 or answer.status == 409:
-            secret = str(scope["path"]).startswith(SECRET_ANSWERS)
-            kept = replace(
-                begun,
-                status=answer.status,
-                media_type=answer.media_type,
-                body=b"" if secret and answer.status < 400 else answer.body,
-            )
-            await run_in_threadpool(self._store.keep, kept)
-        elif answer.status < 500:
-            await run_in_threadpool(self._store.forget, caller, key)
+            body = b"" if secret and answer.status < 400 else answer.body
+            kept = replace(begun, status=answer.status, media_type=answer.media_type, body=body)
+            try:
+                await run_in_threadpool(self._store.keep, kept)
+            except StoreUnavailable:
+                self._unkept[name] = kept
+        elif answer.status < 500 or writes.nothing:
+            try:
+                await run_in_threadpool(self._store.forget, *name)
+                self._unkept.pop(name, None)
+            except StoreUnavailable:
+                self._unkept[name] = None
 
 
 class _Overheard:
@@ -94,7 +139,7 @@ class _Overheard:
         await self._send(message)
 
 
-def _again(now: StoredAnswer, known: StoredAnswer) -> Response:
+def _again(now: StoredAnswer, known: StoredAnswer, *, under_way: bool) -> Response:
     if known.request != now.request:
         return problem(
             409,
@@ -103,12 +148,22 @@ def _again(now: StoredAnswer, known: StoredAnswer) -> Response:
             detail="The first request with this key was not the same as this one. Nothing was done.",
             do="use a fresh key for another request",
         )
+    if known.status == 0 and under_way:
+        waits = problem(
+            409,
+            code="under_way",
+            title="The first request with this key is under way",
+            detail="It is not done a second time.",
+            do="ask again with the same key",
+        )
+        waits.headers["retry-after"] = str(STORE_AGAIN_S)
+        return waits
     if known.status == 0:
         return problem(
             409,
             code="outcome_unknown",
             title="The first request with this key has no answer",
-            detail="It is under way, or the console stopped while it was. It is not done a second time.",
+            detail="The console stopped while it was under way. It is not done a second time.",
             do="look at what there is now, then decide with a fresh key",
         )
     if not known.body:

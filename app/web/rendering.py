@@ -12,6 +12,7 @@ from starlette.responses import HTMLResponse
 from app.i18n.catalogues import ENGLISH, script_messages, translations
 from app.i18n.languages import CHOICE, localise, ways
 from app.i18n.messages import Message
+from app.i18n.visible_text import visible
 from app.settings import ROOT
 from app.views.canary import FINDINGS
 from app.web import filters
@@ -96,6 +97,9 @@ def templates(language: str) -> Environment:
 
 
 def render(template: str, page: Any, *, status: int = 200) -> HTMLResponse:
-    """Render a template in the language of the request. Raises jinja2.UndefinedError if it reads what `page` lacks."""
+    """Render a template in the language of the request. Raises jinja2.UndefinedError if it reads what `page` lacks.
+
+    What nobody would see of a goal, a robot's name or a file's is made visible, wherever on the page it stands.
+    """
     chosen = templates(CHOICE.get().language)
-    return HTMLResponse(chosen.get_template(template).render(page=page), status_code=status)
+    return HTMLResponse(visible(chosen.get_template(template).render(page=page)), status_code=status)

@@ -18,11 +18,13 @@ from fpdf.image_parsing import preload_image
 from app.i18n.catalogues import ENGLISH
 from app.i18n.languages import localise
 from app.i18n.messages import lazy_gettext, word
+from app.i18n.visible_text import visible
 from app.views.missions import sentence
 from app.views.readings import clause_verdicts, goal_words, source_words
 from app.views.report import DeclaredResult, ReportPage, ReportPicture
 from app.web.filters import clock, duration, instant, words
 from harness.contracts.errors import HarnessError
+from harness.contracts.observations import SINGLE_SOURCE
 from harness.contracts.reasons import because
 
 FONT, CHINESE = "DejaVu", "Droid"
@@ -83,7 +85,7 @@ class _Paper(FPDF):
 
     def spoken(self, text: str) -> str:
         """The text in the reader's language, as these fonts can draw it."""
-        text = str(localise(text, self.language))
+        text = visible(str(localise(text, self.language)))
         if CHINESE.lower() not in self.fonts and any(ord(sign) not in self._known for sign in text if sign != "\n"):
             self.add_font(CHINESE, "", self._fonts / HANZI)
             self.set_fallback_fonts([CHINESE], exact_match=False)
@@ -173,6 +175,15 @@ def _drawn(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes], *, ma
     return bytes(paper.output())
 
 
+def _single_source(page: ReportPage) -> tuple[tuple[str, str], ...]:
+    """A row for a mission whose position and motion come from one topic; none for any other."""
+    topic = page.head.mission.labels.get(SINGLE_SOURCE)
+    if not topic:
+        return ()
+    said = lazy_gettext("Position and motion come from {topic}; nothing else confirms them.", topic=topic)
+    return ((lazy_gettext("single source"), said),)
+
+
 def _summary(paper: _Paper, page: ReportPage) -> None:
     say = paper.spoken
     paper.title_line(lazy_gettext("Report: {goal}", goal=goal_words(page.head.mission)), size=15)
@@ -195,6 +206,7 @@ def _summary(paper: _Paper, page: ReportPage) -> None:
         (lazy_gettext("configuration"), page.head.mission.configuration),
         (lazy_gettext("began"), began),
         (lazy_gettext("physical starts"), starts),
+        *_single_source(page),
         (lazy_gettext("disputed acceptances"), disputed or lazy_gettext("none")),
         (lazy_gettext("stands at"), f"{say(lazy_gettext('event {position}', position=page.position))}, {page.digest}"),
     )

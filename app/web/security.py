@@ -14,9 +14,10 @@ from app.auth.oidc_login import UNDER_WAY_S
 from app.auth.permissions import Principal
 from app.auth.rate_limits import LARGEST_BODY, Buckets, TooLarge, bounded
 from app.auth.sessions import SessionService
-from app.web.errors import problem, refused
+from app.web.errors import STORE_AGAIN_S, problem, refused
 from app.web.streams import AGAIN_S, GuardedStream, StreamCounts
 from harness.contracts.actors import Actor
+from harness.contracts.errors import StoreUnavailable
 
 PAGE_POLICY = (
     "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self'; font-src 'self'; connect-src 'self'; "
@@ -73,9 +74,12 @@ class SecurityMiddleware:
             await self._app(scope, receive, send)
             return
         connection = HTTPConnection(scope)
-        principal = self._principal(connection)
+        try:
+            principal = self._principal(connection)
+            refusal = self._refusal(connection, scope, principal)
+        except StoreUnavailable:
+            principal, refusal = None, RequestRefusal(503, "store_unavailable", STORE_AGAIN_S)
         scope.setdefault("state", {})["principal"] = principal
-        refusal = self._refusal(connection, scope, principal)
         if refusal and scope["type"] == "websocket":
             await receive()
             await send({"type": "websocket.close", "code": 1008, "reason": refusal.code})

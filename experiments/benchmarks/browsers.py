@@ -252,6 +252,8 @@ def _console(way: Connection, events: int, per_s: float, entries: int) -> None:
             owner_token=SecretStr("t"),
             rate_per_s=1e6,
             rate_burst=1e6,
+            streams=10_000,
+            connections=10_000,
         )
         app = create_app(
             harness.runtime,

@@ -1,4 +1,5 @@
-"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `replay SEED`, `check NAME`.
+"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `verifier`, `fuzz`, `hostile`, `replay SEED`,
+`check NAME`.
 
 `run` does everything, prints what it found and publishes it where it was of the full size (or with --publish).
 CAMPAIGN_MISSIONS and CAMPAIGN_SEED, or --missions and --seed, ask for another run; a smaller one leaves docs/ alone.
@@ -13,17 +14,19 @@ from typing import Any, get_args
 
 import msgspec
 
-from experiments.campaigns import recovery_steps, seeds
+from experiments.campaigns import fuzz, hostile, recovery_steps, seeds
 from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.damage import DamageReport, damages
 from experiments.campaigns.declared import declared_offences
 from experiments.campaigns.hammer import HammerReport, hammer
+from experiments.campaigns.hard_faults import HardFaultReport, hard_faults
 from experiments.campaigns.kills import KillReport, kill_campaign
 from experiments.campaigns.mission import played
 from experiments.campaigns.plan import mission_plan
 from experiments.campaigns.planted import RED, Check, PlantedReport, planted_bugs
 from experiments.campaigns.publish import publish
 from experiments.campaigns.races import RaceReport, races
+from experiments.campaigns.random_kills import RandomKillReport, random_kills
 from experiments.campaigns.regen import ROOT
 from experiments.campaigns.release_races import release_races
 from experiments.campaigns.rivals import rival_rounds
@@ -31,6 +34,7 @@ from experiments.campaigns.simulate import one_mission, seeds_of, simulated_camp
 from experiments.campaigns.suspended import SuspensionReport, suspensions
 from experiments.campaigns.tally import summary
 from experiments.campaigns.workers import WorkersReport, worked_missions
+from experiments.verifier import campaign as verifier
 from harness.contracts.ids import sha256
 
 MISSIONS, SEED = 100_000, 1
@@ -45,6 +49,8 @@ FULL = {
     "planted": 400,
     "hammer": 10_000,
     "workers": 1000,
+    "instants": 200,
+    "hard": 20,
 }
 SMALLEST = {
     "answers": 3,
@@ -55,6 +61,8 @@ SMALLEST = {
     "planted": 250,
     "hammer": 300,
     "workers": 12,
+    "instants": 6,
+    "hard": 1,
 }
 QUICK = 24
 QUICK_DECISIONS, QUICK_KILLS_S = 200, (0.3, 0.9)
@@ -66,13 +74,24 @@ PARTS = (
     "suspended",
     "damage",
     "kills",
+    "instants",
+    "hard",
     "hammer",
     "workers",
     "simulation",
 )
 
 
-Report = RaceReport | SuspensionReport | DamageReport | KillReport | HammerReport | WorkersReport
+Report = (
+    RaceReport
+    | SuspensionReport
+    | DamageReport
+    | KillReport
+    | HammerReport
+    | WorkersReport
+    | RandomKillReport
+    | HardFaultReport
+)
 
 
 def main() -> None:
@@ -97,6 +116,17 @@ def main() -> None:
     many.add_argument("--minutes", type=float, default=None, help="play no longer than this")
     many.add_argument("--processes", type=int, default=PROCESSES)
     many.add_argument("--publish", action="store_true", help="write docs/reliability.md and docs/results/seeds.json")
+    fuzzing = commands.add_parser("fuzz", help="changed bytes for every parser of foreign files")
+    fuzzing.add_argument("--minutes", type=float, default=10.0, help="for each parser")
+    fuzzing.add_argument("--seed", type=int, default=SEED)
+    lies = commands.add_parser("hostile", help="missions against robots that lie, flood, hang and break the protocol")
+    lies.add_argument("modes", nargs="*", help="lies or groups of lies; all of them without any")
+    lies.add_argument("--seed", type=int, default=3)
+    lies.add_argument("--publish", action="store_true", help="write the section of docs/reliability.md")
+    cases = commands.add_parser("verifier", help="how often each predicate is right, against the simulated truth")
+    cases.add_argument("--cases", type=int, default=verifier.CASES, help="cases of each predicate")
+    cases.add_argument("--seed", type=int, default=SEED)
+    cases.add_argument("--publish", action="store_true", help="write docs/verifier.md")
     again = commands.add_parser("replay", help="one mission of a simulation, with all that happened")
     again.add_argument("seed", type=int)
     check = commands.add_parser("check", help="one campaign, until the first offence")
@@ -111,6 +141,12 @@ def main() -> None:
             recovery_steps.run(asked)
         case "seeds":
             seeds.run(asked)
+        case "fuzz":
+            fuzz.run(asked)
+        case "hostile":
+            hostile.run(asked)
+        case "verifier":
+            verifier.run(asked)
         case "replay":
             _replay(asked.seed)
         case _:
@@ -148,6 +184,10 @@ def _found(asked: argparse.Namespace, *, share: float) -> dict[str, tuple[dict[s
         "suspended": lambda: _plain("suspended_holders", suspensions(sizes["suspensions"])),
         "damage": lambda: _plain("damage", damages()),
         "kills": lambda: _killed(kill_campaign(most=points, seed=asked.seed)),
+        "instants": lambda: _plain(
+            "random_kills", random_kills(sizes["instants"], seed=asked.seed, minutes=asked.minutes)
+        ),
+        "hard": lambda: _plain("hard_faults", hard_faults(sizes["hard"], seed=asked.seed)),
         "hammer": lambda: _plain("hammer", hammer(sizes["hammer"], seed=asked.seed)),
         "workers": lambda: _plain("workers", worked_missions(sizes["workers"], seed=asked.seed, minutes=asked.minutes)),
         "simulation": lambda: _simulated(asked),

@@ -108,7 +108,7 @@ def every_point() -> list[KillPoint]:
         with TemporaryDirectory(prefix="kills-") as folder:
             data = Path(folder)
             regen("mission", "run", "circuit", "--data", data, *_with(faults), *KINEMATIC)
-            log = _log(data)
+            log = stored_log(data)
         counts: Counter[str] = Counter()
         for low, high in commits_of(log):
             kinds = list(dict.fromkeys(event.kind for event in log[low:high]))
@@ -138,7 +138,7 @@ def killed_twice(point: KillPoint) -> Killed:
         resume = ("mission", "resume", missions[0], "--data", data, *KINEMATIC)
         second = first and regen(*resume, REGEN_FAILPOINT=SECOND).returncode == -signal.SIGKILL
         last = regen(*resume) if first else None
-        wrong = list(_wrong(data, missions[0]))
+        wrong = list(offences_in(data, missions[0]))
         status = _status(data, missions[0])
         if last is not None and last.returncode not in (0, 1, 3):
             wrong.append(f"the last resume ended with {last.returncode}: {last.stderr[-300:]}")
@@ -147,14 +147,14 @@ def killed_twice(point: KillPoint) -> Killed:
         return Killed(first=first, second=second, end=status, wrong=tuple(wrong))
 
 
-def _wrong(data: Path, mission_id: str) -> Iterator[str]:
-    """What the log, the robot's journal and the auditor report against it."""
+def offences_in(data: Path, mission_id: str) -> Iterator[str]:
+    """What the log, the robot's journal and the auditor report against a mission, in sentences."""
     starts = data / "robots" / "vbot-1" / "starts.jsonl"
     lines = [json.loads(line) for line in starts.read_text().splitlines()] if starts.exists() else []
     requests = [line["request_id"] for line in lines]
     if len(requests) != len(set(requests)):
         yield "a request started twice"
-    log = _log(data)
+    log = stored_log(data)
     books = read_books(log, commits_of(log))
     intended = {intent.request_id for intent in books.intents.values()}
     if not set(requests) <= intended:
@@ -187,7 +187,8 @@ def _missions(data: Path) -> list[str]:
         return []
 
 
-def _log(data: Path) -> list[StoredEvent]:
+def stored_log(data: Path) -> list[StoredEvent]:
+    """Every event in the log of a data folder."""
     store = SqlEventStore(prepare(data).log_url)
     try:
         return store.read(limit=1_000_000)

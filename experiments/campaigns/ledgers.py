@@ -46,7 +46,8 @@ from harness.contracts.stored_commands import without_command
 from harness.contracts.tasks import Node, TaskContract
 
 LEASES = "lease/"
-LEVEL = {1: {"low": 0, "medium": 1, "high": 2}, 2: {"low": 1, "medium": 1, "high": 2}}
+_STRICT = {"low": 1, "medium": 1, "high": 2}
+LEVEL = {1: {"low": 0, "medium": 1, "high": 2}, 2: _STRICT, 3: _STRICT}
 """What each risk class needs, by the version of the rules that the mission is pinned to."""
 _DECODER: msgspec.json.Decoder[AnyEvent] = msgspec.json.Decoder(AnyEvent)
 

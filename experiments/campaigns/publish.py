@@ -87,6 +87,29 @@ def _kills(killed: dict[str, Any]) -> list[tuple[str, str]]:
     return [("fail-points with SIGKILL", struck), ("how those missions ended", ends)]
 
 
+def _random_kills(killed: dict[str, Any]) -> list[tuple[str, str]]:
+    counts = f"{killed['false_completions']} false completions, {killed['lost_events']} of {killed['read_events']:,} "
+    counts += f"read events lost, {killed['duplicate_starts']} starts doubled{_offences(killed)}"
+    struck = killed["instants"] - killed["missed"]
+    rows = [("SIGKILL at random instants over HTTP", f"{struck} of {killed['instants']} struck: {counts}")]
+    for name, found in killed["targets"].items():
+        asked = ", ".join(f"{times} about {about}" for about, times in sorted(found["questions"].items()))
+        ends = ", ".join(f"{times} {end.replace('_', ' ')}" for end, times in sorted(found["ends"].items()))
+        alone = f"{found['succeeded']} of {found['struck']} succeeded without a person ({ends})"
+        rows.append((f"after a kill of the {name}", alone + (f"; asked {asked}" if asked else "")))
+    return rows
+
+
+def _hard_faults(found: dict[str, Any]) -> list[tuple[str, str]]:
+    counts = f"{found['false_completions']} false completions, {found['lost_events']} read events lost, "
+    counts += f"{found['duplicate_starts']} starts doubled{_skipped(found['skipped'])}{_offences(found)}"
+    alone = ", ".join(f"{name} {found['succeeded'].get(name, 0)} of {n}" for name, n in found["struck"].items())
+    return [
+        ("faults of the machine under a live mission", f"{found['missions']} missions: {counts}"),
+        ("of those, succeeded without a person", alone),
+    ]
+
+
 def _raced(title: str) -> Callable[[dict[str, Any]], list[tuple[str, str]]]:
     def told(raced: dict[str, Any]) -> list[tuple[str, str]]:
         rounds = f"{raced['rounds']:,} rounds of {raced['responders']}, {raced['effective']:,} with a winner"
@@ -128,6 +151,8 @@ def _worked(found: dict[str, Any]) -> list[tuple[str, str]]:
 
 CAMPAIGNS = {
     "kill_campaign": _kills,
+    "random_kills": _random_kills,
+    "hard_faults": _hard_faults,
     "races": _raced("races of answers and appends"),
     "rivals": _raced("races of approvals with their rivals"),
     "release_races": _raced("races at the release desk"),

@@ -200,7 +200,7 @@ def identity_of(card: CapabilityCard | None, node_id: ids.NodeId = STAGE, attemp
 
 
 def packet_of(node: Node, card: CapabilityCard, *, from_s: float, until_s: float, **parts: Any) -> EvidencePacket:
-    """A packet of this stage, dispatched at `from_s`, terminal and collected at `until_s`, that proposes its effects."""
+    """A packet of this stage, dispatched at `from_s`, terminal and collected at `until_s`; it proposes its effects."""
     made = EvidencePacket(
         identity=identity_of(card, node.node_id),
         k_ctx=K,
@@ -244,7 +244,7 @@ def shown_packet(
 def shown_goal(
     effects: Sequence[AnyEffect],
     nodes: Sequence[Node],
-    packets: Mapping[str, tuple[EvidencePacket, int]],
+    packets: Mapping[ids.NodeId, tuple[EvidencePacket, int]],
     blobs: Blobs,
     *,
     at_s: float,
@@ -258,7 +258,7 @@ def shown_goal(
         tuple(nodes), goal or goal_of(), facts, completion=tuple(condition(one, of="goal") for one in effects)
     )
     done = {
-        ids.NodeId(name): replace(state.nodes[ids.NodeId(name)], status="committed", packets=(packet,), committed_k=k)
+        name: replace(state.nodes[name], status="committed", packets=(packet,), committed_k=k)
         for name, (packet, k) in packets.items()
     }
     state = replace(replace(state, nodes=state.nodes | done), **(mission or {}))

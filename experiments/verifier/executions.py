@@ -37,7 +37,7 @@ SPAN = 5000
 
 
 @dataclass(frozen=True)
-class Execution:
+class SimulatedExecution:
     """One execution. `truth` holds (at_s, x_m, y_m, yaw_rad) at every tick; `arrivals` when each sample came."""
 
     samples: tuple[AnySample, ...]
@@ -82,9 +82,13 @@ class Execution:
         return np.asarray(self.truth[within, 1:3])
 
     def true_motion(self, until_s: float, window_s: float = 1.0) -> float:
-        """How far the body truly moved within the window that ends then: the largest distance from its end, metres."""
+        """How far the body truly moved in the window that ends then, as standing still is defined (D15), metres: from
+        the median of its first third to that of its last third, extrapolated to the whole window."""
         path = self.true_path(until_s - window_s, until_s)
-        return float(np.hypot(*(path - path[-1]).T).max()) if len(path) else math.inf
+        third = len(path) // 3
+        if third < 2:
+            return math.inf
+        return 1.5 * float(np.hypot(*(np.median(path[-third:], axis=0) - np.median(path[:third], axis=0))))
 
 
 def executed(
@@ -97,7 +101,7 @@ def executed(
     fault: str = "",
     after_s: float = 4.0,
     request: str = "r-1",
-) -> Execution:
+) -> SimulatedExecution:
     """One invocation of the kinematic robot, put down at a pose; it stands SETTLE_S before and `after_s` afterwards."""
     robot = placed(at, seed=seed, site=site, fault=fault)
     truth: list[tuple[float, float, float, float]] = []
@@ -132,9 +136,13 @@ def placed(
 
 
 def recorded(
-    robot: SimulatedRobot, truth: Sequence[tuple[float, float, float, float]], *, report: InvocationReport, from_s: float,
+    robot: SimulatedRobot,
+    truth: Sequence[tuple[float, float, float, float]],
+    *,
+    report: InvocationReport,
+    from_s: float,
     fault: str = "",
-) -> Execution:  # fmt: skip
+) -> SimulatedExecution:
     """Everything that the robot published so far, with the bytes that it cites."""
     samples: list[AnySample] = []
     arrivals: list[float] = []
@@ -148,7 +156,7 @@ def recorded(
     cited = [one.blob for one in samples if isinstance(one, Scan | Image)]
     cited += [one.blob for one in report.receipts if one.blob]
     blobs = {digest: robot.blob(digest) for digest in cited}
-    return Execution(
+    return SimulatedExecution(
         samples=tuple(samples),
         arrivals=tuple(arrivals),
         truth=np.array(truth),
@@ -160,7 +168,7 @@ def recorded(
     )
 
 
-def driven(route: Sequence[Point], *, seed: int, fault: str = "", site: SiteModel | None = None) -> Execution:
+def driven(route: Sequence[Point], *, seed: int, fault: str = "", site: SiteModel | None = None) -> SimulatedExecution:
     """A drive along a route with the route follower, from its first point."""
     (x, y), (next_x, next_y) = route[0], route[1]
     parameters: Parameters = {

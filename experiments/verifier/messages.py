@@ -30,9 +30,9 @@ from harness.adapters.providers.messaging.delivery import CARD as DELIVERY
 from harness.adapters.providers.messaging.memory import MemoryOutbox
 from harness.adapters.providers.messaging.read_back import MemoryReader, MessageReadBack
 from harness.adapters.providers.models.description import CARD as DESCRIBER
+from harness.contracts.effects import Relational, Symbolic
 from harness.contracts.errors import StoreUnavailable
 from harness.contracts.evidence import EvidenceReference
-from harness.contracts.effects import Relational, Symbolic
 from harness.contracts.ids import Digest, NodeId, RequestId, sha256
 from harness.contracts.measurements import Measurement, StoredMessage
 from harness.contracts.protocol import Receipt
@@ -216,7 +216,7 @@ def _message(chance: Random, number: int, *, of_goal: bool) -> VerifierCase:
         shown = shown_goal(
             (effect,),
             (stage(effect, node_id=NodeId("analysis")), node),
-            {"delivery": (packet, K + 1)},
+            {node.node_id: (packet, K + 1)},
             blobs,
             at_s=late_s,
             facts=(reported, accepted),

@@ -3,6 +3,7 @@
 Their samples are those of simulated drives; faults are added to them, and the truth is where the body truly was.
 """
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,8 +23,8 @@ from experiments.verifier.cases import (
     shown_packet,
     stage,
 )
-from experiments.verifier.executions import Execution, driven, reference_to
-from experiments.verifier.motion_faults import FAULTS, Distort, Window
+from experiments.verifier.executions import SimulatedExecution, driven, reference_to
+from experiments.verifier.motion_faults import FAULTS, Distort, JudgedSpan
 from experiments.verifier.polygons import Floats, depth, drawn
 from harness.baseline.load import site
 from harness.contracts.effects import AnyEffect, Metric, Relational, Symbolic, Temporal
@@ -35,12 +36,13 @@ from harness.contracts.values import Point
 from simulator.cards import ROUTE_FOLLOWER
 
 TOLERANCE_M, EDGE_M = 0.40, 0.05
-STILL_M, STILL_FROM_M, STILL_TO_M = 0.02, 0.012, 0.035
+STILL_M, STILL_FROM_M, STILL_TO_M = 0.02, 0.015, 0.025
 FRESH_S = 1.0
 CORRIDOR_M, CORRIDOR_EDGE_M = 1.5, 0.15
 SHARE, SHARE_EDGE = 0.95, 0.05
 AWAY_M = 0.8
 BIASED = "localiser biased from before the dispatch on"
+MIRRORED = "localiser mirrored from before the dispatch on"
 FORGED = "every source forged: a drive that arrived, with fresh stamps"
 SIMULATED = ("stale-pose", "missing-pose", "frozen-localiser", "early-success", "interrupted", "lost-localisation")
 Truth = bool | None
@@ -50,10 +52,10 @@ Truth = bool | None
 class Drives:
     """Simulated drives between places, and rounds: whole ones, and some that leave something out."""
 
-    ways: tuple[Execution, ...]
-    biased: tuple[Execution, ...]
-    rounds: tuple[Execution, ...]
-    cut_rounds: tuple[Execution, ...]
+    ways: tuple[SimulatedExecution, ...]
+    biased: tuple[SimulatedExecution, ...]
+    rounds: tuple[SimulatedExecution, ...]
+    cut_rounds: tuple[SimulatedExecution, ...]
 
     @property
     def distinct(self) -> int:
@@ -71,7 +73,7 @@ def drives(seed: int, *, whole: bool) -> Drives:
     circuit = routes["circuit"]
     rounds = [driven(circuit, seed=one) for one in seeds]
     cut = [driven(route, seed=seed) for route in _cut(circuit)[: None if whole else 2]]
-    return Drives(tuple([*plain, *struck]), tuple(biased), tuple(rounds), tuple(cut))
+    return Drives((*plain, *struck), tuple(biased), tuple(rounds), tuple(cut))
 
 
 def _cut(circuit: Sequence[Point]) -> list[tuple[Point, ...]]:
@@ -97,9 +99,10 @@ def standing(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]
         track = run.between(window.from_s - 1.0, window.until_s)
         if name == FORGED:
             track = _forged(chance, pool, window)
+        track = distort(track, window, chance)
         target, region = _target(chance, run, window, track), _region(chance, run, window)
-        effects = (_arrival(target), _rest(1.0), _inside(region))
-        shown = _packet(effects, distort(track, window, chance), window)
+        effects: tuple[AnyEffect, ...] = (_arrival(target), _rest(1.0), _inside(region))
+        shown = _packet(effects, track, window)
         here = [run.true_at(window.until_s - back)[:2] for back in (0.0, 0.5, 1.0)]
         still = [run.true_motion(window.until_s - back) for back in (0.0, 0.5, 1.0)]
         truths = (
@@ -114,12 +117,12 @@ def standing(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]
 def steady(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
     """stable: an arrival, or a place in a region, at every look of an interval."""
     for _ in range(count):
-        run, window = _window(chance, pool.ways, shortest_s=7.0, longest_s=9.0)
+        run, window = _window(chance, pool.ways, shortest_s=4.0, longest_s=5.0)
         name, distort, epistemic = _fault(chance)
         track = run.between(window.from_s - 1.0, window.until_s)
         if name == FORGED:
             track = _forged(chance, pool, window)
-        interval_s = chance.uniform(0.8, 2.0)
+        interval_s = chance.uniform(0.6, 1.2)
         if chance.random() < 0.5:
             target = _target(chance, run, window, track)
             inner: Metric | Relational = _arrival(target)
@@ -133,7 +136,7 @@ def steady(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
             each = [_both(_near(at, inner.target_m), _still(one)) for at, one in zip(points, moved, strict=True)]
         else:
             each = [_beyond(float(value), 0.0, EDGE_M) for value in depth(np.array(points), region)]
-        looks = int(round(interval_s / 0.1)) + 1
+        looks = round(interval_s / 0.1) + 1
         truth = _throughout(each[:looks], each)
         effect = Temporal(predicate="stable", interval_s=interval_s, bound=0.5, inner=inner)
         yield _case(
@@ -160,7 +163,7 @@ def rounds(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
         until_s = run.until_s - chance.uniform(0.0, 2.5)
         if chance.random() < 0.2:
             until_s = run.from_s + chance.uniform(0.1, 1.0) * (run.until_s - run.from_s)
-        window = Window(run.from_s, until_s)
+        window = JudgedSpan(run.from_s, until_s)
         name, distort, epistemic = _fault(chance)
         track = run.between(run.from_s - 1.0, until_s)
         if name == FORGED:
@@ -171,10 +174,10 @@ def rounds(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
 
 
 def kept_out(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
-    """stayed_out: a goal over one to three executions, and a region beside, near or on the way of one of them."""
+    """stayed_out: a goal over one or two executions, and a region beside, near or on the way of one of them."""
     for _ in range(count):
         name, distort, epistemic = _fault(chance)
-        chosen = [_window(chance, pool.ways, shortest_s=6.0, longest_s=18.0) for _ in range(chance.randint(1, 3))]
+        chosen = [_window(chance, pool.ways, shortest_s=5.0, longest_s=12.0) for _ in range(chance.randint(1, 2))]
         path = np.concatenate([run.true_path(window.from_s, window.until_s) for run, window in chosen])
         away_m = chance.choice((0.0, chance.uniform(0.5, 2.0), chance.uniform(1.0, 5.0)))
         centre, angle = path[chance.randrange(len(path))], chance.uniform(-math.pi, math.pi)
@@ -191,7 +194,7 @@ def kept_out(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]
             packet = _sensed(node, distort(track, window, chance), window, blobs)
             nodes.append(node)
             packets[node.node_id] = (packet, 4 + index)
-        run, window = chosen[-1]
+        run, window = max(chosen, key=lambda pair: pair[1].until_s)
         shown = shown_goal((effect,), nodes, packets, blobs, at_s=window.until_s, recent=_recent(run, window))
         deepest = float(depth(path, region).max())
         truth = _beyond(-deepest, 0.0, EDGE_M)
@@ -224,7 +227,7 @@ def earlier_jumps(chance: Random, count: int, pool: Drives) -> Iterator[Verifier
         if not run.fault:
             track = motion_faults.jumps_earlier(track, window, chance)
         target, region = _target(chance, run, window, track), _region(chance, run, window)
-        effects = (_arrival(target), _inside(region))
+        effects: tuple[AnyEffect, ...] = (_arrival(target), _inside(region))
         shown = _packet(effects, track, window)
         here = run.true_at(window.until_s)[:2]
         truths = (
@@ -236,7 +239,7 @@ def earlier_jumps(chance: Random, count: int, pool: Drives) -> Iterator[Verifier
             yield _case(effect, name, truth, shown, epistemic=True)
 
 
-def went_round(run: Execution, window: Window, route: Sequence[Point], home: Point) -> Truth:
+def went_round(run: SimulatedExecution, window: JudgedSpan, route: Sequence[Point], home: Point) -> Truth:
     """Whether the body truly left, came along the whole route in its order, and stood at home at the end."""
     path = run.true_path(window.from_s, window.until_s)
     if not len(path):
@@ -261,7 +264,7 @@ def _along(path: Floats, route: Sequence[Point], radius_m: float) -> float:
     """
     dense = [
         (a[0] + (b[0] - a[0]) * step / count, a[1] + (b[1] - a[1]) * step / count)
-        for a, b in zip(route, route[1:], strict=False)
+        for a, b in itertools.pairwise(route)
         for count in [max(1, round(math.dist(a, b) / 0.25))]
         for step in range(count)
     ] + [route[-1]]
@@ -285,25 +288,27 @@ def _fault(chance: Random) -> tuple[str, Distort, bool]:
     drawn_at = chance.random()
     if drawn_at < 0.05:
         return BIASED, motion_faults.biased, True
-    if drawn_at < 0.08:
+    if drawn_at < 0.07:
+        return MIRRORED, motion_faults.mirrored, True
+    if drawn_at < 0.10:
         return FORGED, motion_faults.nothing, True
     name, distort = chance.choice(FAULTS)
     return name, distort, False
 
 
 def _window(
-    chance: Random, runs: Sequence[Execution], *, shortest_s: float, longest_s: float, rest: float = 0.7
-) -> tuple[Execution, Window]:
+    chance: Random, runs: Sequence[SimulatedExecution], *, shortest_s: float, longest_s: float, rest: float = 0.7
+) -> tuple[SimulatedExecution, JudgedSpan]:
     """An execution, and the part of it that is judged; `rest`: how often the body stands at its end."""
     run = chance.choice(runs)
     until_s = run.from_s + chance.uniform(0.0, 1.0) * (run.until_s - run.from_s)
     if chance.random() < rest:
         until_s = chance.uniform(min(run.terminal_s, run.until_s - 0.1), run.until_s)
     from_s = max(run.from_s, until_s - chance.uniform(shortest_s, longest_s))
-    return run, Window(from_s, round(until_s, 3))
+    return run, JudgedSpan(from_s, round(until_s, 3))
 
 
-def _target(chance: Random, run: Execution, window: Window, track: Trajectory) -> Point:
+def _target(chance: Random, run: SimulatedExecution, window: JudgedSpan, track: Trajectory) -> Point:
     """A target at some distance from where the body is at the end, or from where its localiser takes it to be."""
     x, y, _ = run.true_at(window.until_s)
     if chance.random() < 0.3 and track.poses:
@@ -313,7 +318,7 @@ def _target(chance: Random, run: Execution, window: Window, track: Trajectory) -
     return round(x + away_m * math.cos(angle), 3), round(y + away_m * math.sin(angle), 3)
 
 
-def _region(chance: Random, run: Execution, window: Window) -> tuple[Point, ...]:
+def _region(chance: Random, run: SimulatedExecution, window: JudgedSpan) -> tuple[Point, ...]:
     x, y, _ = run.true_at(window.until_s)
     away_m, angle = chance.choice((0.0, 0.3, 0.8, 2.0)), chance.uniform(-math.pi, math.pi)
     middle = (x + away_m * math.cos(angle), y + away_m * math.sin(angle))
@@ -341,14 +346,14 @@ def _inside(region: tuple[Point, ...], **changes: str) -> Relational:
     return replace(made, **changes)
 
 
-def _packet(effects: Sequence[AnyEffect], track: Trajectory, window: Window, **parts: Any) -> Shown:
+def _packet(effects: Sequence[AnyEffect], track: Trajectory, window: JudgedSpan, **parts: Any) -> Shown:
     blobs: dict[Digest, bytes] = {}
     node = stage(*effects, mandatory=("trajectory",))
     packet = replace(_sensed(node, track, window, blobs), **parts)
     return shown_packet(node, packet, ROUTE_FOLLOWER, blobs)
 
 
-def _sensed(node: Node, track: Trajectory, window: Window, blobs: dict[Digest, bytes]) -> EvidencePacket:
+def _sensed(node: Node, track: Trajectory, window: JudgedSpan, blobs: dict[Digest, bytes]) -> EvidencePacket:
     """A packet whose samples before the dispatch stand beside its trajectory, as a dispatch records them."""
     since = Trajectory(
         poses=tuple(one for one in track.poses if one.at_s >= window.from_s),
@@ -370,11 +375,11 @@ def _sensed(node: Node, track: Trajectory, window: Window, blobs: dict[Digest, b
     )
 
 
-def _forged(chance: Random, pool: Drives, window: Window) -> Trajectory:
+def _forged(chance: Random, pool: Drives, window: JudgedSpan) -> Trajectory:
     return _restamped(chance.choice(pool.ways), window)
 
 
-def _restamped(run: Execution, window: Window) -> Trajectory:
+def _restamped(run: SimulatedExecution, window: JudgedSpan) -> Trajectory:
     """The last samples of another execution, with the stamps of this one."""
     shift = window.until_s - run.until_s
     track = run.between(window.from_s - 1.0 - shift, run.until_s)
@@ -385,13 +390,13 @@ def _restamped(run: Execution, window: Window) -> Trajectory:
     )
 
 
-def _elsewhere(chance: Random, pool: Drives, region: tuple[Point, ...]) -> Execution:
+def _elsewhere(chance: Random, pool: Drives, region: tuple[Point, ...]) -> SimulatedExecution:
     """A drive that stays out of the region, if there is one."""
     out = [one for one in pool.rounds if float(depth(one.truth[:, 1:3], region).max()) < 0.0]
     return chance.choice(out or list(pool.ways))
 
 
-def _recent(run: Execution, window: Window) -> tuple[AnySample, ...]:
+def _recent(run: SimulatedExecution, window: JudgedSpan) -> tuple[AnySample, ...]:
     track = run.between(window.until_s - 3.0, window.until_s)
     return (*track.poses, *track.odometry, *track.imu)
 

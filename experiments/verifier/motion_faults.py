@@ -7,13 +7,13 @@ from random import Random
 
 from msgspec.structs import replace
 
-from harness.contracts.observations import Odometry, Pose, Trajectory
+from harness.contracts.observations import Odometry, Trajectory
 
-Distort = Callable[[Trajectory, "Window", Random], Trajectory]
+Distort = Callable[[Trajectory, "JudgedSpan", Random], Trajectory]
 
 
 @dataclass(frozen=True)
-class Window:
+class JudgedSpan:
     """The execution that is judged: from dispatch to collection, mission seconds."""
 
     from_s: float
@@ -24,39 +24,39 @@ class Window:
         return self.until_s - chance.uniform(0.0, share * (self.until_s - self.from_s))
 
 
-def nothing(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def nothing(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """Every sensor as the simulator models it."""
     return track
 
 
-def noisier(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def noisier(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """The localiser three times as noisy as the simulator's: 2 cm."""
     sigma = 0.02
     moved = (replace(p, x_m=p.x_m + chance.gauss(0, sigma), y_m=p.y_m + chance.gauss(0, sigma)) for p in track.poses)
     return replace(track, poses=tuple(moved))
 
 
-def pose_gaps(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def pose_gaps(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """The localiser drops out up to four times, for up to three seconds."""
     gaps = [(begin, begin + chance.uniform(0.3, 3.0)) for begin in (window.late(chance, 1.0) for _ in range(4))]
     kept = tuple(p for p in track.poses if all(not a <= p.at_s <= b for a, b in gaps))
     return replace(track, poses=kept)
 
 
-def odometry_gaps(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def odometry_gaps(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """Odometry and IMU drop out up to three times, for up to two seconds."""
     gaps = [(begin, begin + chance.uniform(0.3, 2.0)) for begin in (window.late(chance, 1.0) for _ in range(3))]
     kept = tuple(o for o in track.odometry if all(not a <= o.at_s <= b for a, b in gaps))
     return replace(track, odometry=kept, imu=tuple(o for o in track.imu if all(not a <= o.at_s <= b for a, b in gaps)))
 
 
-def silent(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def silent(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """The localiser sends nothing more before the end."""
     since_s = window.until_s - chance.uniform(0.4, 6.0)
     return replace(track, poses=tuple(p for p in track.poses if p.at_s < since_s))
 
 
-def deaf(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def deaf(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """All sensors send nothing more before the end."""
     since_s = window.until_s - chance.uniform(0.4, 6.0)
     return Trajectory(
@@ -67,7 +67,7 @@ def deaf(track: Trajectory, window: Window, chance: Random) -> Trajectory:
     )
 
 
-def stale(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def stale(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """The localiser repeats its last pose with its old stamp."""
     since_s = window.late(chance)
     held = [p for p in track.poses if p.at_s < since_s][-1:]
@@ -75,7 +75,7 @@ def stale(track: Trajectory, window: Window, chance: Random) -> Trajectory:
     return replace(track, poses=(*(p for p in track.poses if p.at_s < since_s), *late))
 
 
-def frozen(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def frozen(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """The localiser repeats its last pose with fresh stamps."""
     since_s = window.late(chance)
     held = [p for p in track.poses if p.at_s < since_s][-1:]
@@ -83,64 +83,64 @@ def frozen(track: Trajectory, window: Window, chance: Random) -> Trajectory:
     return replace(track, poses=(*(p for p in track.poses if p.at_s < since_s), *late))
 
 
-def jumps(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def jumps(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """The localiser takes the body for elsewhere from within the last two seconds on."""
     return _shifted(track, since_s=window.until_s - chance.uniform(0.2, 2.0), chance=chance)
 
 
-def jumps_earlier(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def jumps_earlier(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """The localiser takes the body for elsewhere from some instant of the execution on."""
     return _shifted(track, since_s=window.late(chance, 0.8), chance=chance)
 
 
-def biased(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def biased(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """The localiser is off by the same vector from before the dispatch on: its motion is right, its place is not."""
     return _shifted(track, since_s=-math.inf, chance=chance)
 
 
-def slips(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def slips(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """Feet or wheels slip for a while: odometry counts up to twice the way."""
     return _counted(track, chance.uniform(1.2, 2.0), window, chance)
 
 
-def lifted(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def lifted(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """Odometry counts nothing for a while, as of a body that is carried, or of an encoder that is stuck."""
     return _counted(track, 0.0, window, chance)
 
 
-def no_odometry(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def no_odometry(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """Odometry is missing; IMU and localiser go on."""
     return replace(track, odometry=())
 
 
-def no_localiser(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def no_localiser(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """The localiser never sent anything."""
     return replace(track, poses=())
 
 
-def other_map(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def other_map(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """The poses are of another version of the map."""
     return replace(track, poses=tuple(replace(p, map_version="site-0") for p in track.poses))
 
 
-def mirrored(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def mirrored(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """The localiser's y axis is mirrored."""
     return replace(track, poses=tuple(replace(p, y_m=-p.y_m, yaw_rad=-p.yaw_rad) for p in track.poses))
 
 
-def unsure(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def unsure(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """The localiser itself says that it is unsure, for the last part or throughout."""
     since_s = window.late(chance, 1.0)
     return replace(track, poses=tuple(replace(p, confidence=0.3) if p.at_s >= since_s else p for p in track.poses))
 
 
-def clock_behind(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def clock_behind(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """The localiser's clock is behind that of the other sensors."""
     late_s = chance.uniform(0.3, 4.0)
     return replace(track, poses=tuple(replace(p, at_s=p.at_s - late_s) for p in track.poses))
 
 
-def clock_ahead(track: Trajectory, window: Window, chance: Random) -> Trajectory:
+def clock_ahead(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """The localiser's clock is ahead of that of the other sensors."""
     early_s = chance.uniform(0.3, 4.0)
     return replace(track, poses=tuple(replace(p, at_s=p.at_s + early_s) for p in track.poses))
@@ -160,7 +160,6 @@ FAULTS: tuple[tuple[str, Distort], ...] = (
     ("odometry missing", no_odometry),
     ("localiser missing", no_localiser),
     ("poses of another map", other_map),
-    ("localiser mirrored", mirrored),
     ("localiser says it is unsure", unsure),
     ("localiser's clock behind", clock_behind),
     ("localiser's clock ahead", clock_ahead),
@@ -174,7 +173,7 @@ def _shifted(track: Trajectory, *, since_s: float, chance: Random) -> Trajectory
     return replace(track, poses=tuple(moved))
 
 
-def _counted(track: Trajectory, times: float, window: Window, chance: Random) -> Trajectory:
+def _counted(track: Trajectory, times: float, window: JudgedSpan, chance: Random) -> Trajectory:
     """Odometry whose steps count `times` as much during a part of the execution."""
     from_s = window.late(chance)
     until_s = from_s + chance.uniform(1.0, 12.0)

@@ -15,7 +15,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from experiments.verifier.cases import VerifierCase, condition_id_of, fact, identity_of, packet_of, shown_packet, stage
-from experiments.verifier.executions import Execution, executed
+from experiments.verifier.executions import SimulatedExecution, executed
 from harness.adapters.providers.lidar import PassageSweep
 from harness.adapters.providers.models.analysis import CARD as ANALYST
 from harness.adapters.providers.models.passage import FloorObject, OrientedFrame, Report, analyse
@@ -45,7 +45,7 @@ class PassageScene:
 
     model: SiteModel
     things: tuple[Solid, ...]
-    look: Execution
+    look: SimulatedExecution
     frames: tuple[Digest, ...]
     headings: tuple[float, ...]
     report: Report
@@ -197,7 +197,7 @@ def _thing(chance: Random, index: int) -> Solid:
 def _drawn(
     chance: Random, things: Sequence[Solid], frames: tuple[Digest, ...], position: Point, *, hidden: bool
 ) -> Report:
-    """A report as the shipped analyser makes it, drawn from the truth: widths off by 3 cm, now and then a thing missed."""
+    """A report drawn from the truth as an analyser makes it: widths off by 3 cm, now and then a thing missed."""
     found = []
     for one in things:
         if not _stands_in(one) or chance.random() < 0.05:
@@ -313,7 +313,7 @@ def _renamed(report: Report, scene: PassageScene) -> Report:
     return replace(report, frames=scene.frames, cited=tuple(named[one] for one in report.cited), findings=found)
 
 
-def _look(run: Execution) -> LidarLook:
+def _look(run: SimulatedExecution) -> LidarLook:
     return LidarLook(trajectory=run.between(run.until_s - 4.0, run.until_s), camera=run.status.camera)
 
 
@@ -425,7 +425,7 @@ def _panorama(scene: PassageScene, look: LidarLook, name: str) -> CommittedFact:
     return fact("panorama", "panorama", arguments)
 
 
-def _measured(look: Execution) -> Point:
+def _measured(look: SimulatedExecution) -> Point:
     poses = look.between(look.from_s, look.until_s).poses
     return float(np.median([one.x_m for one in poses])), float(np.median([one.y_m for one in poses]))
 

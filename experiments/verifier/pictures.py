@@ -14,7 +14,6 @@ import numpy as np
 from msgspec.structs import replace
 
 from experiments.verifier.cases import (
-    Shown,
     VerifierCase,
     condition_id_of,
     fact,
@@ -23,9 +22,9 @@ from experiments.verifier.cases import (
     shown_packet,
     stage,
 )
-from experiments.verifier.executions import Execution, executed, receipts_for, reference_to
-from harness.baseline.load import site
+from experiments.verifier.executions import SimulatedExecution, executed, receipts_for, reference_to
 from harness.adapters.providers.models.analysis import CARD as ANALYST
+from harness.baseline.load import site
 from harness.contracts.effects import Metric, Visual
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest, sha256
@@ -48,13 +47,13 @@ Truth = bool | None
 
 
 @dataclass(frozen=True)
-class Looks:
+class SimulatedLooks:
     """Simulated looks: stands near home, panoramas with as many turns as asked, and single pictures."""
 
-    stands: tuple[Execution, ...]
-    panoramas: tuple[Execution, ...]
-    finer: tuple[Execution, ...]
-    pictures: tuple[Execution, ...]
+    stands: tuple[SimulatedExecution, ...]
+    panoramas: tuple[SimulatedExecution, ...]
+    finer: tuple[SimulatedExecution, ...]
+    pictures: tuple[SimulatedExecution, ...]
 
     @property
     def sweeps(self) -> int:
@@ -65,10 +64,10 @@ class Looks:
         return len({image.blob for run in (*self.panoramas, *self.finer, *self.pictures) for image in run.images})
 
 
-def looks(seed: int, *, whole: bool) -> Looks:
+def looks(seed: int, *, whole: bool) -> SimulatedLooks:
     """`whole`: the pool of the published campaign; else a few."""
     chance = Random(seed)
-    stands = tuple(_stand(chance, seed + index) for index in range(260 if whole else 8))
+    stands = tuple(_stand(chance, seed + index) for index in range(160 if whole else 8))
     places = [(0.0, 0.0, 0.0), (11.0, 8.557, 1.57), (9.0, 4.8, 0.4)][: 3 if whole else 1]
     panoramas = tuple(
         executed(PANORAMA_CAMERA, {"frames": 8.0}, at=place, seed=seed + index) for index, place in enumerate(places)
@@ -82,12 +81,12 @@ def looks(seed: int, *, whole: bool) -> Looks:
         executed(OBSERVER, {"duration_s": 2.0, "frames": 1.0}, at=spot, seed=seed + index)
         for index, spot in enumerate(spots[: 12 if whole else 3])
     )
-    return Looks(stands, panoramas, finer, pictures)
+    return SimulatedLooks(stands, panoramas, finer, pictures)
 
 
-def headings(chance: Random, count: int, pool: Looks) -> Iterator[VerifierCase]:
-    """facing: eight wanted headings for each sweep, so that most of a sweep's cost is shared."""
-    each = 8
+def headings(chance: Random, count: int, pool: SimulatedLooks) -> Iterator[VerifierCase]:
+    """facing: twelve wanted headings for each sweep, so that most of a sweep's cost is shared."""
+    each = 12
     for _ in range(max(1, count // each)):
         run = chance.choice(pool.stands)
         scan = chance.choice([one for one in run.scans if one.at_s >= run.from_s])
@@ -117,7 +116,7 @@ def headings(chance: Random, count: int, pool: Looks) -> Iterator[VerifierCase]:
             yield VerifierCase("facing", name, truth, shown, one.condition_id, epistemic=forged)
 
 
-def _before_a_turn(run: Execution, chance: Random) -> tuple[Scan, float]:
+def _before_a_turn(run: SimulatedExecution, chance: Random) -> tuple[Scan, float]:
     """A sweep at rest, and an instant less than a second later at which the body turns."""
     turning = [
         float(at_s) for at_s in run.truth[:, 0] if run.from_s + 1.0 < at_s < run.terminal_s and _turn(run, at_s) > 0.3
@@ -126,7 +125,7 @@ def _before_a_turn(run: Execution, chance: Random) -> tuple[Scan, float]:
     return chance.choice([pair for pair in pairs if _turn(run, pair[0].at_s) < 0.02])
 
 
-def circles(chance: Random, count: int, pool: Looks) -> Iterator[VerifierCase]:
+def circles(chance: Random, count: int, pool: SimulatedLooks) -> Iterator[VerifierCase]:
     """panorama: whole circles, and circles with frames or turns that are missing, repeated, blurred or of elsewhere."""
     effect = Visual(predicate="panorama", frames=FRAMES, width_px=SIZE[0], height_px=SIZE[1])
     for _ in range(count):
@@ -134,7 +133,7 @@ def circles(chance: Random, count: int, pool: Looks) -> Iterator[VerifierCase]:
         yield CIRCLES[name](name, effect, chance, pool)
 
 
-def stills(chance: Random, count: int, pool: Looks) -> Iterator[VerifierCase]:
+def stills(chance: Random, count: int, pool: SimulatedLooks) -> Iterator[VerifierCase]:
     """pictured: one picture by a body at rest, or what passes for one."""
     for _ in range(count):
         run = chance.choice(pool.pictures)
@@ -145,8 +144,8 @@ def stills(chance: Random, count: int, pool: Looks) -> Iterator[VerifierCase]:
         yield _still(name, effect, run, chance, pool)
 
 
-def findings(chance: Random, count: int, pool: Looks) -> Iterator[VerifierCase]:
-    """sighted: a provider's report names boxes in the frames; only its own word says that there is something in them."""
+def findings(chance: Random, count: int, pool: SimulatedLooks) -> Iterator[VerifierCase]:
+    """sighted: a provider's report names boxes in the frames; its word alone says that something is in them."""
     for _ in range(count):
         run = chance.choice(pool.panoramas)
         frames = [one.blob for one in run.images]
@@ -174,7 +173,7 @@ def findings(chance: Random, count: int, pool: Looks) -> Iterator[VerifierCase]:
         yield VerifierCase("sighted", name, name in ("none", "report altered"), shown, condition_id_of(effect))
 
 
-def _stand(chance: Random, seed: int) -> Execution:
+def _stand(chance: Random, seed: int) -> SimulatedExecution:
     """A body near home that stands, in an office with up to three things that stand around."""
     things = tuple(
         standing(
@@ -192,7 +191,7 @@ def _stand(chance: Random, seed: int) -> Execution:
 
 
 def _swept(
-    name: str, track: Trajectory, run: Execution, until_s: float, chance: Random, pool: Looks
+    name: str, track: Trajectory, run: SimulatedExecution, until_s: float, chance: Random, pool: SimulatedLooks
 ) -> tuple[Trajectory, dict[Digest, bytes]]:
     blobs = dict(run.blobs)
     newest = track.scans[-1]
@@ -249,8 +248,15 @@ def _faces(true_rad: float, aim: float) -> Truth:
 
 
 def _circle(
-    name: str, effect: Visual, run: Execution, *, keep: Sequence[int], truth: Truth, epistemic: bool = False, **changed: Any
-) -> VerifierCase:  # fmt: skip
+    name: str,
+    effect: Visual,
+    run: SimulatedExecution,
+    *,
+    keep: Sequence[int],
+    truth: Truth,
+    epistemic: bool = False,
+    **changed: Any,
+) -> VerifierCase:
     """A panorama's packet of these frames. `changed`: images, receipts, odometry, poses or blobs instead of its own."""
     card, node = PANORAMA_CAMERA, stage(effect, mandatory=("image", "receipts", "trajectory"))
     request = identity_of(card).request_id
@@ -276,23 +282,23 @@ def _seen(image: Image) -> EvidenceReference:
     return image_reference(image)
 
 
-def _whole(name: str, effect: Visual, chance: Random, pool: Looks) -> VerifierCase:
+def _whole(name: str, effect: Visual, chance: Random, pool: SimulatedLooks) -> VerifierCase:
     return _circle(name, effect, chance.choice(pool.panoramas), keep=range(FRAMES), truth=True)
 
 
-def _missing(name: str, effect: Visual, chance: Random, pool: Looks) -> VerifierCase:
+def _missing(name: str, effect: Visual, chance: Random, pool: SimulatedLooks) -> VerifierCase:
     keep = sorted(chance.sample(range(FRAMES), chance.randint(3, FRAMES - 1)))
     return _circle(name, effect, chance.choice(pool.panoramas), keep=keep, truth=False)
 
 
-def _uneven(name: str, effect: Visual, chance: Random, pool: Looks) -> VerifierCase:
+def _uneven(name: str, effect: Visual, chance: Random, pool: SimulatedLooks) -> VerifierCase:
     """Eight of twelve headings, whose widest gap truly is two, three or more of those steps."""
     run = chance.choice(pool.finer)
     keep = sorted(chance.sample(range(12), FRAMES))
     return _circle(name, effect, run, keep=keep, truth=_round(run, keep))
 
 
-def _turned_too_far(name: str, effect: Visual, chance: Random, pool: Looks) -> VerifierCase:
+def _turned_too_far(name: str, effect: Visual, chance: Random, pool: SimulatedLooks) -> VerifierCase:
     """The feet slip in the turn: odometry counts half as much again, and the circle is not closed."""
     run = chance.choice(pool.finer)
     first = run.between(run.from_s - 0.5, run.until_s).odometry
@@ -309,7 +315,7 @@ def _turned_too_far(name: str, effect: Visual, chance: Random, pool: Looks) -> V
     return _circle(name, effect, run, keep=keep, truth=_round(run, keep), track={"odometry": slipped})
 
 
-def _repeated(name: str, effect: Visual, chance: Random, pool: Looks) -> VerifierCase:
+def _repeated(name: str, effect: Visual, chance: Random, pool: SimulatedLooks) -> VerifierCase:
     """One frame's content stands for another: the camera hung."""
     run = chance.choice(pool.panoramas)
     images = list(run.images)
@@ -322,18 +328,18 @@ def _repeated(name: str, effect: Visual, chance: Random, pool: Looks) -> Verifie
     return _circle(name, effect, run, keep=range(FRAMES), truth=False, images=images, receipts=receipts)
 
 
-def _moving(name: str, effect: Visual, chance: Random, pool: Looks) -> VerifierCase:
+def _moving(name: str, effect: Visual, chance: Random, pool: SimulatedLooks) -> VerifierCase:
     """The body crept while the frames were taken, as odometry and localiser say too."""
     run = chance.choice(pool.panoramas)
     speed = chance.choice((0.005, 0.05, 0.1, 0.3))
     track = run.between(run.from_s - 0.5, run.until_s)
     odometry = tuple(replace(one, x_m=one.x_m + speed * (one.at_s - run.from_s)) for one in track.odometry)
     poses = tuple(replace(one, x_m=one.x_m + speed * (one.at_s - run.from_s)) for one in track.poses)
-    truth = True if speed < 0.012 else False
+    truth = speed < 0.012
     return _circle(name, effect, run, keep=range(FRAMES), truth=truth, track={"odometry": odometry, "poses": poses})
 
 
-def _blurred(name: str, effect: Visual, chance: Random, pool: Looks) -> VerifierCase:
+def _blurred(name: str, effect: Visual, chance: Random, pool: SimulatedLooks) -> VerifierCase:
     """Frames that were taken earlier than they were, in the turn."""
     run = chance.choice(pool.panoramas)
     back_s = chance.uniform(1.6, 2.4)
@@ -345,7 +351,7 @@ def _blurred(name: str, effect: Visual, chance: Random, pool: Looks) -> Verifier
     return _circle(name, effect, run, keep=range(FRAMES), truth=truth, images=images, receipts=receipts)
 
 
-def _unsigned(name: str, effect: Visual, chance: Random, pool: Looks) -> VerifierCase:
+def _unsigned(name: str, effect: Visual, chance: Random, pool: SimulatedLooks) -> VerifierCase:
     """A turn or a capture has no receipt."""
     run = chance.choice(pool.panoramas)
     gone = chance.randrange(len(run.report.receipts))
@@ -353,13 +359,13 @@ def _unsigned(name: str, effect: Visual, chance: Random, pool: Looks) -> Verifie
     return _circle(name, effect, run, keep=range(FRAMES), truth=True, receipts=receipts)
 
 
-def _earlier(name: str, effect: Visual, chance: Random, pool: Looks) -> VerifierCase:
+def _earlier(name: str, effect: Visual, chance: Random, pool: SimulatedLooks) -> VerifierCase:
     """The frames are of an execution before the one that is judged."""
     run = chance.choice(pool.panoramas)
     return _circle(name, effect, run, keep=range(FRAMES), truth=False, from_s=run.terminal_s + 1.0)
 
 
-def _cut_short(name: str, effect: Visual, chance: Random, pool: Looks) -> VerifierCase:
+def _cut_short(name: str, effect: Visual, chance: Random, pool: SimulatedLooks) -> VerifierCase:
     """One frame's file ends in the middle."""
     run = chance.choice(pool.panoramas)
     at, images = chance.randrange(FRAMES), list(run.images)
@@ -373,14 +379,14 @@ def _cut_short(name: str, effect: Visual, chance: Random, pool: Looks) -> Verifi
     )
 
 
-def _altered(name: str, effect: Visual, chance: Random, pool: Looks) -> VerifierCase:
+def _altered(name: str, effect: Visual, chance: Random, pool: SimulatedLooks) -> VerifierCase:
     """One frame's bytes were changed after their checksum was recorded."""
     run = chance.choice(pool.panoramas)
     old = chance.choice(run.images).blob
     return _circle(name, effect, run, keep=range(FRAMES), truth=False, blobs={old: run.blobs[old] + b"\xff\xd9"})
 
 
-def _unstamped(name: str, effect: Visual, chance: Random, pool: Looks) -> VerifierCase:
+def _unstamped(name: str, effect: Visual, chance: Random, pool: SimulatedLooks) -> VerifierCase:
     """Odometry dropped out while frames were taken."""
     run = chance.choice(pool.panoramas)
     begin = chance.uniform(run.from_s, run.terminal_s)
@@ -389,7 +395,7 @@ def _unstamped(name: str, effect: Visual, chance: Random, pool: Looks) -> Verifi
     return _circle(name, effect, run, keep=range(FRAMES), truth=True, track={"odometry": odometry})
 
 
-def _forged(name: str, effect: Visual, chance: Random, pool: Looks) -> VerifierCase:
+def _forged(name: str, effect: Visual, chance: Random, pool: SimulatedLooks) -> VerifierCase:
     """The camera gives out pictures of another place, with fresh stamps and receipts of its own."""
     run = chance.choice(pool.panoramas)
     others = [image.blob for other in (*pool.finer, *pool.pictures) for image in other.images]
@@ -456,7 +462,7 @@ STILLS = (
 )
 
 
-def _still(name: str, effect: Visual, run: Execution, chance: Random, pool: Looks) -> VerifierCase:
+def _still(name: str, effect: Visual, run: SimulatedExecution, chance: Random, pool: SimulatedLooks) -> VerifierCase:
     card, node = OBSERVER, stage(effect, mandatory=("image", "receipts", "trajectory"))
     blobs = dict(run.blobs)
     image = run.images[0]
@@ -505,7 +511,7 @@ def _still(name: str, effect: Visual, run: Execution, chance: Random, pool: Look
     return VerifierCase("pictured", name, truth, shown, condition_id_of(effect), epistemic=epistemic)
 
 
-def _round(run: Execution, keep: Sequence[int]) -> Truth:
+def _round(run: SimulatedExecution, keep: Sequence[int]) -> Truth:
     """Whether the true headings of these frames go around the circle."""
     yaws = sorted(run.true_at(run.images[index].at_s)[2] % math.tau for index in keep)
     gaps = [b - a for a, b in zip(yaws, [*yaws[1:], yaws[0] + math.tau], strict=True)]
@@ -514,7 +520,7 @@ def _round(run: Execution, keep: Sequence[int]) -> Truth:
     return True if max(gaps) < WIDEST - GAP_EDGE_RAD and min(gaps) > NARROWEST + GAP_EDGE_RAD else None
 
 
-def _turn(run: Execution, at_s: float) -> float:
+def _turn(run: SimulatedExecution, at_s: float) -> float:
     """How much the body truly turned in the second before an instant, radians."""
     now = run.true_at(at_s)[2]
     return max(abs(math.remainder(run.true_at(at_s - back)[2] - now, math.tau)) for back in (0.25, 0.5, 0.75, 1.0))

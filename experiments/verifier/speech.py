@@ -202,7 +202,7 @@ def _case(name: str, one: Spoken, chance: Random, *, of_goal: bool) -> VerifierC
             analysis = replace(analysis, at_s=one.until_s + 5.0)
         nodes = (stage(effect, node_id=NodeId("analysis")), node)
         shown = shown_goal(
-            (effect,), nodes, {"report": (packet, K + 1)}, blobs, at_s=one.until_s + 9.0, facts=(analysis, accepted)
+            (effect,), nodes, {node.node_id: (packet, K + 1)}, blobs, at_s=one.until_s + 9.0, facts=(analysis, accepted)
         )
         return VerifierCase("heard", name, truth, shown, condition_id_of(effect, "goal"), epistemic=epistemic)
     if name == "packet of another request":

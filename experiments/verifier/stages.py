@@ -4,6 +4,7 @@ The order is that of the robot's start journal; what was sent and where it was d
 or not.
 """
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from experiments.verifier.cases import (
     shown_goal,
     stage,
 )
-from experiments.verifier.executions import TICK_S, Execution, placed
+from experiments.verifier.executions import TICK_S, SimulatedExecution, placed
 from experiments.verifier.polygons import depth, drawn
 from harness.contracts.effects import Relational, Symbolic, Temporal
 from harness.contracts.evidence import CommittedFact, DeclaredEffect
@@ -79,7 +80,7 @@ def chains(chance: Random, count: int) -> Iterator[VerifierCase]:
         yield _chain(chance.choice(names), chance, number)
 
 
-def subjects(chance: Random, count: int, runs: Sequence[Execution]) -> Iterator[VerifierCase]:
+def subjects(chance: Random, count: int, runs: Sequence[SimulatedExecution]) -> Iterator[VerifierCase]:
     """one_subject: where a stage truly was, what it truly analysed and what was told, against the clause's place."""
     names = (
         "none", "none", "none", "place of the images unknown", "another floor analysed", "another analysis told",
@@ -166,7 +167,7 @@ def _ordered(nodes: Sequence[NodeId], journal: Journal) -> bool:
     at = {start.node_id: (start.at_s, end) for start, end in zip(journal.starts, journal.ends, strict=True)}
     if any(name not in at for name in nodes):
         return False
-    return all(at[a][1] <= at[b][0] for a, b in zip(nodes, nodes[1:], strict=False))
+    return all(at[a][1] <= at[b][0] for a, b in itertools.pairwise(nodes))
 
 
 def _declared(shown: Shown, node_id: NodeId, packets: dict[NodeId, Any]) -> Shown:
@@ -246,7 +247,7 @@ def _on_packet(one: CommittedFact, packets: dict[NodeId, Any]) -> CommittedFact:
     return replace(one, packet_id=found[0].identity.packet_id) if found else one
 
 
-def _subject(name: str, chance: Random, run: Execution, number: int) -> VerifierCase:
+def _subject(name: str, chance: Random, run: SimulatedExecution, number: int) -> VerifierCase:
     poses = run.between(run.from_s, run.until_s).poses
     pose = chance.choice(poses)
     true = run.true_at(pose.at_s)[:2]
@@ -293,8 +294,15 @@ def _subject(name: str, chance: Random, run: Execution, number: int) -> Verifier
 
 
 def _facts_of(
-    name: str, subject: str, at_m: Point, floor: Sequence[Point], frames: list[Digest], sent: list[Digest], *, level: int
-) -> list[CommittedFact]:  # fmt: skip
+    name: str,
+    subject: str,
+    at_m: Point,
+    floor: Sequence[Point],
+    frames: list[Digest],
+    sent: list[Digest],
+    *,
+    level: int,
+) -> list[CommittedFact]:
     if name == "no fact":
         return []
     if subject == "go":

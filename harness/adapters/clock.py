@@ -4,7 +4,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from harness.contracts.errors import ProviderUnreachable
+from harness.contracts.errors import ProviderFailed
 from harness.contracts.values import Moment
 
 READ_EVERY_S = 0.2
@@ -12,14 +12,19 @@ READ_EVERY_S = 0.2
 SHORTEST_S = 0.02
 RETRY_S = 0.5
 REAL_TIME = 1.0
+STALLED_S = 10.0
+"""A clock that shows the same instant for so long, wall seconds, counts like one that does not answer."""
+ROUNDING_S = 1e-3
+FURTHEST_S = 60.0
+"""How far beyond the instant that was asked for a robot in lockstep may say that it ran, mission seconds."""
 
 
 class RobotClock:
     """Mission time as the robot last told it: never ahead of the robot, however slow it is, and never backwards.
 
     `read` returns the robot's mission time; `speed` is what it is meant to reach, and only says how often to ask.
-    While the robot does not answer, time goes on from the last reading as fast as the machine's, so that whatever waits
-    for the robot ends; once it answers, time stands until the robot has come that far.
+    While the robot does not answer, or its clock stands, time goes on from the last reading as fast as the machine's,
+    so that whatever waits for the robot ends; once it answers, time stands until the robot has come that far.
     """
 
     def __init__(self, read: Callable[[], float], speed: float) -> None:
@@ -27,7 +32,7 @@ class RobotClock:
         self._every_s = max(SHORTEST_S, READ_EVERY_S / speed)
         self._lock = threading.Lock()
         self._latest_s = self._told_s = read()
-        self._told_at_s = time.monotonic()
+        self._told_at_s = self._advanced_at_s = time.monotonic()
         self._due_s = self._told_at_s + self._every_s
         self._silent = False
 
@@ -49,18 +54,31 @@ class RobotClock:
 
     def _ask(self) -> None:
         try:
-            self._told_s = self._read()
-        except ProviderUnreachable:
-            self._silent = True
-            self._due_s = time.monotonic() + RETRY_S
+            told_s = self._read()
+        except ProviderFailed:
+            self._stand_in(RETRY_S)
+            return
+        now_s = time.monotonic()
+        if told_s > self._told_s:
+            self._advanced_at_s = now_s
+        elif now_s - self._advanced_at_s > STALLED_S:
+            self._stand_in(self._every_s)
             return
         self._silent = False
-        self._told_at_s = time.monotonic()
-        self._due_s = self._told_at_s + self._every_s
+        self._told_s, self._told_at_s, self._due_s = told_s, now_s, now_s + self._every_s
+
+    def _stand_in(self, again_s: float) -> None:
+        """The machine's clock stands in for the robot's until the robot says that its own goes on."""
+        self._silent = True
+        self._due_s = time.monotonic() + again_s
 
 
 class LockstepClock:
-    """Mission time that passes only by waiting for it: `advance` runs the world and returns the time reached."""
+    """Mission time that passes only by waiting for it: `advance` runs the world and returns the time reached.
+
+    While the world does not answer, or says that it ran elsewhere than asked, time passes without it: a mission on a
+    robot that is gone comes to its deadlines.
+    """
 
     def __init__(self, advance: Callable[[float], float], at_s: float, wall: Callable[[], float] = time.time) -> None:
         self._advance, self._at_s, self._wall = advance, at_s, wall
@@ -71,8 +89,13 @@ class LockstepClock:
 
     def wait_until(self, mission_s: float) -> None:
         """Let the world run to mission time `mission_s`."""
-        if mission_s > self._at_s:
-            self._at_s = self._advance(mission_s)
+        if mission_s <= self._at_s:
+            return
+        try:
+            reached_s = self._advance(mission_s)
+        except ProviderFailed:
+            reached_s = mission_s
+        self._at_s = reached_s if -ROUNDING_S <= reached_s - mission_s <= FURTHEST_S else mission_s
 
 
 class SystemClock:

@@ -1,6 +1,5 @@
 """Reads PCD and PLY point cloud files through pypcd4 and trimesh, and checks them before anything is stored."""
 
-import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -11,47 +10,44 @@ import trimesh
 from numpy.typing import NDArray
 from pypcd4.pypcd4 import PointCloud
 
+from harness.adapters.cloud_headers import cloud_head
 from harness.contracts.errors import CloudInvalid
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Reason, because
 
-LARGEST_BYTES = 2 * 2**30
-MOST_POINTS = 50_000_000
 FARTHEST_M = 1e8
 """Beyond this no map frame on Earth has a coordinate."""
-
-_HEADER = re.compile(rb"POINTS\s+(\d+)", re.IGNORECASE)
-_VERTICES = re.compile(rb"element\s+vertex\s+(\d+)")
-_HEAD_BYTES = 8192
 
 
 def read_cloud(file: Path, *, metres_per_unit: float = 1.0) -> tuple[NDArray[np.float64], int]:
     """Finite points in metres, N x 3, and how many were left out as not finite or out of range.
 
-    Raises CloudInvalid for a file that is missing, too large, of another format, truncated, or without a point.
+    Anybody may have made the file: read it in a limited process. Raises CloudInvalid for a file that is missing, too
+    large, of another format, truncated, or without a point that can be shown.
     """
-    reader = _READERS.get(file.suffix.lower())
-    if reader is None:
-        raise _invalid(f"{file.suffix or 'no suffix'} is no format that is read here", file)
-    try:
-        size = file.stat().st_size
-        with file.open("rb") as opened:
-            head = opened.read(_HEAD_BYTES)
-    except OSError as error:
-        raise _invalid(f"it cannot be read ({error.strerror})", file) from error
-    found = _HEADER.search(head) if file.suffix.lower() == ".pcd" else _VERTICES.search(head)
-    if size > LARGEST_BYTES or (found and int(found.group(1)) > MOST_POINTS):
-        raise _invalid(f"it is larger than {LARGEST_BYTES} bytes or {MOST_POINTS} points", file)
+    head = cloud_head(file)
+    reader = _READERS[file.suffix.lower()]
     try:
         points = reader(file)
-    except (KeyError, ValueError, AttributeError, IndexError, TypeError, RuntimeError, OSError, MemoryError) as error:
-        raise _invalid(f"it does not hold together ({str(error).splitlines()[0][:120]})", file) from error
-    if found and len(points) < int(found.group(1)):
-        raise _invalid(f"its header promises {int(found.group(1))} points, it holds {len(points)}", file)
+    except MemoryError:
+        raise
+    except (KeyError, ValueError, AttributeError, IndexError, TypeError, RuntimeError, OSError) as error:
+        said = (str(error).splitlines() or [""])[0][:120]
+        raise CloudInvalid(because("cloud_not_whole", error=said), where=str(file)) from error
+    if len(points) < head.points:
+        raise CloudInvalid(because("cloud_points_missing", promised=head.points, held=len(points)), where=str(file))
     scaled = points * metres_per_unit
-    kept = scaled[np.isfinite(scaled).all(axis=1) & (np.abs(scaled) < FARTHEST_M).all(axis=1)]
-    if not len(kept):
-        raise _invalid("it holds no finite point", file)
+    finite = np.isfinite(scaled).all(axis=1)
+    near = finite & (np.abs(np.where(np.isfinite(scaled), scaled, 0.0)) < FARTHEST_M).all(axis=1)
+    if not near.any():
+        raise CloudInvalid(_nothing_left(len(points), int(finite.sum())), where=str(file))
+    kept = scaled[near]
     return kept, len(points) - len(kept)
+
+
+def _nothing_left(points: int, finite: int) -> Reason:
+    if finite:
+        return because("cloud_too_far", points=finite, limit_km=FARTHEST_M / 1000)
+    return because("cloud_not_finite", points=points) if points else because("cloud_empty")
 
 
 def _pcd(file: Path) -> NDArray[np.float64]:
@@ -67,7 +63,3 @@ def _ply(file: Path) -> NDArray[np.float64]:
 
 
 _READERS: Mapping[str, Callable[[Path], NDArray[np.float64]]] = MappingProxyType({".pcd": _pcd, ".ply": _ply})
-
-
-def _invalid(why: str, file: Path) -> CloudInvalid:
-    return CloudInvalid(because("cloud_unusable", why=why), where=str(file))

@@ -3,6 +3,7 @@
 from collections.abc import Hashable
 from functools import lru_cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
@@ -14,6 +15,8 @@ from harness.contracts.places import Site
 from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Value, decode
+from harness.goals.names import check_names
+from harness.goals.sources import world_sources
 from harness.recovery.policy import check_policy
 from harness.supervisor.zones import check_site
 
@@ -72,6 +75,30 @@ def site() -> Site:
     shipped = read_yaml(_shipped("site.yaml"), Site, where="baseline/site.yaml")
     check_site(shipped)
     return shipped
+
+
+def site_from(file: Path | None) -> Site:
+    """The site of a file of one's own, the simulated one without a file.
+
+    Raises ContractInvalid for a file that cannot be read, breaks a rule as `check_site` says, has a name of two things,
+    or vouches for a source that no predicate reads (D17).
+    """
+    if file is None:
+        return site()
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeError) as error:
+        raise ContractInvalid(because("site_unreadable", error=str(error)), where=str(file)) from error
+    own = read_yaml(text, Site, where=str(file))
+    check_site(own)
+    check_names(own)
+    known = world_sources()
+    strange = [name for name in own.vouched if name not in known]
+    if strange:
+        raise ContractInvalid(
+            because("vouched_unknown", name=strange[0], names=tuple(sorted(known))), where=f"{file}, vouched"
+        )
+    return own
 
 
 def read_yaml(text: str, kind: type[T], *, where: str) -> T:

@@ -6,6 +6,7 @@ from typing import Literal
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import HarnessError, ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.ids import ProviderId
+from harness.contracts.reasons import plain
 from harness.contracts.values import Value
 
 Outcome = Literal["met", "not met", "exempt"]
@@ -63,11 +64,11 @@ def refusal(act: Callable[[], object], *kinds: type[HarnessError]) -> str:
     try:
         act()
     except ProviderUnreachable as error:
-        return f"no answer came instead of a refusal ({error.what})"
+        return f"no answer came instead of a refusal ({plain(error.what)})"
     except wanted as error:
         if isinstance(error.__cause__, ValueError):
-            return f"the answer cannot be read ({error.what})"
-        return unless(bool(error.do), f"the refusal does not say what to do ({error.what})")
+            return f"the answer cannot be read ({plain(error.what)})"
+        return unless(bool(error.do), f"the refusal does not say what to do ({plain(error.what)})")
     except HarnessError as error:
         return f"it was refused as {error.code}, not as {wanted[0].code}"
     except UNTYPED as error:

@@ -4,9 +4,12 @@ import math
 from collections.abc import Callable, Sequence
 from statistics import median
 
+from harness.contracts.errors import ProviderFailed
 from harness.contracts.observations import AnySample, Odometry
 from harness.contracts.protocol import Observations
+from harness.contracts.reasons import because
 from harness.contracts.values import Value
+from harness.supervisor.observations import MOST_BATCHES
 from harness.supervisor.standstill import LIMIT_M, WINDOW_S
 from harness.verification.geometry import Fix, window_displacement
 
@@ -46,8 +49,12 @@ class SampleLog:
         return self._observations is not None
 
     def collect(self) -> Sequence[AnySample]:
-        """Read on; returns everything since the row began."""
-        while self._observations is not None:
+        """Read on; returns everything since the row began. Raises ProviderFailed if the batches do not end."""
+        for number in range(MOST_BATCHES + 1):
+            if self._observations is None:
+                break
+            if number == MOST_BATCHES:
+                raise ProviderFailed(because("observations_endless", batches=MOST_BATCHES), where="/observations")
             batch = self._observations(self._after, BATCH)
             fresh = [sample for sample in batch.samples if sample.seq > self._after]
             self.samples.extend(fresh)

@@ -9,7 +9,7 @@ from typing import Any
 from harness import bootstrap
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SystemIds
-from harness.adapters.providers.recording.reader import Recording, open_recording
+from harness.adapters.providers.recording.reader import Recording
 from harness.adapters.providers.recording.robot import CARD as RECORDING_NAVIGATOR
 from harness.adapters.providers.recording.robot import RecordedRobot
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
@@ -24,7 +24,7 @@ from harness.contracts.ports import Provider
 from harness.contracts.reasons import plain
 from harness.contracts.simulation import InProcessRobot, Simulator
 from harness.provider_protocol.operations import openapi, provider_operations
-from harness.recordings import write_recording
+from harness.recordings import open_checked, write_recording
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 
@@ -150,7 +150,7 @@ class _Replays:
     def _robot(self, at_s: float) -> RecordedRobot:
         if self._recording is None:
             path = self._path or _walked(self._folder / "circuit.mcap", self._settings, self._simulator)
-            self._recording = self._stack.enter_context(open_recording(path))
+            self._recording = self._stack.enter_context(open_checked(path))
         robot = RecordedRobot(self._recording)
         self._stack.callback(robot.close)
         robot.advance_to(at_s)

@@ -3,9 +3,9 @@
 Records, by kind: "node" (Node: one subgoal, its typed parameters are the grounded targets); "card" (CapabilityCard);
 "attempt" (Attempt: which attempt this would be, and the recovery action that asked for it); "facts" (list of
 CommittedFact of everything the node builds on); "declared_effects" (list of DeclaredEffect of the stages before it,
-which are no facts); "constraints" (Constraints); "robot" (RobotStatus); "observation" (a sample); "observed"
-(EvidenceReference); "example" (verified operational examples, at most three); "intention" (what a planner proposed:
-usable here, never evidence).
+which are no facts); "given_up" (list of subgoals: optional stages that failed); "constraints" (Constraints); "robot"
+(RobotStatus); "observation" (a sample); "observed" (EvidenceReference); "example" (verified operational examples, at
+most three); "intention" (what a planner proposed: usable here, never evidence).
 """
 
 from msgspec.structs import replace
@@ -18,7 +18,7 @@ from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import NodeId
-from harness.contracts.tasks import TaskContract
+from harness.contracts.tasks import TaskContract, order
 from harness.contracts.values import Count, Value
 
 
@@ -43,6 +43,7 @@ def skill_context(view: StateView, node_id: NodeId, card: CapabilityCard) -> Con
         SelectionItem(accepted("attempt", "mission", _attempt(view, node_id), at_s=view.at_s, mandatory=True)),
         *_facts(view, node_id),
         *_declared(view, node_id),
+        *_given_up(view),
         SelectionItem(configured("constraints", "contract", view.contract.constraints, at_s=view.at_s)),
         *_kept_out(view),
         *robot_status(view),
@@ -108,6 +109,12 @@ def _kept_out(view: StateView) -> list[SelectionItem]:
     """The floor that no way may cross, by name, for a provider that plans ways of its own."""
     floors = forbidden_m(view.site, view.contract.constraints.keep_out)
     return [SelectionItem(configured("keep_out", "site", floors, at_s=view.at_s, mandatory=True))] if floors else []
+
+
+def _given_up(view: StateView) -> list[SelectionItem]:
+    """What was to be done and failed without stopping the mission: whoever is told of it is told that too."""
+    failed = tuple(view.node(name).subgoal for name in order(view.contract) if view.mission.of(name).status == "failed")
+    return [SelectionItem(accepted("given_up", "mission", failed, at_s=view.at_s, mandatory=True))] if failed else []
 
 
 def _attempt(view: StateView, node_id: NodeId) -> SkillAttempt:

@@ -150,6 +150,7 @@ def _execution(packet: EvidencePacket) -> Execution:
         collected_s=packet.collected_s,
         terminal=packet.terminal,
         verify_only=packet.verify_only,
+        begun=packet.begun,
     )
 
 

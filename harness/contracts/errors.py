@@ -17,6 +17,7 @@ HarnessError                 something went wrong that a person can act on
 ├── ProviderFailed           a provider refused or broke the protocol
 │   ├── ProviderUnreachable  no answer: the request may or may not have arrived
 │   └── FencingRefused       the provider saw a newer fencing token
+├── BackupInvalid            a backup is incomplete, or a file in it does not match its digest
 ├── CloudInvalid             a point cloud file is of another format, truncated or empty
 ├── DossierInvalid           a dossier's signature, a file in it or its chain does not verify
 └── RecordingInvalid         a recording cannot be read: truncated, empty, of another encoding
@@ -91,6 +92,10 @@ class StoreUnavailable(HarnessError):
     code = "store_unavailable"
 
 
+class StoreBusy(StoreUnavailable):
+    """Another process held the store for longer than a write waits: nothing of this write was stored."""
+
+
 class StoreOwned(StoreUnavailable):
     code = "store_owned"
 
@@ -121,6 +126,10 @@ class ProviderUnreachable(ProviderFailed):
 
 class FencingRefused(ProviderFailed):
     code = "fencing_refused"
+
+
+class BackupInvalid(HarnessError):
+    code = "backup_invalid"
 
 
 class CloudInvalid(HarnessError):

@@ -44,7 +44,8 @@ class EvidencePacket(Value):
     """Everything one terminal execution left behind.
 
     `proposed` is what the provider proposed in its report, in the protocol version `protocol`. A packet without that
-    version is of a release whose harness wrote the proposals itself.
+    version is of a release whose harness wrote the proposals itself. `begun` is how many starts of this request the
+    robot's own journal holds, where it was asked.
     """
 
     identity: PacketIdentity
@@ -64,6 +65,7 @@ class EvidencePacket(Value):
     cites: tuple[ids.PacketId, ...] = ()
     verify_only: bool = False
     protocol: Name | UnsetType = UNSET
+    begun: Count | UnsetType = UNSET
 
 
 class CommittedFact(Value, omit_defaults=True):

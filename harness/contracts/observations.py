@@ -5,6 +5,8 @@ from typing import Literal
 from harness.contracts.ids import Digest, RequestId
 from harness.contracts.values import Count, Name, Share, Value
 
+SINGLE_SOURCE = "single_source"
+"""The label of a mission whose position and motion come from one source, which it names."""
 Origin = Literal["sensor", "provider", "planner", "verifier", "human", "configuration"]
 Source = Literal["localiser", "odometry", "imu", "lidar", "camera", "battery", "joints"]
 

@@ -65,7 +65,7 @@ class HandoffItem(Value):
     """One handoff in a list. `seq` is the position of its first event; wall times.
 
     `answered` is who decided and why, or how it ended; `holder` who has claimed it or controls the robot; `stage` the
-    sentence of its stage in the contract, empty where the mission has none, bound with `names` from its `template`.
+    sentence of its stage in the contract, empty where the mission has none, bound with `names` by one of `templates`.
     """
 
     seq: Count
@@ -77,7 +77,7 @@ class HandoffItem(Value):
     holder: str
     node_id: str
     stage: str
-    template: str
+    templates: tuple[str, ...]
     names: dict[str, str]
     status: str
     failure: str

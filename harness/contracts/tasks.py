@@ -93,7 +93,8 @@ class Constraints(Value):
 
 
 class TaskContract(Value):
-    """One compiled request. `template` says what it was compiled from, several names joined by `+`.
+    """One compiled request. `template` says what it was compiled from: one template's name, or for people those of
+    several; `templates` lists these, and is unset for one.
 
     `reading` is what the goal was understood as (D40); `confirmed` its digest where a person confirmed a reading that
     leaves words unread. Contracts of earlier releases, and of templates that take no goal in words, have neither.
@@ -110,6 +111,12 @@ class TaskContract(Value):
     bindings: dict[str, Any] = msgspec.field(default_factory=dict)
     reading: Reading | msgspec.UnsetType = msgspec.UNSET
     confirmed: Digest | msgspec.UnsetType = msgspec.UNSET
+    templates: tuple[Name, ...] | msgspec.UnsetType = msgspec.UNSET
+
+    @property
+    def compiled_from(self) -> tuple[str, ...]:
+        """The names of its templates."""
+        return (self.template,) if isinstance(self.templates, msgspec.UnsetType) else self.templates
 
     def node(self, node_id: NodeId) -> Node:
         """Raises UnknownName."""

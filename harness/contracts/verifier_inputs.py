@@ -7,6 +7,7 @@ Contexts write these values, the verifier reads them. The records that hold them
 from collections.abc import Mapping, Sequence
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
 from harness.contracts.capabilities import CapabilityCard, Risk
 from harness.contracts.evidence import PacketIdentity
@@ -20,7 +21,10 @@ from harness.contracts.values import Count, Point, Value
 
 
 class Execution(Value):
-    """The supervisor's record of the execution to judge, without the provider's own report; mission seconds."""
+    """The supervisor's record of the execution to judge, without the provider's own report; mission seconds.
+
+    `begun`: how many starts of the request the robot's own journal holds, where it was asked.
+    """
 
     identity: PacketIdentity
     k_ctx: Count
@@ -30,6 +34,7 @@ class Execution(Value):
     collected_s: float
     terminal: InvocationStatus
     verify_only: bool
+    begun: Count | UnsetType = UNSET
 
 
 class Origins(Value):

@@ -16,6 +16,9 @@ from harness.contracts.verdicts import NodeVerdict, strictest
 from harness.projections.mission import Mission, required_contract
 from harness.projections.proposals import proposals_for, unproposed, written_by_harness
 
+CLOCKS_S = 30.0
+"""How far a provider's clock may differ from the supervisor's reading of the robot's, which may step, seconds."""
+MOST_NAMED = 4
 Rule = Callable[[Mission, EvidencePacket, NodeVerdict], Reason | None]
 
 
@@ -147,6 +150,21 @@ def on_its_own_word(mission: Mission, packet: EvidencePacket, verdict: NodeVerdi
     return because("on_its_own_word", results=tuple(low)) if low else None
 
 
+def stray_receipts(mission: Mission, packet: EvidencePacket, verdict: NodeVerdict) -> Reason | None:
+    """A receipt counts for the request that it names and for an act between dispatch and collection, or for nothing."""
+    strays: list[Reason] = []
+    for one in packet.receipts:
+        if one.request_id != packet.identity.request_id:
+            strays.append(because("receipt_of_another_request", receipt_id=one.receipt_id))
+        elif one.at_s < packet.dispatched_s - CLOCKS_S:
+            early_s = packet.dispatched_s - one.at_s
+            strays.append(because("receipt_before_dispatch", receipt_id=one.receipt_id, early_s=early_s))
+        elif one.at_s > packet.collected_s + CLOCKS_S:
+            late_s = one.at_s - packet.collected_s
+            strays.append(because("receipt_after_collection", receipt_id=one.receipt_id, late_s=late_s))
+    return because("stray_receipts", strays=tuple(strays[:MOST_NAMED])) if strays else None
+
+
 _FIRST: tuple[Rule, ...] = (
     vetoed,
     wrong_identity,
@@ -158,7 +176,9 @@ _FIRST: tuple[Rule, ...] = (
     below_independence,
     not_proposed,
 )
-GATE_RULES: Mapping[RulesVersion, tuple[Rule, ...]] = MappingProxyType({1: _FIRST, 2: (*_FIRST, on_its_own_word)})
+GATE_RULES: Mapping[RulesVersion, tuple[Rule, ...]] = MappingProxyType(
+    {1: _FIRST, 2: (*_FIRST, on_its_own_word), 3: (*_FIRST[:2], stray_receipts, *_FIRST[2:], on_its_own_word)}
+)
 """By the version that the mission is pinned to."""
 BY_RESULT: frozenset[Rule] = frozenset({not_satisfied, below_independence, on_its_own_word})
 """The rules on the results of single conditions; the others are about the packet as a whole."""

@@ -11,7 +11,7 @@ from harness.contracts.effects import AnyEffect, Condition, Temporal
 from harness.contracts.ids import ConditionId, NodeId
 from harness.contracts.tasks import Node, TaskContract, named_nodes, order
 from harness.contracts.verifier_inputs import origins_of
-from harness.verification.finding import FACTS, RECEIPTS, SUPERVISOR
+from harness.verification.finding import BOOKKEEPING, FACTS, RECEIPTS, SUPERVISOR
 from harness.verification.independence import Lineage, derived_independence
 
 RESTS_ON: Mapping[str, tuple[str, ...]] = {
@@ -73,6 +73,11 @@ class RobotSources:
     def serving(self, capabilities: Sequence[Capability]) -> list[CapabilityCard]:
         """The providers that can be asked for a stage."""
         return [card for card in self.cards if card.capability in capabilities]
+
+
+def world_sources() -> frozenset[str]:
+    """Every source of the world that a predicate reads: what a site may vouch for."""
+    return frozenset(one for sources in RESTS_ON.values() for one in sources) - {RECEIPTS, *BOOKKEEPING}
 
 
 def rests_on_sources(effect: AnyEffect) -> tuple[str, ...] | None:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from msgspec import UnsetType
+from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
 from harness.contracts import tasks
@@ -108,6 +108,7 @@ class _Composition:
         self._report()
         self._cover()
         reading = self._plan.reading
+        names = tuple(dict.fromkeys(part.template.name for part in self._plan.parts))
         contracts = [one.contract for one in self._mission.parts]
         whole = tasks.TaskContract(
             goal=contracts[0].goal,
@@ -115,11 +116,12 @@ class _Composition:
             completion_conditions=tuple(self._mission.conditions),
             constraints=self._constraints(contracts),
             recovery_total=_budget(contracts),
-            template="+".join(dict.fromkeys(part.template.name for part in self._plan.parts)),
+            template="+".join(names),
             frame=contracts[0].frame,
             map_version=contracts[0].map_version,
             bindings=self._mission.bindings,
             reading=reading,
+            templates=names if len(names) > 1 else UNSET,
         )
         whole = replace(whole, confirmed=confirmed) if confirmed else whole
         tasks.check(whole, rules=self._rules)
@@ -329,8 +331,15 @@ class _Composition:
             made = replace(_renamed(condition, compiled), clause=cited)
             gone = {compiled.named(name) for name in skipped}
             made = replace(made, effect=_without(made.effect, gone))
+            made = _instead(made, gone, self._brought(compiled.part.place), scope=compiled.scope)
             made = self._over_the_way(compiled, made)
             yield _after(made, before) if before is not None and before != REQUEST else made
+
+    def _brought(self, place_id: PlaceId | None) -> NodeId | None:
+        """The stage that has brought the body to this place before; None if none has."""
+        target = next((one.approach_m for one in self._site.places if one.place_id == place_id), None)
+        found = [node.node_id for node in self._mission.nodes if target in tasks.targets_of(node)]
+        return found[-1] if found else None
 
     def _over_the_way(self, compiled: Compiled, condition: Condition) -> Condition:
         """A circuit that is not all of the mission is judged by what was accepted: the body may be elsewhere by now."""
@@ -467,6 +476,19 @@ def _without(effect: AnyEffect, gone: set[NodeId]) -> AnyEffect:
     if not isinstance(effect, Temporal) or not effect.nodes:
         return effect
     return replace(effect, nodes=tuple(name for name in effect.nodes if name not in gone))
+
+
+def _instead(condition: Condition, gone: set[NodeId], stage: NodeId | None, *, scope: str) -> Condition:
+    """What a stage that is left out was to show, of the stage that has brought the body there before.
+
+    The condition belongs to that stage's part, whose facts it reads.
+    """
+    effect = condition.effect
+    if not isinstance(effect, Relational) or effect.subject not in gone or stage is None:
+        return condition
+    own, part = condition.condition_id.removeprefix(scope), stage.rpartition(".")[0]
+    name = f"{part}.{own}.{scope.rstrip('.')}" if part else condition.condition_id
+    return replace(condition, condition_id=ConditionId(name), effect=replace(effect, subject=stage))
 
 
 def _within(condition: Condition, kept: set[NodeId]) -> Condition | None:

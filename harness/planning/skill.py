@@ -46,8 +46,8 @@ class _Example(msgspec.Struct, frozen=True):
 def propose_skill(context: Context) -> SkillProposal:
     """The parameters of one invocation by the provider whose card C2 holds. C2 is the only state it sees.
 
-    Reads `node`, `card`, `attempt`, `constraints`, `example` and `facts`. A text `@{node.argument}` becomes that
-    argument of a committed fact; what the card does not name is dropped.
+    Reads `node`, `card`, `attempt`, `constraints`, `example`, `facts`, `declared_effects` and `given_up`. A text
+    `@{node.argument}` becomes that argument of a committed fact; what the card does not name is dropped.
     Raises ContractInvalid with what the card requires and the node or the facts cannot give.
     """
     node, card = _required(context, "node").read(Node), _required(context, "card").read(CapabilityCard)
@@ -148,9 +148,14 @@ def _declared(context: Context) -> tuple[DeclaredEffect, ...]:
 
 
 def _unverified(context: Context) -> str:
-    """The sentence that names what is only declared, after what is told to people; empty where all was verified."""
-    parts = dict.fromkeys(effect.text.rstrip(".") for effect in _declared(context))
-    return f" Declared, not verified: {'; '.join(parts)}." if parts else ""
+    """The sentences that name what is only declared and what failed, after what is told to people; empty where all was
+    verified. Spoken, "not verified" is heard as "not clear".
+    """
+    declared = dict.fromkeys(effect.text.rstrip(".") for effect in _declared(context))
+    record = context.one("given_up")
+    failed = dict.fromkeys(one.rstrip(".") for one in record.read(tuple[str, ...])) if record else {}
+    said = f" Declared, and unverified: {'; '.join(declared)}." if declared else ""
+    return said + (f" Failed, and unverified: {'; '.join(failed)}." if failed else "")
 
 
 def _required(context: Context, kind: str) -> ContextRecord:

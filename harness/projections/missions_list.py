@@ -78,7 +78,7 @@ def handoff_row(handoff: Handoff, mission: Mission, *, seq: int) -> ListRow | No
         holder=handoff.claim.actor.name if handoff.claim and handoff.waits else "",
         node_id=opened.node_id,
         stage=stage_sentence(mission, opened.node_id),
-        template=mission.contract.template if mission.contract else "",
+        templates=mission.contract.compiled_from if mission.contract else (),
         names=bound_names(mission.contract.bindings) if mission.contract else {},
         status=handoff.status,
         failure=opened.failure,

@@ -65,7 +65,7 @@ class AgentLoop:
         mission = self._runtime.mission(self.mission_id)
         if mission.ended:
             return None
-        if not self._prepared:
+        if not self._prepared and mission.status != "stopping":
             self._connection.prepare(mission)
             self._prepared = True
         open_invocation = mission.invocation
@@ -123,7 +123,8 @@ class AgentLoop:
             return now_s
         failing = next((node.failure for node in mission.nodes.values() if node.failure), None)
         invocation = mission.invocation
-        if failing is not None and (invocation is None or not invocation.stop_requested):
+        stopping = invocation is not None and invocation.stop_requested and invocation.status != "outcome_unknown"
+        if failing is not None and not stopping:
             return self._recovery.answer(mission, failing)
         if invocation is not None:
             lost = mission.of(invocation.intent.node_id)

@@ -99,6 +99,9 @@ class Dispatcher:
 
     def blocked(self, mission: Mission, node_id: ids.NodeId) -> PreconditionBlocked | None:
         """The first precondition that does not hold now, tested again at every dispatch (R18)."""
+        unusable = self.unusable()
+        if unusable is not None:
+            return unusable
         view = self._roles.view(mission)
         node = required_contract(mission).node(node_id)
         results = verify_preconditions(
@@ -112,6 +115,11 @@ class Dispatcher:
             if broken
             else None
         )
+
+    def unusable(self) -> PreconditionBlocked | None:
+        """Why nothing is started on the robot at this address: its answers cannot be used, or it is another one."""
+        trouble = self._roles.observations.trouble
+        return PreconditionBlocked("robot_answers", trouble) if trouble is not None else None
 
     def refuse(self, mission: Mission, node_id: ids.NodeId, blocked: PreconditionBlocked) -> None:
         self._runtime.submit(

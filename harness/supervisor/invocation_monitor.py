@@ -3,12 +3,12 @@
 from contextlib import suppress
 from typing import Literal
 
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 
 from harness.contracts import commands, protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.decisions import Accepted, Refused
-from harness.contracts.errors import ContextOverflow, ProviderFailed, ProviderUnreachable
+from harness.contracts.errors import ContextOverflow, ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.events import DispatchIntended, NodeCommitted
 from harness.contracts.ids import InvocationId, handoff_stream, mission_stream
 from harness.contracts.reasons import Explanation, Reason, because
@@ -29,6 +29,9 @@ SETTLE_S = 1.6
 REST_WITHIN_S = 8.0
 """How much longer a body is watched for proof of standstill; without proof its lease is quarantined."""
 UNREACHABLE_S = 20.0
+"""How long an execution is asked for before its outcome is unknown, mission seconds."""
+UNCLEAR_S = 2.0
+"""How long answers may be unusable before a stop is sent: as long as a motion goes on without keepalives."""
 ACKNOWLEDGE_S = 5.0
 Effect = Literal["confirmed", "failed", "unknown"]
 EFFECTS: dict[Effect, Reason] = {
@@ -55,28 +58,45 @@ class InvocationMonitor:
         self._silent_since: float | None = None
         self._stopping_since: float | None = None
         self._resumed = False
+        self._refused: tuple[InvocationId, float, Reason] | None = None
+        self._doubted: set[InvocationId] = set()
 
     def attend(self, mission: Mission, invocation: Invocation) -> float:
         """Check the invocation once; returns when to check again, in mission time."""
         now_s = self._connection.clock.now().mission_s
-        if self._lost(invocation):
-            reason = because("provider_cannot_be_asked", provider_id=invocation.intent.provider_id)
-            return self._silence(mission, invocation, now_s, reason, patience_s=0.0)
         try:
-            report = self._report(mission, invocation)
-            self._silent_since = None
-            if isinstance(report, Refused):
-                withdraw(self._runtime, self._connection, mission, intent=invocation.intent, reason=report.reason)
-                return now_s
-            self._publish(mission, report)
-            if report.status in protocol.TERMINAL:
-                return self._finish(mission, invocation, report, now_s)
-            return self._supervise(mission, invocation, report, now_s)
+            return self._attended(mission, invocation, now_s)
         except ProviderUnreachable as error:
             return self._silence(mission, invocation, now_s, error.reason)
-        except ProviderFailed as error:
-            self._abandon(mission, invocation, failure="provider_unavailable", reason=error.reason)
+        except (ProviderFailed, UnknownName) as error:
+            if invocation.intent.invocation_id not in self._sent:
+                self._abandon(mission, invocation, failure="provider_unavailable", reason=error.reason)
+                return now_s
+            self._doubted.add(invocation.intent.invocation_id)
+            return self._unclear(mission, invocation, now_s, error.reason)
+
+    def _attended(self, mission: Mission, invocation: Invocation, now_s: float) -> float:
+        intent, trouble = invocation.intent, self._roles.observations.trouble
+        refused = self._refused is not None and self._refused[0] == intent.invocation_id
+        if not refused and self._lost(invocation):
+            reason = because("provider_cannot_be_asked", provider_id=intent.provider_id)
+            return self._silence(mission, invocation, now_s, reason, patience_s=0.0)
+        if trouble is not None and intent.moves:
+            return self._unclear(mission, invocation, now_s, trouble)
+        report = None if refused else self._report(mission, invocation)
+        if report is None:
+            return self._refusal(mission, invocation, now_s)
+        if isinstance(report, Refused):
+            self._silent_since = None
+            withdraw(self._runtime, self._connection, mission, intent=intent, reason=report.reason)
             return now_s
+        self._publish(mission, report)
+        if report.status in protocol.TERMINAL:
+            self._silent_since = None
+            return self._finish(mission, invocation, report, now_s)
+        wake_s = self._supervise(mission, invocation, report, now_s)
+        self._silent_since = None
+        return wake_s
 
     def _lost(self, invocation: Invocation) -> bool:
         """Sent, perhaps, without a handle, to a provider that cannot be queried by request: never sent again (D13)."""
@@ -85,24 +105,36 @@ class InvocationMonitor:
         askable = self._connection.provider(intent.provider_id).card.reattach == "by_request"
         return intent.invocation_id in self._sent and known is None and not askable
 
-    def _report(self, mission: Mission, invocation: Invocation) -> protocol.InvocationReport | Refused:
+    def _report(self, mission: Mission, invocation: Invocation) -> protocol.InvocationReport | Refused | None:
         """The provider's report; reattach by handle, else by request id, else send the request (D13).
 
-        Refused where its authorisation no longer holds: then nothing was sent. Raises ProviderUnreachable if the answer
-        is about another request.
+        Refused where its authorisation no longer holds: then nothing was sent. None where the provider refused it.
+        Raises ProviderUnreachable if the answer is about another request, and where it may have begun unseen.
         """
         intent = invocation.intent
         provider = self._connection.provider(intent.provider_id)
         handle = self._handles.get(intent.invocation_id) or invocation.handle
-        if handle is not None:
+        askable = provider.card.reattach == "by_request"
+        if handle is not None and not (askable and intent.invocation_id in self._doubted):
             return own(provider.report(handle), intent)
-        known = provider.find(intent.request_id) if provider.card.reattach == "by_request" else None
+        known = provider.find(intent.request_id) if askable else None
         if known is not None:
-            self._roles.observations.catch_up(self._connection.spool.samples(intent.invocation_id))
-        if known is None and (refused := clear_to_send(self._runtime, mission, invocation)):
+            own(known, intent)
+            if handle is None:
+                self._roles.observations.catch_up(self._connection.spool.samples(intent.invocation_id))
+            self._accepted(mission, intent, known)
+            return known
+        self._check_unsent(invocation)
+        if refused := clear_to_send(self._runtime, mission, invocation):
             return refused
         self._sent.add(intent.invocation_id)
-        report = own(known or provider.start(_request(mission, intent, provider.card)), intent)
+        try:
+            report = own(provider.start(_request(mission, intent, provider.card)), intent)
+        except ProviderUnreachable:
+            raise
+        except ProviderFailed as error:
+            self._refused = (intent.invocation_id, self._connection.clock.now().mission_s, error.reason)
+            return None
         self._accepted(mission, intent, report)
         return report
 
@@ -131,8 +163,66 @@ class InvocationMonitor:
         except ProviderFailed:
             return None
 
+    def _check_unsent(self, invocation: Invocation) -> None:
+        """Raises ProviderUnreachable where the request, which the provider does not find, may have been begun: it is
+        never sent again then, and never called unsent."""
+        intent = invocation.intent
+        if intent.invocation_id in self._handles:
+            raise ProviderUnreachable(because("request_forgotten", provider_id=intent.provider_id))
+        if intent.invocation_id not in self._sent or not intent.moves:
+            return
+        if self._begun(intent):
+            raise ProviderUnreachable(because("started_but_not_found", provider_id=intent.provider_id))
+        rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
+        if not rest.static or invocation.stop_requested:
+            raise ProviderUnreachable(because("body_moves_unaccounted"))
+
+    def _begun(self, intent: DispatchIntended) -> bool:
+        """Whether the robot's own journal holds a start of this request."""
+        return any(start.request_id == intent.request_id for start in self._connection.robot.starts())
+
+    def _starts(self, mission: Mission, intent: DispatchIntended) -> int | UnsetType:
+        """How many starts of a motion the robot's own journal holds; a look asks about the motion that it looks at.
+
+        Unset where nothing moved or nobody says.
+        """
+        request = intent.request_id if intent.moves else None
+        if intent.verify_only:
+            packets = mission.of(intent.node_id).packets
+            moved = [one.identity.request_id for one in packets if not one.verify_only and one.begun is not UNSET]
+            request = moved[-1] if moved else None
+        if request is None or mission.replay:
+            return UNSET
+        try:
+            return sum(start.request_id == request for start in self._connection.robot.starts())
+        except (ProviderFailed, UnknownName):
+            return UNSET
+
+    def _refusal(self, mission: Mission, invocation: Invocation, now_s: float) -> float:
+        """The provider refused the request. A motion that shows nevertheless is of unknown outcome, not refused."""
+        assert self._refused is not None
+        intent, (_, refused_s, reason) = invocation.intent, self._refused
+        if not intent.moves:
+            self._abandon(mission, invocation, failure="provider_unavailable", reason=reason)
+            return now_s
+        provider = self._connection.provider(intent.provider_id)
+        known = provider.find(intent.request_id) if provider.card.reattach == "by_request" else None
+        if known is not None or self._begun(intent):
+            self._refused = None
+            return now_s
+        rest = at_rest(self._roles.observations.recent, now_s)
+        if now_s < refused_s + SETTLE_S or (not rest.static and now_s < refused_s + SETTLE_S + REST_WITHIN_S):
+            return now_s + POLL_S
+        failure = "provider_unavailable" if rest.static else "outcome_unknown"
+        self._abandon(mission, invocation, failure=failure, reason=reason)
+        return now_s
+
     def _accepted(self, mission: Mission, intent: DispatchIntended, report: protocol.InvocationReport) -> None:
+        before = self._handles.get(intent.invocation_id)
         self._handles[intent.invocation_id] = report.handle
+        self._doubted.discard(intent.invocation_id)
+        if before == report.handle:
+            return
         self._resumed = False
         self._stopping_since = self._ended_since = None
         provider = self._connection.provider(intent.provider_id)
@@ -222,6 +312,7 @@ class InvocationMonitor:
             collected_s=until_s,
             protocol=protocol.version_of(card.protocol),
             measured=self._measurements.of_invocation(mission, invocation, report=report, until_s=until_s),
+            begun=self._starts(mission, intent),
         )
         try:
             c3, verdict = judgement(self._roles, mission, packet, card=card)
@@ -259,6 +350,30 @@ class InvocationMonitor:
             said = commands.RecordEffect(outcome=effect, reason=EFFECTS[effect])
             self._runtime.commit([CommandEnvelope(handoff_stream(intent.handoff_id), said, self._connection.robot_id)])
 
+    def _unclear(self, mission: Mission, invocation: Invocation, now_s: float, reason: Reason) -> float:
+        """What the robot answers cannot be used: after a while it is told to stop, and its outcome becomes unknown."""
+        since = self._silent_since if self._silent_since is not None else now_s
+        late = now_s - since >= UNCLEAR_S or self._roles.observations.stranger
+        if late and invocation.status != "outcome_unknown":
+            self._halt(invocation)
+            if not invocation.stop_requested:
+                self.stop(mission, invocation, reason=because("stopped_as_unclear", reason=reason))
+        return self._silence(mission, invocation, now_s, reason)
+
+    def _halt(self, invocation: Invocation) -> None:
+        """Tell the provider to stop, whatever is known of the execution; what it answers decides nothing."""
+        intent = invocation.intent
+        provider = self._connection.provider(intent.provider_id)
+        handle = self._handles.get(intent.invocation_id) or invocation.handle
+        try:
+            if handle is None and provider.card.reattach == "by_request":
+                known = provider.find(intent.request_id)
+                handle = known.handle if known is not None and known.status not in protocol.TERMINAL else None
+            if handle is not None:
+                provider.stop(handle)
+        except (ProviderFailed, UnknownName):
+            return
+
     def _silence(
         self,
         mission: Mission,
@@ -271,11 +386,14 @@ class InvocationMonitor:
         """No answer: ask again for a while; then the outcome is unknown and the resource is quarantined."""
         self._silent_since = self._silent_since if self._silent_since is not None else now_s
         if now_s - self._silent_since >= patience_s and invocation.status != "outcome_unknown":
+            if patience_s:
+                self._halt(invocation)
             self._abandon(mission, invocation, failure="outcome_unknown", reason=reason)
         return now_s + POLL_S
 
     def _abandon(self, mission: Mission, invocation: Invocation, *, failure: str, reason: Explanation) -> None:
         """End without a packet; a body that may move keeps its lease in quarantine."""
+        self._refused = None
         intent = invocation.intent
         unknown = failure == "outcome_unknown"
         rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)

@@ -11,7 +11,6 @@ from harness.contracts.control import CONTROL
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.events import DispatchIntended
-from harness.contracts.observations import AnySample
 from harness.contracts.protocol import TERMINAL
 from harness.contracts.reasons import Explanation, because
 from harness.gate.commit import CommandEnvelope
@@ -19,7 +18,7 @@ from harness.projections.control import SiteControl
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
-from harness.supervisor.observations import BATCH
+from harness.supervisor.observations import looked
 from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.standstill import WINDOW_S, at_rest
 
@@ -154,17 +153,15 @@ def freed(runtime: Runtime, connection: RobotConnection, order: FreeOrder) -> Ac
     if lost is not None:
         _halt(connection, held, lost)
     connection.clock.wait_until(connection.clock.now().mission_s + WINDOW_S + LOOK_S)
-    command = FreeLease(actor=order.actor, static=_static(connection), reason=order.reason)
+    command = FreeLease(actor=order.actor, static=_static(runtime, connection), reason=order.reason)
     return runtime.commit([CommandEnvelope(ids.lease_stream(order.resource), command, connection.robot_id)])
 
 
-def _static(connection: RobotConnection) -> dict[str, float]:
+def _static(runtime: Runtime, connection: RobotConnection) -> dict[str, float]:
     """What shows the body at standstill now; empty if nothing is known."""
-    samples: list[AnySample] = []
-    while batch := connection.robot.observations(samples[-1].seq if samples else 0, BATCH).samples:
-        samples.extend(batch)
-    stopped = {"hardware_stop": 1.0} if connection.robot.status().hardware_stop else {}
-    return at_rest(samples, connection.clock.now().mission_s).measured | stopped
+    seen = looked(runtime, connection)
+    stopped = {"hardware_stop": 1.0} if seen.status is not None and seen.status.hardware_stop else {}
+    return at_rest(seen.recent, connection.clock.now().mission_s).measured | stopped
 
 
 def _lost(runtime: Runtime, robot_id: ids.RobotId, lease: Lease) -> ids.RequestId | None:

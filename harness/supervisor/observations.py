@@ -10,13 +10,23 @@ from harness.contracts import observations
 from harness.contracts.errors import BlobDamaged, ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import InvocationId, sha256
-from harness.contracts.protocol import Receipt, RobotStatus
+from harness.contracts.protocol import Observations, Receipt, RobotStatus
+from harness.contracts.reasons import Reason, because
 from harness.contracts.values import encode
 from harness.runtime import Runtime
 from harness.supervisor.robot_connection import RobotConnection
 
 RECENT_S = 12.0
 BATCH = 5000
+MOST_BATCHES = 24
+"""A reading of samples ends with a batch that is not full; after this many full ones the robot sends nonsense."""
+MOST_RECENT = 50_000
+DRAIN_S = 8.0
+"""Wall seconds that one reading may take; what is left is read in the next step, for a motion needs its keepalive."""
+AHEAD_S = 60.0
+"""Samples with a stamp this far ahead of the robot's own clock are of no instant; they are dropped."""
+ROBOT_ERRORS = (ProviderFailed, UnknownName, BlobDamaged)
+"""What a robot may answer where samples are read; none of it ends a mission's loop."""
 _order = attrgetter("at_s", "seq")
 
 
@@ -26,30 +36,66 @@ class ObservationBuffer:
     def __init__(self, *, runtime: Runtime, connection: RobotConnection) -> None:
         self._runtime = runtime
         self._connection = connection
-        self._recent: deque[observations.AnySample] = deque()
+        self._recent: deque[observations.AnySample] = deque(maxlen=MOST_RECENT)
         self._after = 0
         self.status: RobotStatus | None = None
+        self.trouble: Reason | None = None
+
+    @property
+    def stranger(self) -> bool:
+        """Whether another robot answers at this one's address."""
+        return self.trouble is not None and self.trouble.code == "another_robot_answers"
 
     def collect(self, spooling: InvocationId | None) -> bool:
-        """Fetch what is new; False if the robot does not answer. Lidar sweeps are kept as blobs."""
+        """Fetch what is new; False if the robot does not answer. Lidar sweeps are kept as blobs.
+
+        `trouble` says why an answer cannot be used: nothing of it is kept then, and nothing may rest on it.
+        """
+        endless = self.trouble is not None and self.trouble.code == "observations_endless"
+        self.trouble = None
+        self._forget_old()
         try:
-            self.status = self._connection.robot.status()
-            while True:
-                batch = self._connection.robot.observations(self._after, BATCH)
-                fresh = [sample for sample in batch.samples if sample.seq > self._after]
-                self._keep_blobs(fresh)
-                if spooling is not None and fresh:
-                    self._connection.spool.add(spooling, fresh)
-                self._recent.extend(fresh)
-                self._after = max((sample.seq for sample in fresh), default=self._after)
-                if len(batch.samples) < BATCH:
-                    break
+            status = self._connection.robot.status()
+            if status.robot_id != self._connection.robot_id:
+                self.trouble = because(
+                    "another_robot_answers", found=status.robot_id, expected=self._connection.robot_id
+                )
+                return True
+            self.status = status
+            self.trouble = self._drained(spooling, batches=1 if endless else MOST_BATCHES)
         except ProviderUnreachable:
             return False
+        except ROBOT_ERRORS as error:
+            self.trouble = because("observations_unusable", reason=error.reason)
+        return True
+
+    def _drained(self, spooling: InvocationId | None, *, batches: int) -> Reason | None:
+        """Read at most so many batches; None, or why the robot's samples cannot be used."""
+        began_s = self._connection.clock.now().wall_s
+        for _ in range(batches):
+            batch = self._connection.robot.observations(self._after, BATCH)
+            self._take(batch, spooling)
+            if len(batch.samples) < BATCH or self._connection.clock.now().wall_s > began_s + DRAIN_S:
+                break
+        else:
+            return because("observations_endless", batches=MOST_BATCHES)
+        self._forget_old()
+        return None
+
+    def _forget_old(self) -> None:
         horizon = self._connection.clock.now().mission_s - RECENT_S
         while self._recent and self._recent[0].at_s < horizon:
             self._recent.popleft()
-        return True
+
+    def _take(self, batch: Observations, spooling: InvocationId | None) -> None:
+        until_s = self._connection.clock.now().mission_s + AHEAD_S
+        fresh = [sample for sample in batch.samples if sample.seq > self._after]
+        self._after = max((sample.seq for sample in fresh), default=self._after)
+        fresh = [sample for sample in fresh if sample.at_s <= until_s]
+        self._keep_blobs(fresh)
+        if spooling is not None and fresh:
+            self._connection.spool.add(spooling, fresh)
+        self._recent.extend(fresh)
 
     def catch_up(self, spooled: Iterable[observations.AnySample]) -> None:
         """Continue after the newest spooled sample (after a restart of the harness)."""
@@ -93,9 +139,28 @@ class ObservationBuffer:
                 self._runtime.keep(body)
 
     def _keep_blobs(self, samples: list[observations.AnySample]) -> None:
+        """Fetch the bytes of sweeps and images. What the robot does not give out, or not as it says, stays missing."""
         for sample in samples:
             if isinstance(sample, observations.Scan | observations.Image) and not self._runtime.has_blob(sample.blob):
-                self._runtime.keep(self._connection.robot.blob(sample.blob))
+                try:
+                    body = self._connection.robot.blob(sample.blob)
+                except ProviderUnreachable:
+                    raise
+                except ROBOT_ERRORS:
+                    continue
+                if sha256(body) == sample.blob:
+                    self._runtime.keep(body)
+
+
+def looked(runtime: Runtime, connection: RobotConnection) -> ObservationBuffer:
+    """The robot's samples as they are now. Raises ProviderUnreachable if it does not answer, ProviderFailed if its
+    answers cannot be used."""
+    seen = ObservationBuffer(runtime=runtime, connection=connection)
+    if not seen.collect(None):
+        raise ProviderUnreachable(because("robot_not_looked_at", robot_id=connection.robot_id))
+    if seen.trouble is not None:
+        raise ProviderFailed(seen.trouble)
+    return seen
 
 
 def image_reference(image: observations.Image) -> EvidenceReference:

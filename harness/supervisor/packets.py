@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
 from harness.contracts.events import DispatchIntended
@@ -24,11 +25,12 @@ def build_packet(
     collected_s: float,
     protocol: str,
     measured: Sequence[EvidenceReference] = (),
+    begun: int | UnsetType = UNSET,
 ) -> EvidencePacket:
     """Z = (I, k_ctx, O_before, O_after, P, proposed facts). Identity and proposals are the provider's own, never ours.
 
     `protocol` is the version of the provider protocol that the provider speaks. `measured` is what independent
-    sources found.
+    sources found, `begun` how many starts of the request the robot's own journal holds.
     """
     intent = invocation.intent
     estimates: tuple[EvidenceReference, ...] = ()
@@ -65,6 +67,7 @@ def build_packet(
         cites=intent.cites,
         verify_only=intent.verify_only,
         protocol=protocol,
+        begun=begun,
     )
 
 

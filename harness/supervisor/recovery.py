@@ -61,7 +61,9 @@ class Recovery:
         if self._revisions.carry_out(mission, failure, proposal, c4):
             return now_s
         attempt = DispatchAttempt(node_id=failure.node_id, recovery=proposal, c4=c4)
-        blocked = None if attempt.verify_only else self._dispatcher.blocked(mission, failure.node_id)
+        blocked = (
+            self._dispatcher.unusable() if attempt.verify_only else self._dispatcher.blocked(mission, failure.node_id)
+        )
         if blocked is None:
             decision = self._dispatcher.dispatch(mission, attempt)
             if not isinstance(decision, Refused):

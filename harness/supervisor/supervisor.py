@@ -9,7 +9,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import EndMission, StopMission
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
-from harness.contracts.errors import HarnessError, StoreUnavailable, UnknownName
+from harness.contracts.errors import HarnessError, ProviderFailed, StoreUnavailable, UnknownName
 from harness.contracts.ids import HandoffId, MissionId, ResourceId, RobotId
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.reasons import because
@@ -28,6 +28,8 @@ IDLE_WAIT_S = 0.2
 OUTAGE_WAIT_S = 1.0
 OUTAGE_TRIES = 60
 """How often a foreground run retries an unavailable log, OUTAGE_WAIT_S of the robot's time apart."""
+ROBOT_TRIES = 10
+"""How many steps of a foreground run may break on a robot's answers before the run gives up."""
 WAITING: frozenset[str] = frozenset({"awaiting_human", "paused", "awaiting_approval"})
 
 
@@ -76,10 +78,11 @@ class Supervisor:
         """Run in the foreground until the mission has ended, is interrupted between two steps or, at speed 0, waits
         for a person.
 
-        Raises StoreUnavailable if the log stays unavailable.
+        A step that breaks on what the robot answers stops the mission. Raises StoreUnavailable if the log stays
+        unavailable, and what the robot answers if the mission cannot even be stopped.
         """
         mission = self._runtime.mission(mission_id)
-        clock, tries = self._connections[mission.robot_id].clock, 0
+        clock, tries, broken = self._connections[mission.robot_id].clock, 0, 0
         while not self._halt.is_set() and not interrupted():
             try:
                 wake_s = self.step(mission_id)
@@ -89,6 +92,13 @@ class Supervisor:
                 if tries > OUTAGE_TRIES:
                     raise
                 LOG.error("store_unavailable mission=%s %s", mission_id, error)
+                clock.wait_until(clock.now().mission_s + OUTAGE_WAIT_S)
+                continue
+            except ProviderFailed as error:
+                broken += 1
+                if broken > ROBOT_TRIES:
+                    raise
+                self._broken(mission, error)
                 clock.wait_until(clock.now().mission_s + OUTAGE_WAIT_S)
                 continue
             tries = 0

@@ -9,7 +9,6 @@ from harness.contracts.commands import AcquireLease, LeaseCommand, QuarantineLea
 from harness.contracts.control import CONTROL, BeginTeleoperation, EndTeleoperation, OrderPosture, Posture
 from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.errors import ProviderFailed, UnknownName
-from harness.contracts.observations import AnySample
 from harness.contracts.ports import Teleoperable
 from harness.contracts.protocol import DriveOrder, DriveReport, PostureOrder
 from harness.contracts.reasons import Reason, because
@@ -20,7 +19,7 @@ from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.supervisor.leases import LOOK_S, SUPERVISOR
 from harness.supervisor.minimal_risk import Order, planned_retreat, sending
-from harness.supervisor.observations import BATCH, ObservationBuffer
+from harness.supervisor.observations import ObservationBuffer, looked
 from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.roles import RoleContexts
 from harness.supervisor.standstill import WINDOW_S, Rest, at_rest
@@ -256,7 +255,7 @@ class Teleoperation:
             try:
                 report = _released(hand, teleoperation.session)
                 connection.clock.wait_until(connection.clock.now().mission_s + WINDOW_S + LOOK_S)
-                rest = at_rest(_seen(connection), connection.clock.now().mission_s)
+                rest = at_rest(looked(self._runtime, connection).recent, connection.clock.now().mission_s)
             except ProviderFailed as error:
                 return Rest(static=False, reason=error.reason, measured={})
             if rest.static and report.status == "ended":
@@ -288,10 +287,3 @@ def _released(hand: Teleoperable | None, session: ids.RequestId) -> DriveReport:
     if hand is None:
         raise ProviderFailed(because("robot_not_drivable"), where="hand")
     return hand.release(session)
-
-
-def _seen(connection: RobotConnection) -> list[AnySample]:
-    samples: list[AnySample] = []
-    while batch := connection.robot.observations(samples[-1].seq if samples else 0, BATCH).samples:
-        samples.extend(batch)
-    return samples

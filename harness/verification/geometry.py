@@ -79,6 +79,23 @@ def contains(region: Sequence[Point], point: Point) -> bool:
     return crossings % 2 == 1
 
 
+def from_region(region: Sequence[Point], point: Point) -> float:
+    """Distance from a point to a polygon, metres; 0 inside it."""
+    if contains(region, point):
+        return 0.0
+    return min(from_edge(point, a, b) for a, b in zip(region, [*region[1:], region[0]], strict=True))
+
+
+def from_edge(point: Point, a: Point, b: Point) -> float:
+    """Distance from a point to the line between two others, metres."""
+    length = distance(a, b)
+    if length < 1e-9:
+        return distance(point, a)
+    along = ((point[0] - a[0]) * (b[0] - a[0]) + (point[1] - a[1]) * (b[1] - a[1])) / length**2
+    share = min(1.0, max(0.0, along))
+    return distance(point, (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
+
+
 def polyline_length(points: Sequence[Point]) -> float:
     """Sum of the planar distances between consecutive points, metres: L_ref of a commanded route (R209)."""
     return math.fsum(distance(a, b) for a, b in pairwise(points))

@@ -15,7 +15,7 @@ from harness.contracts.observations import Camera, Odometry, Pose, Scan, Traject
 from harness.contracts.reasons import because
 from harness.contracts.values import Point
 from harness.verification.finding import Undecidable
-from harness.verification.geometry import contains, distance
+from harness.verification.geometry import contains, from_edge
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -154,16 +154,7 @@ def _inside(region: Sequence[Point], point: Point) -> bool:
     if not contains(region, point):
         return False
     edges = zip(region, [*region[1:], region[0]], strict=True)
-    return all(_from_edge(point, a, b) >= INSET_M for a, b in edges)
-
-
-def _from_edge(point: Point, a: Point, b: Point) -> float:
-    length = distance(a, b)
-    if length < 1e-9:
-        return distance(point, a)
-    along = ((point[0] - a[0]) * (b[0] - a[0]) + (point[1] - a[1]) * (b[1] - a[1])) / length**2
-    share = min(1.0, max(0.0, along))
-    return distance(point, (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
+    return all(from_edge(point, a, b) >= INSET_M for a, b in edges)
 
 
 def _rest_since(odometry: Sequence[Odometry]) -> float:

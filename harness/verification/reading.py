@@ -1,7 +1,7 @@
 """Reads C3 for the verifier: typed records, checked blobs and tracks. Raises Undecidable for what it cannot read."""
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any, TypeVar, cast
 
@@ -29,7 +29,9 @@ FUTURE_S = 0.05
 class AdmittedTrack:
     """The admitted samples of one execution: distinct sensor times, in order, none below the minimum confidence.
 
+    `imu`: times with accelerations, `turning`: with turn rates.
     `newest_arrived_s`: the latest instant by other streams' clocks at which a pose arrived, whatever its stamp.
+    `terminal_s`: when the execution ended, where the reference says so.
     """
 
     current: bool
@@ -39,6 +41,8 @@ class AdmittedTrack:
     imu: tuple[tuple[float, float, float], ...]
     blob: Digest | None
     newest_arrived_s: float | None
+    turning: tuple[tuple[float, float], ...] = ()
+    terminal_s: float | None = None
 
     @property
     def until_s(self) -> float | None:
@@ -261,7 +265,9 @@ class Evidence:
             imu=tuple(sample for one in samples for sample in one.imu),
         )
         dispatched_s = min(float(one.values.get("dispatched_s", one.from_s)) for one in references)
-        return self._admitted(merged, current=current, dispatched_s=dispatched_s, blob=references[0].blob)
+        admitted = self._admitted(merged, current=current, dispatched_s=dispatched_s, blob=references[0].blob)
+        ends = [float(one.values["terminal_s"]) for one in references if "terminal_s" in one.values]
+        return replace(admitted, terminal_s=max(ends, default=None))
 
     def _admitted(
         self, samples: Trajectory, *, current: bool, dispatched_s: float, blob: Digest | None
@@ -270,6 +276,7 @@ class Evidence:
         poses = {one.at_s: one for one in samples.poses if one.at_s <= until_s and one.confidence >= least}
         odometry = {one.at_s: one for one in samples.odometry if one.at_s <= until_s}
         imu = {one.at_s: (one.at_s, one.ax_mps2, one.ay_mps2) for one in samples.imu if one.at_s <= until_s}
+        turning = {one.at_s: (one.at_s, one.w_radps) for one in samples.imu if one.at_s <= until_s}
         return AdmittedTrack(
             current=current,
             dispatched_s=dispatched_s,
@@ -278,6 +285,7 @@ class Evidence:
             imu=tuple(imu[at_s] for at_s in sorted(imu)),
             blob=blob,
             newest_arrived_s=_newest_arrival(samples, until_s=until_s),
+            turning=tuple(turning[at_s] for at_s in sorted(turning)),
         )
 
     def _required(self, kind: str, of: type[T]) -> T:

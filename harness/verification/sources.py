@@ -20,6 +20,7 @@ DRIFT_SHARE = 0.02
 NEAR_S = 0.4
 LEAST_FIXES = 2
 STEP_S = 0.25
+WINDOW_STEP_S = 0.5
 MOVED_M = 0.2
 REST_M = 0.02
 
@@ -71,6 +72,15 @@ class Sources:
         path_m = path_length(self._between(agreement.from_s, now_s))
         bound_m = LIMIT_M + DRIFT_SHARE * path_m
         return Agreement(agreement.from_s, agreement.until_s, agreement.disagreement_m, bound_m)
+
+    def worst_window(self) -> Agreement | None:
+        """The largest difference over any WINDOW_S of the whole track; None where no window can be compared."""
+        if not self._odometry_s:
+            return None
+        steps = math.floor(max(self._odometry_s[-1] - self._odometry_s[0] - WINDOW_S, 0.0) / WINDOW_STEP_S) + 1
+        begins = (self._odometry_s[0] + step * WINDOW_STEP_S for step in range(steps))
+        found = [one for one in (self.compared(at_s, at_s + WINDOW_S) for at_s in begins) if one is not None]
+        return max(found, key=lambda one: one.disagreement_m, default=None)
 
     def compared(self, from_s: float, until_s: float) -> Agreement | None:
         """The difference of both displacements between two instants; None if one of them has no samples nearby."""

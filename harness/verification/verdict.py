@@ -12,14 +12,16 @@ from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import NodeId
 from harness.contracts.reasons import Reason, because, several
-from harness.contracts.rules import FIRST_RULES, LINEAGE, RulesVersion
+from harness.contracts.rules import FIRST_RULES, LINEAGE, WITNESSES, RulesVersion
 from harness.contracts.tasks import named_nodes
 from harness.contracts.verifier_inputs import Origins
 from harness.verification.admission import missing, stale, unsafe
 from harness.verification.finding import FACTS, RECEIPTS, UNAVAILABLE, Finding, Undecidable, ambiguous
+from harness.verification.images import images_denied
 from harness.verification.independence import derived_independence, independence, labelled
 from harness.verification.predicates.registry import predicate_of
 from harness.verification.reading import Evidence, read
+from harness.verification.witnesses import contradicted
 
 VERIFIER = "predicates-1"
 Verifier = Callable[[Context, Blobs], verdicts.NodeVerdict]
@@ -105,7 +107,13 @@ def _results(evidence: Evidence) -> tuple[tuple[verdicts.ConditionResult, bool],
 
 def _result(condition: Condition, evidence: Evidence, finding: Finding) -> verdicts.ConditionResult:
     """The result of a predicate's answer, whose lineage the evidence still holds."""
-    traced = _rules(evidence) >= LINEAGE
+    rules = _rules(evidence)
+    traced = rules >= LINEAGE
+    denied = None
+    if rules >= WITNESSES and finding.verdict == "satisfied":
+        denied = contradicted(finding, evidence) or images_denied(finding, evidence)
+    if denied is not None:
+        finding = replace(finding, verdict="ambiguous", reason=denied)
     declared = _declared_stages(condition, evidence) if traced else ()
     level = _level(finding, evidence) if traced else independence(finding.sources, provider=_or_none(evidence))
     level, finding = _attested(condition, finding, evidence, level=level)

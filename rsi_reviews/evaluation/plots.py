@@ -81,7 +81,10 @@ def _bar(y: float, rate: ConfidenceInterval, colour: str, name: str, most: float
     at = y + ROW / 2
     x, low, high = (LEFT + WIDTH * min(one / most, 1.0) for one in (rate.value, rate.low, rate.high))
     digits = 0 if most >= 0.1 else 2
-    said = f"{name}: {100 * rate.value:.{digits}f} % ({100 * rate.low:.{digits + 1}f} to {100 * rate.high:.{digits + 1}f}), n = {rate.n}"
+    value, begin, end = (
+        f"{100 * one:.{digits + more}f}" for one, more in ((rate.value, 0), (rate.low, 1), (rate.high, 1))
+    )
+    said = f"{name}: {value} % ({begin} to {end}), n = {rate.n}"
     return [
         f'<g><title>{escape(said)}</title><rect x="{LEFT}" y="{at - BAR / 2:.1f}" width="{max(x - LEFT, 1):.1f}"'
         f' height="{BAR}" fill="{colour}"/>',

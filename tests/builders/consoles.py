@@ -9,6 +9,7 @@ from fastapi.testclient import TestClient
 from pydantic import SecretStr
 
 from app.auth.commit_authority import authority
+from app.auth.sessions import LOGIN_PREFIX
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
 from app.main import create_app, open_accounts
@@ -51,7 +52,14 @@ class Stand:
         return client
 
     def owner(self) -> TestClient:
-        """The command line: no cookie, the owner's token."""
+        """The command line of whoever came by the one-time link: no cookie, the token of a session at a terminal."""
+        sessions = self.app.state.sessions
+        cookie = sessions.enter(sessions.invite().partition("token=")[2])
+        headers = {"Authorization": f"Bearer {LOGIN_PREFIX}{cookie}"}
+        return TestClient(self.app, base_url=BASE, follow_redirects=False, headers=headers)
+
+    def host(self) -> TestClient:
+        """The command line of a user of this machine without an account: the owner's token."""
         headers = {"Authorization": f"Bearer {OWNER}"}
         return TestClient(self.app, base_url=BASE, follow_redirects=False, headers=headers)
 

@@ -7,7 +7,8 @@ from threading import Thread
 
 import pytest
 
-from harness.adapters.providers.http.robot import MOST_BYTES, HttpRobot
+from harness.adapters.providers.http.exchange import BLOB_BYTES
+from harness.adapters.providers.http.robot import HttpRobot
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest
 from tests.saying import raises_saying
@@ -55,9 +56,9 @@ def robot(handler: type[Flooding]) -> Iterator[HttpRobot]:
 def test_an_answer_of_a_hundred_megabytes_is_cut_off_with_a_typed_error(status: int) -> None:
     handler = type("Flood", (Flooding,), {"status": status, "sent": 0})
     with robot(handler) as found:
-        with raises_saying(ProviderFailed, match="larger than 64 MiB") as caught:
+        with raises_saying(ProviderFailed, match="larger than 8 MiB.*see what the robot sends") as caught:
             found.status()
-        assert caught.value.where.startswith("/") and caught.value.do
-        with raises_saying(ProviderFailed, match="larger than 64 MiB"):
+        assert caught.value.where.startswith("/")
+        with raises_saying(ProviderFailed, match="larger than 32 MiB"):
             found.blob(Digest("0" * 64))
-    assert handler.sent < 2 * HUNDRED * PART and MOST_BYTES < HUNDRED * PART
+    assert handler.sent < 2 * HUNDRED * PART and BLOB_BYTES < HUNDRED * PART

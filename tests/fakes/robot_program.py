@@ -40,7 +40,7 @@ def older(report: Report) -> Report:
 
 
 def wheels(card: Report) -> Report:
-    return card | {"sources": ["wheels"]} if card["capability"] == "navigate" else card
+    return card | {"sources": ["wheels"]} if card.get("capability") == "navigate" else card
 
 
 class Carrier:

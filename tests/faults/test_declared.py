@@ -17,6 +17,7 @@ from harness.contracts.contexts import Blobs, Context
 from harness.contracts.decisions import Accepted
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import CommittedFact
+from harness.contracts.ids import NodeId
 from harness.contracts.ports import StoredEvent
 from harness.contracts.protocol import InvocationReport
 from harness.contracts.rules import RulesVersion
@@ -30,8 +31,9 @@ from harness.runtime import Start
 from harness.settings import HarnessSettings
 from harness.verification.verdict import verify
 from simulator.in_process import SIMULATOR
-from tests.builders.connections import Stage, Wrapped, only, staged, with_node
+from tests.builders.connections import Stage, Wrapped, only, staged, template, with_node
 from tests.builders.declared import DESCRIBE, DESCRIBED, FIRST, ORDER, SECOND, strict, two_pictures
+from tests.builders.lies import Lie, emptied, lied_to
 from tests.builders.missions_run import OPERATOR, ROBOT, Ran
 from tests.builders.waiting import ADA, waiting
 from tests.saying import raises_saying
@@ -283,6 +285,54 @@ def test_what_people_are_told_names_what_is_only_declared() -> None:
         ran = stage.run(stage.begin(speaking))
         sent = [event for event in ran.events if isinstance(event, events.DispatchIntended) and event.node_id == "tell"]
         assert str(sent[0].parameters["text"]).endswith(
-            "Declared, not verified: The description is of the accepted picture."
+            "Declared, and unverified: The description is of the accepted picture."
         )
         assert ran.mission.status == "partly_verified"
+
+
+def test_what_people_hear_names_the_stage_that_failed_too() -> None:
+    """An optional stage that fails stops nothing, and the spoken report says that it was not done."""
+    base = template("warehouse-inspection")
+    hello = {
+        "node_id": "hello",
+        "subgoal": "Take a picture of the door",
+        "capabilities": ["observe"],
+        "depends_on": ["request"],
+        "parameters": {"duration_s": 2.0, "frames": 1},
+        "resources": [],
+        "evidence": {"mandatory": ["image"]},
+        "timeout_s": 30.0,
+        "required": False,
+        "recovery": {"re_perceive": 0, "adjust_view": 0, "retry": 0, "local_replan": 0, "switch_skill": 0, "total": 0},
+        "success_conditions": [
+            {
+                "condition_id": "hello.pictured",
+                "text": "One whole image of a size that no camera here has",
+                "effect": {"type": "visual", "predicate": "pictured", "frames": 1, "width_px": 9999, "height_px": 9999},
+            }
+        ],
+    }
+    with staged() as stage:
+        ran = stage.run(stage.begin(replace(base, nodes=(base.nodes[0], hello, *base.nodes[1:]))))
+        assert ran.mission.of(NodeId("hello")).status == "failed"
+        (said,) = [
+            str(event.parameters["text"])
+            for event in ran.events
+            if isinstance(event, events.DispatchIntended) and event.node_id == "report"
+        ]
+        assert said.endswith("Failed, and unverified: Take a picture of the door.")
+        assert ran.mission.status == "succeeded", sentence(ran.mission.reason)
+        heard = ran.mission.of(NodeId("report")).verdicts[-1].results[0]
+        assert "failed and unverified" in sentence(heard.reason)
+
+
+def test_a_clear_passage_with_a_declared_part_is_heard_as_it_is() -> None:
+    """What is said of declared parts must not sound like the contrary of the finding."""
+    with lied_to(Lie(true_site=emptied(), seen=emptied())) as stage:
+        start = Start(actor=OPERATOR, robot_id=ROBOT, goal="Check the storage area and describe it", seed=3)
+        assert isinstance(stage.runtime.start(start), Accepted)
+        ran = stage.run(stage.runtime.missions()[0].mission_id)
+        results = ran.mission.of(NodeId("1.report")).verdicts[-1].results
+        heard = next(one for one in results if "heard" in one.condition_id)
+        assert heard.verdict == "satisfied" and "declared and unverified" in sentence(heard.reason)
+        assert ran.mission.status == "partly_verified", sentence(ran.mission.reason)

@@ -14,6 +14,8 @@ from harness.contracts.events import (
     VerdictRecorded,
 )
 from harness.contracts.ids import ConditionId
+from harness.contracts.measurements import Sound
+from harness.contracts.ports import Room
 from tests.builders.connections import Stage
 from tests.builders.lies import Lie, emptied, hidden, lied_to, turned_round
 from tests.builders.missions_run import Ran
@@ -150,6 +152,43 @@ def test_a_recording_of_another_playback_is_not_taken_for_this_one() -> None:
     with lied_to(Lie(room=lambda room: lying.Replaying(room, earlier))) as stage:
         ran = run(stage)
         assert ran.mission.status != "succeeded" and "report.heard" not in committed(ran)
+
+
+def test_an_earlier_recording_of_the_same_words_is_not_taken_for_this_playback() -> None:
+    """Word for word what was to be said, in the same room: only that it was heard before tells it from this report."""
+    replaying = Replayed()
+    with lied_to(Lie(room=replaying.around)) as stage:
+        first = run(stage)
+        assert first.mission.status == "succeeded"
+        (fact,) = [one for one in first.mission.facts if one.name == "heard"]
+        replaying.earlier = stage.parts.blobs.get(fact.arguments["sound"])
+        second = run(stage)
+        assert second.mission.status != "succeeded" and "report.heard" not in committed(second)
+        told = [event.verdict for event in second.events if isinstance(event, VerdictRecorded)]
+        heard = {one.verdict for verdict in told for one in verdict.results if one.condition_id == "report.heard"}
+        assert heard == {"ambiguous"}
+
+
+def test_two_missions_with_the_same_report_are_both_heard() -> None:
+    with lied_to(Lie()) as stage:
+        assert [run(stage).mission.status for _ in range(2)] == ["succeeded", "succeeded"]
+
+
+class Replayed:
+    """A room whose microphone gives out an earlier recording once there is one."""
+
+    def __init__(self) -> None:
+        self.earlier = b""
+
+    def around(self, room: Room) -> Room:
+        self.room = room
+        return self
+
+    def play(self, sound: Sound) -> None:
+        self.room.play(sound)
+
+    def recording(self, from_s: float, until_s: float) -> bytes:
+        return self.earlier or self.room.recording(from_s, until_s)
 
 
 def test_a_passage_that_is_out_of_sight_is_not_clear() -> None:

@@ -76,7 +76,7 @@ def test_the_reason_is_the_history_at_this_place(walked: Walked) -> None:
             assert one.score == pytest.approx(sum(one.terms.values()))
 
 
-@pytest.mark.ledger("R63", symbol="harness.routing.explanation:explained")
+@pytest.mark.ledger("R63", entry="page", symbol="harness.routing.explanation:explained")
 def test_a_person_sees_on_the_page_why_a_provider_was_chosen_term_by_term(walked: Walked) -> None:
     settings = ConsoleSettings(port=8000)
     stage = walked.stage

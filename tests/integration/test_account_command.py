@@ -9,6 +9,7 @@ from typer.testing import CliRunner, Result
 
 from app.cli.data_folder import opened
 from app.cli.main import app
+from app.cli.person import host_user
 from harness.contracts.errors import HarnessError
 
 PASSWORD = "seven green bottles"
@@ -61,8 +62,8 @@ def test_people_and_tokens_are_kept_from_the_terminal_and_the_trail_says_who_and
     made = terminal.said("token", "create", "dock", "--scope", "read")
     assert made["token"].startswith("regen_")
     assert terminal.said("token", "revoke", made["token_id"])["state"] == "revoked"
-    assert ("account.added", "ada", "root", "terminal") in terminal.trail()
-    assert ("token.revoked", "ada", made["token_id"], "terminal") in terminal.trail()
+    assert ("account.added", f"host:{host_user()}", "root", "terminal") in terminal.trail()
+    assert ("token.revoked", f"host:{host_user()}", made["token_id"], "terminal") in terminal.trail()
     (row,) = [one for one in terminal.said("account", "list")["accounts"] if one["name"] == "eve"]
     assert not row["disabled"]
 

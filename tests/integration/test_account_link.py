@@ -55,7 +55,7 @@ def test_a_new_link_takes_the_place_of_the_lost_one_once_and_stands_in_the_trail
     assert entering(owned, new) == 200
     assert entering(owned, new) == 403
     (made,) = owned.app.state.sessions.accounts.store.audit_log(kind="sign_in.link_made")
-    assert (made.actor, made.source) == ("owner", "127.0.0.1")
+    assert (made.actor, made.source) == ("host:owner", "127.0.0.1")
     assert new.rpartition("=")[2] not in str(made)
 
 

@@ -82,7 +82,7 @@ def test_who_decided_what_is_there_to_read(stand: Stand, owner: TestClient) -> N
     (entry,) = owner.get("/api/v1/audit/decisions").json()
     assert (entry["kind"], entry["actor"], entry["role"], entry["channel"]) == (
         "MissionCreated",
-        "owner",
+        "operator",
         "operator",
         "human",
     )
@@ -162,7 +162,8 @@ def test_a_token_is_made_listed_and_revoked_through_the_api(stand: Stand, owner:
     assert owner.post("/api/v1/tokens", json={"name": "dock", "scopes": ["decide"]}).status_code == 422
 
 
-def test_people_are_added_and_changed_through_the_api(stand: Stand, owner: TestClient) -> None:
+def test_people_are_added_and_changed_through_the_api(stand: Stand) -> None:
+    owner = stand.host()
     added = owner.post("/api/v1/accounts", json={"name": "root", "roles": ["admin"], "password": PASSWORD})
     assert added.status_code == 201
     assert set(added.json()) == {"name", "roles", "disabled", "created_at_s", "changed_at_s"}

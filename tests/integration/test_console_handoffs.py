@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
 
 import pytest
 from fastapi.testclient import TestClient
@@ -18,7 +20,7 @@ from harness.contracts.values import decode, encode
 from harness.gate.commit import CommandEnvelope
 from harness.projections.mission import Mission
 from tests.builders.consoles import Stand, console_stand
-from tests.builders.people import everybody, store_of
+from tests.builders.people import PASSWORD, SETTING_UP, browser, everybody, store_of
 
 FIELDS = ("cycle", "subject", "evidence", "key")
 
@@ -273,7 +275,10 @@ def test_a_claim_names_its_holder_to_others_and_follows_through_to_the_end(
     stand: Stand, waiting: tuple[Mission, HandoffId]
 ) -> None:
     _, handoff_id = waiting
-    operator, owner = stand.operator(), stand.owner()
+    accounts = stand.app.state.sessions.accounts
+    for name, roles in (("owner", ["admin", "operator"]), ("ada", ["operator"])):
+        accounts.add(name, roles=roles, password=PASSWORD, by=SETTING_UP)
+    operator, owner = browser(stand, "ada"), browser(stand, "owner")
     assert owner.post(f"/api/v1/handoffs/{handoff_id}/claim", json={"claim": "t-1"}).json()["status"] == "claimed"
     text = operator.get(f"/handoffs/{handoff_id}").text
     assert "owner has claimed it" in text
@@ -335,3 +340,37 @@ def test_a_role_taken_back_while_the_page_was_open_voids_the_answer(stand: Stand
     decided = stand.harness.runtime.commit([CommandEnvelope(handoff_stream(handoff_id), word, None)])
     assert isinstance(decided, Refused) and decided.rule == "role_revoked"
     assert stand.harness.runtime.handoff(handoff_id).status == "open"
+
+
+def test_two_approvals_at_once_on_fresh_evidence_start_the_action_once(
+    stand: Stand, waiting: tuple[Mission, HandoffId]
+) -> None:
+    """Both people looked again and saw the same; one answer counts, and the other learns that it came second."""
+    _, handoff_id = waiting
+    accounts = stand.app.state.sessions.accounts
+    for name, roles in (("root", ["admin"]), ("ada", ["operator"]), ("bob", ["operator"])):
+        accounts.add(name, roles=roles, password=PASSWORD, by=SETTING_UP)
+    people = [browser(stand, name) for name in ("ada", "bob")]
+    assert people[0].post(f"/handoffs/{handoff_id}/look").status_code == 303
+    forms = [
+        {**shown(one, handoff_id), "decision": "approve", "reason": "seen on camera", "key": f"key-{number}"}
+        for number, one in enumerate(people)
+    ]
+    assert forms[0]["subject"] == forms[1]["subject"]
+    before = starts(stand, waiting[0])
+    barrier = Barrier(2)
+
+    def approve(number: int) -> int:
+        barrier.wait(60.0)
+        return people[number].post(f"/handoffs/{handoff_id}/decision", data=forms[number]).status_code
+
+    with ThreadPoolExecutor(2) as pool:
+        statuses = sorted(pool.map(approve, range(2)))
+    assert statuses == [303, 409], statuses
+    approved = [
+        event
+        for event in stand.harness.runtime.log(0, 10_000)
+        if event.stream == f"handoff/{handoff_id}" and event.kind.startswith("HandoffApproved")
+    ]
+    assert len(approved) == 1
+    assert starts(stand, waiting[0]) - before <= 1

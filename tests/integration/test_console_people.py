@@ -102,7 +102,7 @@ CHANGE: dict[tuple[str, str], Permission] = {
     },
     ("POST", "/candidates/{candidate}/{verb}"): "propose",
     ("POST", "/api/v1/candidates/{candidate}/request_changes"): "review",
-    **{("POST", f"{door}/releases/policy"): "people" for door in ("", "/api/v1")},
+    **{("POST", f"{door}/releases/policy"): "policy" for door in ("", "/api/v1")},
 }
 """What every changing route needs. A route that is not here fails the test: say who may use it."""
 

@@ -144,6 +144,10 @@ def test_an_author_is_told_before_the_click_and_refused_after_it(house: House) -
     assert "disabled" in button
     status, told = house.said("author", name, "approve")
     assert status == 409 and "lea is an author of it" in told
+    seen = {field: value for field, value in house.bound("author", name).items() if field != "cycle"}
+    body = {**seen, "cycle": int(house.bound("author", name)["cycle"]), "reason": "mine"}
+    by_api = house.people["author"].post(f"/api/v1/candidates/{name}/approve", json=body)
+    assert (by_api.status_code, by_api.json()["rule"]) == (409, "own_candidate")
     assert house.bench.releases.review(name).approvals == ()
 
 

@@ -59,9 +59,9 @@ def bodies(events: list[dict[str, Any]], kind: str) -> list[dict[str, Any]]:
 
 
 def fails_by_name(code: int, found: dict[str, Any], clause: str, condition: str) -> None:
-    """Every stage was accepted, the mission failed, and person and program are told which clause it was."""
+    """No stage failed, the mission did, and person and program are told which clause it was."""
     assert (code, found["status"]) == (1, "failed")
-    assert {stage["status"] for stage in found["stages"]} == {"committed"}
+    assert {stage["status"] for stage in found["stages"]} <= {"committed", "declared"}
     assert "goal not met" in found["reason"] and clause in found["reason"], found["reason"]
     failing = {one["condition_id"] for one in found["goal_conditions"] if one["verdict"] != "satisfied"}
     assert condition in failing

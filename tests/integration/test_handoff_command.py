@@ -14,12 +14,14 @@ from msgspec.structs import asdict
 from pydantic import SecretStr
 from typer.testing import CliRunner
 
+from app.auth.sessions import Origin
 from app.background.signals import SignalBroker
 from app.cli.main import app as regen
 from app.main import bind, create_app, open_accounts
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.adapters.stores.owner import OwnerLock
+from tests.builders.terminals import PASSWORD, Terminals
 from tests.builders.waiting import Waiting, waiting
 
 TOKEN = "the-owner"
@@ -30,17 +32,18 @@ class Terminal:
 
     def __init__(self, folder: Path, asked: Waiting, app: FastAPI, url: str) -> None:
         self.folder, self.asked, self.app, self.url = folder, asked, app, url
+        self.env = Terminals(folder).env("owner")
 
     def says(self, *words: str, code: int = 0) -> dict[str, Any]:
         """The JSON that `regen handoff` prints."""
-        done = CliRunner().invoke(regen, ["handoff", *words, "--data", str(self.folder), "--json"])
+        done = CliRunner().invoke(regen, ["handoff", *words, "--data", str(self.folder), "--json"], env=self.env)
         assert done.exit_code == code, (done.output, done.exception)
         found: dict[str, Any] = json.loads(done.output.splitlines()[-1])
         return found
 
     def refused(self, *words: str) -> str:
         """What an error says."""
-        done = CliRunner().invoke(regen, ["handoff", *words, "--data", str(self.folder)])
+        done = CliRunner().invoke(regen, ["handoff", *words, "--data", str(self.folder)], env=self.env)
         assert done.exit_code != 0
         return f"{done.output} {done.exception}"
 
@@ -48,7 +51,9 @@ class Terminal:
 @pytest.fixture
 def terminal(tmp_path: Path) -> Iterator[Terminal]:
     broker = SignalBroker()
-    with waiting(signals=broker) as made, OwnerLock(tmp_path) as lock:
+    data = tmp_path / "var"
+    data.mkdir()
+    with waiting(signals=broker) as made, OwnerLock(data) as lock:
         asked = made.asked()
         listener = bind(0)
         port = listener.getsockname()[1]
@@ -58,7 +63,7 @@ def terminal(tmp_path: Path) -> Iterator[Terminal]:
             settings,
             broker,
             Scenes(made.runtime),
-            accounts=open_accounts(settings),
+            accounts=open_accounts(settings, data),
             answer=made.supervisor.answer,
             starts=made.harness.starts,
         )
@@ -67,7 +72,8 @@ def terminal(tmp_path: Path) -> Iterator[Terminal]:
         thread.start()
         url = f"http://127.0.0.1:{port}"
         lock.take(token=TOKEN, url=url)
-        yield Terminal(tmp_path, asked, app, url)
+        Terminals(data).add("owner", "admin", "operator")
+        yield Terminal(data, asked, app, url)
         server.should_exit = True
         thread.join(timeout=60)
         listener.close()
@@ -116,8 +122,11 @@ def test_one_act_by_form_api_and_command_line_is_stored_alike(terminal: Terminal
     """One model behind three doors: only the name of who said it differs between the stored events."""
     own = {"Origin": terminal.url, "Sec-Fetch-Site": "same-origin"}
     form = TestClient(terminal.app, base_url=terminal.url, follow_redirects=False, headers=own)
-    assert form.get(terminal.app.state.sessions.invite()).status_code == 200
-    api = TestClient(terminal.app, base_url=terminal.url, headers={"Authorization": f"Bearer {TOKEN}"})
+    entering = {"name": "owner", "password": PASSWORD}
+    assert form.post("/account/sign-in", data=entering).status_code == 303
+    sessions = terminal.app.state.sessions
+    token = sessions.terminal_sign_in("owner", PASSWORD, Origin())
+    api = TestClient(terminal.app, base_url=terminal.url, headers={"Authorization": f"Bearer {token}"})
     name = terminal.asked.handoff_id
     at = f"/handoffs/{name}"
     cycle = str(terminal.asked.handoff.cycle)

@@ -7,7 +7,7 @@ import pytest
 from tests.integration.runs import answer, regen
 
 
-@pytest.mark.ledger("R124", "R133", symbol="harness.supervisor.revisions:Revisions._elsewhere")
+@pytest.mark.ledger("R124", "R133", entry="command line", symbol="harness.supervisor.revisions:Revisions._elsewhere")
 def test_what_is_not_found_is_looked_for_from_elsewhere_and_found(tmp_path: Path) -> None:
     """A trolley stands before the lens and stays: the same look again changes nothing, another viewpoint does."""
     fast = ("--data", tmp_path, "--speed", "0", "--fidelity", "kinematic", "--json")

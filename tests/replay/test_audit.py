@@ -64,7 +64,7 @@ def test_every_decision_of_an_honest_log_is_derived_again(told: Told) -> None:
     counts = msgspec.to_builtins(report)
     derived = {name: counts[name] for name in ("plans", "routings", "skills", "verdicts", "recoveries", "goals")}
     assert derived == {"plans": 2, "routings": 3, "skills": 3, "verdicts": 3, "recoveries": 1, "goals": 1}
-    assert report.decisions == 11 and report.leases == 4
+    assert report.decisions == 9 and report.leases == 4
     assert report.reconstructed == 0, "every command is read where it was stored"
     live = told.stage.runtime.mission(told.mission_id)
     assert report.k == live.k

@@ -74,6 +74,15 @@ def test_the_recorded_goal_is_the_target(tmp_path: Path, x_m: float, code: int) 
     assert (exit_code, found["target_source"]) == (code, "recorded goal")
     (segment,) = found["segments"]
     assert segment["last_pose_distance_m"] == pytest.approx(x_m - DROVE_M, abs=0.05)
+    assert found["single_source"] == "/odom"
+    _, shown, _ = regen("mission", "show", found["mission_id"], "--data", str(tmp_path / "data"))
+    assert shown["labels"]["single_source"] == "/odom"
+
+
+def test_a_replay_says_on_the_terminal_that_nothing_else_confirms_its_one_source(tmp_path: Path) -> None:
+    path = drive(tmp_path / "drive.mcap", goals=((0.0, DROVE_M, 0.0),))
+    done = CliRunner().invoke(app, ["mission", "replay", str(path), "--data", str(tmp_path / "data")])
+    assert "Single source: position and motion come from /odom; nothing else confirms them." in done.output
 
 
 def test_each_recorded_goal_is_a_leg_of_its_own(tmp_path: Path) -> None:

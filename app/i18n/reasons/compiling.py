@@ -54,6 +54,7 @@ SENTENCES: Mapping[str, str] = {
     "predicate_retired": N_("Condition {condition_id} names {predicate}, which only its provider's word can show"),
     "reading_of_other_text": N_("The reading is of another text or site"),
     "route_between": N_("{name} ({start} to {end})"),
+    "site_unreadable": N_("The site file cannot be read: {error}"),
     "source_missing": N_("Nothing at this robot except the provider itself can show {condition_id} ({predicate})"),
     "span_outside_text": N_("Characters {start} to {end} are not in the text"),
     "spot_inside_text": N_("{spot} is no text or number, so it cannot stand inside a text"),
@@ -64,6 +65,7 @@ SENTENCES: Mapping[str, str] = {
     "template_read_otherwise": N_("The template is read otherwise now"),
     "template_without_words": N_("{title} takes no goal in words"),
     "text_in_no_clause": N_("{count} parts of the text are in no clause"),
+    "vouched_unknown": N_("The site vouches for {name}, which is no source of evidence here"),
     "verifier_missing": N_("No verifier is installed for {predicate}, which {condition_id} needs"),
     "way_through_forbidden": N_("The way of {node_id} leads through {region}, which the goal forbids"),
     "word_alone": N_("Only the provider's own word could show {condition_id} ({predicate}), and that is never enough"),
@@ -119,6 +121,7 @@ REMEDIES: Mapping[str, str] = {
         "name the predicate that replaces it, or declare the condition in the node's evidence policy"
     ),
     "reading_of_other_text": N_("read the goal again"),
+    "site_unreadable": N_("name a readable file of UTF-8 text"),
     "source_missing": N_(
         "connect a source of {predicate} to this robot, or name the condition under declared in the stage's evidence "
         "policy: the mission is then verified in part"
@@ -132,6 +135,7 @@ REMEDIES: Mapping[str, str] = {
     "template_read_otherwise": N_("start it by name alone"),
     "template_without_words": N_("start it by its name, or leave the name out"),
     "text_in_no_clause": N_("mark them unread"),
+    "vouched_unknown": N_("name one of {names}"),
     "verifier_missing": N_("install one, or test the condition by a predicate that is"),
     "way_through_forbidden": N_("allow the region, or ask for a place that can be reached without it"),
     "word_alone": N_(

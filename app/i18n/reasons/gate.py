@@ -104,6 +104,9 @@ SENTENCES: Mapping[str, str] = {
         "{provider_id} speaks provider protocol {protocol}, which proposes no facts, so nothing it does is accepted. "
         "Bring it to protocol 1.1."
     ),
+    "receipt_after_collection": N_("{receipt_id} is dated {late_s:.0f} s after the execution was seen to end"),
+    "receipt_before_dispatch": N_("{receipt_id} is dated {early_s:.0f} s before the dispatch"),
+    "receipt_of_another_request": N_("{receipt_id} is of another request"),
     "request_id_not_of_node": N_("The request id is not derived from task, node and attempt."),
     "request_id_not_of_retreat": N_("The request id is not derived from task, return and attempt."),
     "resource_must_be_freed": N_("{resource} is quarantined and must be freed."),
@@ -124,6 +127,7 @@ SENTENCES: Mapping[str, str] = {
     "stop_before_asking": N_("Stop the invocation first: a person is asked with the robot at rest."),
     "stop_before_ending": N_("An invocation is still open: stop it first."),
     "stop_retreat_first": N_("{robot_id} is on the way to {place}. Stop it first."),
+    "stray_receipts": N_("receipts of another request or another time: {strays}"),
     "uncovered_condition": N_("{parts}"),
     "unknown_condition": N_("{node_id} has no condition “{condition_id}”."),
     "verify_only_moves": N_("A verify-only invocation observes; it never actuates."),

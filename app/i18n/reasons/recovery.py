@@ -14,6 +14,9 @@ SENTENCES: Mapping[str, str] = {
     "route_revised": N_(
         "{stage} drives another route, planned on the map of this mission: {length_m:.1f} m, {corners} corners"
     ),
+    "planned_from_memory": N_(
+        "{plan}. This mission's own map showed no way: floor that {missions:words} saw is drawn under it"
+    ),
     "action": N_("{action:word}"),
     "action_by_provider": N_("{action:word} by {provider_id}"),
     "action_impossible": N_("{action:word}: {why}"),

@@ -5,6 +5,7 @@ vocabulary, `{x:words}` several of them, `{x:or}` the same with "or" before the 
 `{x:instant}` is an instant with its date and `{x:clock}` its time of day.
 """
 
+import re
 import warnings
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -36,6 +37,7 @@ from app.i18n.reasons import (
     requests,
     restrictions,
     reviews,
+    robots,
     routing,
     stores,
     supervision,
@@ -67,6 +69,7 @@ SENTENCES: Mapping[str, str] = {
     **restrictions.SENTENCES,
     **reviews.SENTENCES,
     **requests.SENTENCES,
+    **robots.SENTENCES,
     **routing.SENTENCES,
     **stores.SENTENCES,
     **supervision.SENTENCES,
@@ -81,6 +84,7 @@ REMEDIES: Mapping[str, str] = {
     **providers.REMEDIES,
     **recordings.REMEDIES,
     **requests.REMEDIES,
+    **robots.REMEDIES,
     **stores.REMEDIES,
 }
 """What to do about an error, by the code of what happened."""
@@ -98,6 +102,8 @@ ENDS: Mapping[str, str] = {"en": ". ", "zh-Hans": "。"}
 WHERE = N_("Where: {where}")
 INSTANTS: Mapping[str, str] = {"instant": "yyyy-MM-dd HH:mm:ss", "clock": "HH:mm:ss"}
 """How an instant, in seconds since the Unix epoch, is written: with its date, or by its time of day."""
+NONE = "none"
+_IDENTIFIER = re.compile(r"[a-z0-9]+(?:[_.:+-][a-z0-9]+)*")
 WORDS = frozenset({"word", "words", "or", "capital"})
 """Format specifications that are ours."""
 
@@ -181,6 +187,14 @@ def word(slug: str, language: str = ENGLISH) -> str:
     return translated(slug.replace("_", " "), language)
 
 
+def is_identifier(value: str) -> bool:
+    """Whether a fact names a thing, such as a stage called `report`: no language has another word for it.
+
+    A term of the vocabulary is asked for by its hole (`{verdict:word}`); `none` stands for an empty list.
+    """
+    return value != NONE and _IDENTIFIER.fullmatch(value) is not None
+
+
 class _Formatter(Formatter):
     """Fills the holes of one message with facts."""
 
@@ -209,7 +223,7 @@ class _Formatter(Formatter):
                 return format_datetime(at, INSTANTS[format_spec], locale=LOCALES[self._language]) + " UTC"
             case str() if format_spec in WORDS:
                 return word(value, self._language)
-            case str() if not format_spec:
+            case str() if not format_spec and not is_identifier(value):
                 return translated(str(value), self._language)
             case _:
                 return str(super().format_field(value, format_spec))

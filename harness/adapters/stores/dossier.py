@@ -1,5 +1,6 @@
 """Reads and writes dossiers: ZIP archives whose contents list is signed with the installation's Ed25519 key."""
 
+import hashlib
 import os
 import zipfile
 import zlib
@@ -14,15 +15,22 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey,
 
 from harness.adapters.stores.chain import check_record, damaged, event_digest
 from harness.contracts import dossier, errors, ports
-from harness.contracts.ids import Digest, StreamId, sha256
+from harness.contracts.ids import Digest, StreamId
 from harness.contracts.reasons import because
 from harness.contracts.stored_commands import command_of
 from harness.contracts.values import Moment, decode, encode
 
 T = TypeVar("T")
+_UNREADABLE = (KeyError, zipfile.BadZipFile, zlib.error, OSError, EOFError, RuntimeError, ValueError)
 ALGORITHM = "ed25519"
 LARGEST_BYTES = 2 * 2**30
 MOST_FILES = 200_000
+LARGEST_CONTENTS, LARGEST_SIGNATURE, LARGEST_LINES = 32 * 2**20, 64 * 2**10, 256 * 2**20
+"""Bytes of the contents list, of the signature, and of events or records; a blob is hashed piece by piece."""
+FREE_BYTES, MOST_RATIO = 64 * 2**20, 100
+"""A file may unpack to so many bytes, and to so many times its own size beyond that."""
+KNOWN_COMPRESSION = frozenset({zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED})
+_PIECE = 2**20
 
 
 def signing_key(folder: Path) -> Ed25519PrivateKey:
@@ -175,22 +183,24 @@ class Dossier:
 def open_dossier(archive: zipfile.ZipFile, *, where: str) -> Dossier:
     """Check the signature, then every file against the list it covers, then the chain; needs nothing but the file.
 
+    Nothing is unpacked beyond the declared limits, and only the contents list and the signature before that is checked.
     Raises DossierInvalid or LogDamaged that name the first part that does not hold.
     """
-    _bounded(archive, where)
-    signed = _member(archive, dossier.CONTENTS, where)
+    signed = _member(archive, dossier.CONTENTS, where, limit=LARGEST_CONTENTS)
+    stated = _member(archive, dossier.SIGNATURE, where, limit=LARGEST_SIGNATURE)
     try:
+        signature = decode(stated, dossier.DossierSignature)
+        _signed(signed, signature, where)
         contents = decode(signed, dossier.DossierContents)
-        signature = decode(_member(archive, dossier.SIGNATURE, where), dossier.DossierSignature)
     except msgspec.MsgspecError as error:
         raise _invalid(f"its contents list or signature cannot be read ({error})", where) from error
-    _signed(signed, signature, where)
+    _bounded(archive, where)
     if contents.format != dossier.FORMAT:
         raise _invalid(f"it is of format {contents.format}, this release reads {dossier.FORMAT}", where)
     _listed(archive, contents, where)
     try:
-        events = _lines(_member(archive, dossier.EVENTS, where), ports.StoredEvent)
-        records = _lines(_member(archive, dossier.RECORDS, where), ports.Record)
+        events = _lines(_member(archive, dossier.EVENTS, where, limit=LARGEST_LINES), ports.StoredEvent)
+        records = _lines(_member(archive, dossier.RECORDS, where, limit=LARGEST_LINES), ports.Record)
     except msgspec.MsgspecError as error:
         raise _invalid(f"an event or record cannot be read ({error})", where) from error
     log = DossierLog(events, records, contents.head)
@@ -200,8 +210,9 @@ def open_dossier(archive: zipfile.ZipFile, *, where: str) -> Dossier:
 
 def _bounded(archive: zipfile.ZipFile, where: str) -> None:
     members = archive.infolist()
-    if len(members) > MOST_FILES or sum(one.file_size for one in members) > LARGEST_BYTES:
-        raise _invalid(f"it unpacks to more than {LARGEST_BYTES} bytes or {MOST_FILES} files", where)
+    packed, unpacked = sum(one.compress_size for one in members), sum(one.file_size for one in members)
+    if len(members) > MOST_FILES or unpacked > min(LARGEST_BYTES, FREE_BYTES + MOST_RATIO * packed):
+        raise _invalid(f"it unpacks from {packed} to {unpacked} bytes in {len(members)} files", where)
 
 
 def _signed(signed: bytes, signature: dossier.DossierSignature, where: str) -> None:
@@ -219,16 +230,35 @@ def _listed(archive: zipfile.ZipFile, contents: dossier.DossierContents, where: 
     if strange := sorted(names - set(contents.files)):
         raise _invalid(f"{strange[0]} is in it and was not signed", where)
     for name, expected in contents.files.items():
-        if sha256(_member(archive, name, where)) != expected:
+        if _digest(archive, name, where) != expected:
             raise _invalid(f"{name} does not match its signed digest", where)
         if name.startswith("blobs/") and name != f"blobs/{expected}":
             raise _invalid(f"{name} is not named by its digest", where)
 
 
-def _member(archive: zipfile.ZipFile, name: str, where: str) -> bytes:
+def _member(archive: zipfile.ZipFile, name: str, where: str, *, limit: int) -> bytes:
+    """A whole file of the archive, if it is declared with at most `limit` bytes, which is all that is unpacked."""
+    return b"".join(_pieces(archive, name, where, limit=limit))
+
+
+def _digest(archive: zipfile.ZipFile, name: str, where: str) -> Digest:
+    found = hashlib.sha256()
+    for piece in _pieces(archive, name, where, limit=LARGEST_BYTES):
+        found.update(piece)
+    return Digest(found.hexdigest())
+
+
+def _pieces(archive: zipfile.ZipFile, name: str, where: str, *, limit: int) -> Iterator[bytes]:
     try:
-        return archive.read(name)
-    except (KeyError, zipfile.BadZipFile, zlib.error, OSError, EOFError, RuntimeError, ValueError) as error:
+        declared = archive.getinfo(name)
+        if declared.file_size > limit:
+            raise _invalid(f"{name} unpacks to {declared.file_size} bytes, at most {limit} are read", where)
+        if declared.compress_type not in KNOWN_COMPRESSION:
+            raise _invalid(f"{name} is compressed in another way than this release writes", where)
+        with archive.open(declared) as file:
+            while piece := file.read(_PIECE):
+                yield piece
+    except _UNREADABLE as error:
         raise _invalid(f"{name} is missing or damaged ({error})", where) from error
 
 

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import stat
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,8 @@ from harness.contracts.reasons import because
 
 FLOOR_BYTES = 64 * 1024 * 1024
 """A mission is not begun with less free space than this."""
+KEPT = ("*.db", "*.db-wal", "*.db-shm", "owner.lock", "blobs", "spool", "robots")
+"""What the harness keeps directly in a data folder."""
 
 
 @dataclass(frozen=True)
@@ -50,13 +53,15 @@ def existing(root: Path) -> DataFolder:
 
 
 def prepare(root: Path, *, floor_bytes: int = FLOOR_BYTES) -> DataFolder:
-    """Create the folder if it is not there, for its owner only, and try to write to it.
+    """Create the folder if it is not there, and try to write to it. What lies in it is for its owner only: a
+    folder with a log that others may enter, because an earlier release or a umask made it so, is closed to them.
 
     Raises StoreUnavailable if it is no folder, cannot be written, or its disk has less than `floor_bytes` free.
     """
     root = root.absolute()
     try:
         root.mkdir(parents=True, exist_ok=True, mode=0o700)
+        _closed_to_others(root)
         with tempfile.TemporaryFile(dir=root) as trial:
             trial.write(b"\0")
             trial.flush()
@@ -71,3 +76,18 @@ def prepare(root: Path, *, floor_bytes: int = FLOOR_BYTES) -> DataFolder:
             because("disk_full", free_mib=free // 2**20, needed_mib=floor_bytes // 2**20), where=str(root)
         )
     return DataFolder(root)
+
+
+def _closed_to_others(root: Path) -> None:
+    """Modes 0700 and 0600 for a folder that already holds a log, and for what the harness keeps in it.
+
+    A folder without a log, one that several users share (sticky), and what belongs to another user stay as they are.
+    """
+    shared = root.stat().st_mode & stat.S_ISVTX
+    if shared or not (root / "events.db").is_file():
+        return
+    for path in (root, *(one for pattern in KEPT for one in root.glob(pattern))):
+        found = path.lstat()
+        known = stat.S_ISDIR(found.st_mode) or stat.S_ISREG(found.st_mode)
+        if known and found.st_uid == os.geteuid() and stat.S_IMODE(found.st_mode) & 0o077:
+            path.chmod(0o700 if stat.S_ISDIR(found.st_mode) else 0o600)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from hmac import compare_digest
 from importlib.resources import files
-from logging import getLogger
+from logging import INFO, WARNING, getLogger
 from queue import SimpleQueue
 from threading import Thread
 from typing import Any
@@ -48,7 +48,7 @@ class StoredSnapshots:
         self._offers: SimpleQueue[_Offer | None] = SimpleQueue()
         self._thread: Thread | None = None
         if key.missing is not None:
-            LOG.warning("snapshots_unused reason=%s", plain(key.missing))
+            LOG.log(WARNING if keeping else INFO, "snapshots_unused reason=%s", plain(key.missing))
         elif keeping:
             self._thread = Thread(target=self._keep_offers, name="regen-snapshots", daemon=True)
             self._thread.start()

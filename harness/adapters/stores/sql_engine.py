@@ -14,7 +14,7 @@ from sqlalchemy.event import listen
 from sqlalchemy.exc import ArgumentError, DBAPIError, OperationalError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
-from harness.contracts.errors import StoreUnavailable
+from harness.contracts.errors import StoreBusy, StoreUnavailable
 from harness.contracts.reasons import because
 
 _WRITER = ("PRAGMA synchronous=FULL", "PRAGMA foreign_keys=ON")
@@ -32,6 +32,7 @@ _REMEDIES = {
     sqlite3.SQLITE_NOTADB: because("log_of_other_kind"),
     sqlite3.SQLITE_CORRUPT: because("log_file_damaged"),
 }
+_HELD = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
 _PRIMARY = 0xFF
 _PAUSE_S = 0.01
 
@@ -91,7 +92,8 @@ class Translated:
 def unavailable(url: URL, error: SQLAlchemyError | sqlite3.Error) -> StoreUnavailable:
     """What a database failure means for a person."""
     cause = error.orig if isinstance(error, DBAPIError) else error
-    return StoreUnavailable(
+    kind = StoreBusy if _code(error) in _HELD else StoreUnavailable
+    return kind(
         because("log_unusable", error=str(cause)),
         where=str(url.database),
         do=_REMEDIES.get(_code(error), because("data_folder_failing")),

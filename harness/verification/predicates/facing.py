@@ -15,6 +15,8 @@ from harness.verification.reading import Evidence, read
 LEAST_SHARE, LEAST_LEAD = 0.4, 1.3
 """So much of the sweep lies on walls at the right heading, and so many times as much as at any other one."""
 STILL_RADPS, STILL_S = 0.02, 0.3
+TURNED_RAD = 0.03
+"""A body that turned further since a sweep no longer faces what the sweep shows."""
 
 
 def facing(effect: AnyEffect, evidence: Evidence) -> Finding:
@@ -32,7 +34,9 @@ def facing(effect: AnyEffect, evidence: Evidence) -> Finding:
     scan = _at_rest(trajectory, until_s=evidence.speaks_at_s)
     if scan is None:
         return ambiguous(because("no_sweep_at_rest"))
-    found = evidence.once(("heading", scan.blob, effect.route_m, effect.target_m), lambda: _match(effect, scan, evidence))
+    found = evidence.once(
+        ("heading", scan.blob, effect.route_m, effect.target_m), lambda: _match(effect, scan, evidence)
+    )
     if found is None or found.share < LEAST_SHARE or found.share < LEAST_LEAD * found.other:
         share = found.share if found else 0.0
         return ambiguous(because("sweep_fits_no_heading", percent=100.0 * share), share=share)
@@ -70,9 +74,11 @@ def _trajectory(evidence: Evidence) -> Trajectory:
 
 
 def _at_rest(trajectory: Trajectory, *, until_s: float) -> Scan | None:
-    """The newest sweep during which, and just before which, odometry shows no turn."""
+    """The newest sweep during which, and just before which, odometry shows no turn, and after which the body stayed."""
     for scan in sorted(trajectory.scans, key=lambda one: -one.at_s):
         near = [one for one in trajectory.odometry if scan.at_s - STILL_S <= one.at_s <= scan.at_s + 0.05]
         if scan.at_s <= until_s and near and all(abs(one.w_radps) <= STILL_RADPS for one in near):
-            return scan
+            since = (one.yaw_rad for one in trajectory.odometry if scan.at_s < one.at_s <= until_s)
+            stayed = all(abs(math.remainder(yaw - near[-1].yaw_rad, math.tau)) <= TURNED_RAD for yaw in since)
+            return scan if stayed else None
     return None

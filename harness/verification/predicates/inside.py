@@ -2,6 +2,7 @@
 
 from harness.contracts.effects import AnyEffect, Metric, Relational
 from harness.contracts.reasons import Reason, because
+from harness.contracts.rules import LINEAGE
 from harness.contracts.verdicts import PredicateVerdict
 from harness.verification.body import current_track
 from harness.verification.finding import Finding, Undecidable, ambiguous
@@ -13,7 +14,10 @@ BODY = ("body", "robot")
 
 
 def inside(effect: AnyEffect, evidence: Evidence) -> Finding:
-    """All of the newest 3 poses in the region: satisfied; none of them: violated; both kinds: ambiguous."""
+    """All of the newest 3 poses in the region: satisfied; none of them: violated; both kinds: ambiguous.
+
+    From the rules on that trace levels, a localiser alone that nothing can contradict is ambiguous too.
+    """
     if not isinstance(effect, Relational) or len(effect.region_m) < 3:
         raise Undecidable(because("effect_not_testable", predicate="inside"))
     if effect.subject not in BODY:
@@ -30,6 +34,8 @@ def inside(effect: AnyEffect, evidence: Evidence) -> Finding:
     if len(poses) < SAMPLES:
         return ambiguous(because("too_few_poses_in_frame", poses=len(poses), wanted=SAMPLES), samples=float(len(poses)))
     within = sum(contains(effect.region_m, (pose.x_m, pose.y_m)) for pose in poses)
+    if evidence.policy.rules >= LINEAGE and not track.odometry and poses[-1].source == "localiser":
+        return ambiguous(because("no_odometry_in_motion"), samples=float(len(poses)))
     agreement = agreement_of(evidence, place)
     verdict, reason = _answer(within, of=len(poses), name=effect.object)
     if agreement is not None and not agreement.holds:

@@ -12,14 +12,17 @@ from harness.contracts.ids import Digest
 from harness.contracts.observations import Odometry, Pose
 from harness.contracts.protocol import Receipt
 from harness.contracts.reasons import Reason, because, several
+from harness.contracts.rules import LINEAGE
 from harness.verification.body import LIMIT_M, at_rest_until
 from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
 from harness.verification.media import image_size
-from harness.verification.reading import Evidence
+from harness.verification.reading import AdmittedTrack, Evidence
 
 TURN_LIMIT_RAD = 0.05
 WIDEST_GAP = 1.5
 NEAREST = 0.5
+APART_RAD = 0.2
+"""So far the turn by odometry may differ from the localiser's, whose noise and drift together stay well below."""
 NEAR_S = 0.5
 
 
@@ -61,9 +64,10 @@ def panorama(effect: AnyEffect, evidence: Evidence) -> Finding:
         "turn_rad": turned,
         **_in_map(evidence, odometry, yaws),
     }
+    torn = _torn(evidence)
     return Finding(
-        verdict="violated" if problems else "satisfied",
-        reason=several(problems) or because("panorama_whole", frames=len(frames)),
+        verdict="violated" if problems else "ambiguous" if torn else "satisfied",
+        reason=several(problems) or torn or because("panorama_whole", frames=len(frames)),
         measured=measured,
         bounds={
             "frames": float(effect.frames),
@@ -134,6 +138,23 @@ def _gaps(yaws: Sequence[float]) -> list[float]:
     """Angles between neighbouring headings around the circle, radians; they add up to a full turn."""
     ordered = sorted(yaw % math.tau for yaw in yaws)
     return [b - a for a, b in pairwise([*ordered, ordered[0] + math.tau])]
+
+
+def _torn(evidence: Evidence) -> Reason | None:
+    """Whether the localiser saw another turn than odometry counted: feet that slip turn less than they walk.
+
+    Rules before those that trace levels did not ask.
+    """
+    if evidence.policy.rules < LINEAGE:
+        return None
+    apart = max((_apart(track) for track in evidence.tracks if track.odometry), default=0.0)
+    return because("headings_apart", apart_rad=apart, bound_rad=APART_RAD) if apart > APART_RAD else None
+
+
+def _apart(track: AdmittedTrack) -> float:
+    """How far the difference of both headings changes within an execution, radians."""
+    offsets = [pose.yaw_rad - _yaw(track.odometry, pose.at_s) for pose in track.poses]
+    return max((abs(math.remainder(one - offsets[0], math.tau)) for one in offsets), default=0.0)
 
 
 def _in_map(evidence: Evidence, odometry: Sequence[Odometry], yaws: Sequence[float]) -> dict[str, float]:

@@ -10,6 +10,7 @@ from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest
 from harness.contracts.observations import Odometry
 from harness.contracts.reasons import Reason, because, several
+from harness.contracts.rules import LINEAGE
 from harness.verification.body import LIMIT_M
 from harness.verification.finding import FACTS, RECEIPTS, Finding, Undecidable, ambiguous
 from harness.verification.media import image_size
@@ -31,7 +32,9 @@ class PictureReport(msgspec.Struct, frozen=True):
 def pictured(effect: AnyEffect, evidence: Evidence) -> Finding:
     """`frames` whole images of the wanted size with a capture receipt each, the body at rest through the look.
 
-    `evidence` = the images in order of capture. measured: x_m, y_m where poses give them.
+    Where a stage was looked at again, the images are those of the newest look, whose rest is tested: an earlier one may
+    have been taken in motion. Rules 1 took all of them. `evidence` = the images in order of capture. measured: x_m, y_m
+    where poses give them.
     """
     if not isinstance(effect, Visual):
         raise Undecidable(because("effect_not_testable", predicate="pictured"))
@@ -42,6 +45,7 @@ def pictured(effect: AnyEffect, evidence: Evidence) -> Finding:
     track = next((one for one in reversed(evidence.tracks) if one.current), None)
     if track is None or not track.odometry:
         return ambiguous(because("no_odometry_during_look"), images=float(len(images)))
+    images = list(_of_look(images, track, evidence))
     moved_m, turned_rad = _moved(track.odometry)
     problems = _small(images, effect, evidence)
     if len(images) < effect.frames:
@@ -56,6 +60,15 @@ def pictured(effect: AnyEffect, evidence: Evidence) -> Finding:
         sources=("camera", "odometry", RECEIPTS),
         evidence=tuple(image.blob for image in images),
     )
+
+
+def _of_look(
+    images: Sequence[EvidenceReference], track: AdmittedTrack, evidence: Evidence
+) -> Sequence[EvidenceReference]:
+    """The images of the execution whose track this is; all of them where it took none itself."""
+    if evidence.policy.rules < LINEAGE:
+        return images
+    return [image for image in images if image.from_s >= track.dispatched_s] or images
 
 
 def same_image(effect: AnyEffect, evidence: Evidence) -> Finding:

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 from harness.contracts.effects import AnyEffect, Temporal
 from harness.contracts.reasons import because
+from harness.contracts.rules import LINEAGE
 from harness.verification.body import current_track
 from harness.verification.finding import Finding, Undecidable, ambiguous
 from harness.verification.reading import Evidence
@@ -17,7 +18,8 @@ Find = Callable[[AnyEffect], Callable[[AnyEffect, Evidence], Finding] | None]
 def stable(effect: AnyEffect, evidence: Evidence, *, find: Find) -> Finding:
     """The inner predicate's answer at sensor times of the last `interval_s`, each on what was seen until then.
 
-    One look that refutes it is violated; one that cannot decide, or a gap above `bound` seconds, is ambiguous.
+    One look that refutes it is violated; one that cannot decide, or a gap above `bound` seconds, is ambiguous. From the
+    rules on that trace levels, it is as old as what any look needed was at that look.
     """
     if not isinstance(effect, Temporal) or effect.inner is None:
         raise Undecidable(because("effect_not_testable", predicate="stable"))
@@ -44,8 +46,16 @@ def stable(effect: AnyEffect, evidence: Evidence, *, find: Find) -> Finding:
         bounds={**worst.bounds, "held": float(len(found)), "gap_s": effect.bound},
         sources=found[-1].sources,
         evidence=found[-1].evidence,
-        age_s=max(0.0, evidence.speaks_at_s - looks[-1]),
+        age_s=_age_s(found, evidence, newest_s=looks[-1]),
     )
+
+
+def _age_s(found: list[Finding], evidence: Evidence, *, newest_s: float) -> float:
+    """The inner predicate may need a source that is silent, while the looks go on with another one."""
+    age_s = max(0.0, evidence.speaks_at_s - newest_s)
+    if evidence.policy.rules < LINEAGE:
+        return age_s
+    return max(age_s, *(one.age_s or 0.0 for one in found))
 
 
 def _looks(evidence: Evidence, *, interval_s: float) -> list[float]:

@@ -48,3 +48,8 @@ def test_a_reason_of_the_recovery_ladder_is_told_in_chinese_to_its_last_word() -
         "不明确（实测走完路线的 92.5%，界限 95%；距目标 7.49 米，界限 0.40 米）。此前已尝试：再次感知。"
         "接下来：由 careful-local-planner 更换技能。剩余恢复次数：本阶段 2，任务 8。"
     )
+
+
+def test_an_identifier_that_equals_a_word_of_the_catalogue_stays_as_it_is() -> None:
+    said = rendering.sentence(because("no_accepted_fact_of_stage", name="arrival", stage="report"), "zh-Hans")
+    assert "report" in said and "arrival" in said

@@ -27,7 +27,7 @@ TABLES = (alerts, console, contexts, execution, gate, outcomes, planning, propos
 EXAMPLES = (
     (because("too_few_people", quorum=2, reviewers=1, releasers=1), "2 approvals and a releaser", "需要 2 个批准"),
     (because("lease_held", resource="base", invocation_id="inv_1", mission_id="msn_1"), "base is held", "base"),
-    (because("stage_missing", stages=("go", "look")), "go, look", "前往、查看"),
+    (because("stage_missing", stages=("go", "look")), "go, look", "go、look"),
     (because("target_too_far", at="(1.00, 2.00)", way_m=9.04, longest_m=8.0), "9.0 m away", "9.0"),
     (because("robot_on_another_map", robot_map="b", way_map="a"), "on map b, the way on a", "b"),
     (because("ladder_end", limit=8), "within 8 steps", "8"),

@@ -4,6 +4,7 @@ import pytest
 from msgspec.structs import replace
 
 from harness.baseline.load import baseline, further, site
+from harness.contracts.effects import Relational
 from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, ReadingStale, UnknownName, Unsatisfiable
 from harness.contracts.tasks import TaskContract
 from harness.goals.understanding import GoalRequest, compiled, read_again, understand
@@ -149,3 +150,15 @@ def test_a_condition_that_no_stage_can_show_to_hold_is_named() -> None:
     found = understand(GoalRequest(template=extra.name), templates=(extra,), site=SITE)
     with raises_saying(Unsatisfiable, match=r"goal\.told needs: analyse_passage, speak"):
         compiled(found, templates=(extra,), site=SITE, arguments={})
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["Check the storage area and describe it", "Photograph the storage area twice", "检查储物区，再去储物区拍照"],
+)
+def test_what_is_done_where_the_body_already_is_names_only_stages_that_there_are(text: str) -> None:
+    task = contract(text)
+    kept = set(stages(task))
+    for condition in task.completion_conditions:
+        if isinstance(condition.effect, Relational):
+            assert condition.effect.subject in {*kept, "body"}, condition.condition_id

@@ -22,7 +22,7 @@ def chatty(request: bytes) -> bytes:
 
 
 def refusing(request: bytes) -> bytes:
-    raise CloudInvalid(because("cloud_unusable", why="test"), where="here")
+    raise CloudInvalid(because("cloud_empty"), where="here")
 
 
 def broken(request: bytes) -> bytes:

@@ -27,7 +27,7 @@ def test_one_child_answers_many_requests_and_what_it_prints_is_no_answer() -> No
 def test_a_typed_error_of_the_parser_comes_back_as_it_was_raised() -> None:
     found = failure(parsers.refusing)
     assert isinstance(found, CloudInvalid)
-    assert (found.reason.code, found.where) == ("cloud_unusable", "here")
+    assert (found.reason.code, found.where) == ("cloud_empty", "here")
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,7 @@ def test_millimetres_become_metres(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "body", "why"),
     [
-        ("cloud.las", b"LASF", "no format"),
+        ("cloud.las", b"LASF", "PLY, not .las"),
         ("cloud.pcd", b"", "hold together"),
         ("cloud.pcd", b"x,y,z\n1,2,3\n", "hold together"),
         ("cloud.ply", b"plx\n", "hold together"),

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from harness.adapters.providers.speech.recogniser import recognised
+from harness.adapters.providers.speech.recordings import RecordingClaims
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest
 from harness.contracts.measurements import Measurement
@@ -18,15 +19,17 @@ Read = Callable[[Digest], bytes]
 class RoomMicrophone:
     """IndependentSource of `heard`: the recording of the playback, kind "room_sound", and its "recognition".
 
-    Without a room to record, the sound that the speaker's receipt names is recognised: that shows what was
-    synthesised, never that it was played. `read` fetches that sound.
+    A recording that was claimed for another request before is no recording of this playback: only its recognition is
+    given then, and the predicate is left undecided. Without a room to record, the sound that the speaker's receipt
+    names is recognised: that shows what was synthesised, never that it was played. `read` fetches that sound.
     """
 
     predicate = "heard"
     lasting = False
 
-    def __init__(self, room: Room | None, *, keep: Keep, read: Read) -> None:
+    def __init__(self, room: Room | None, *, keep: Keep, read: Read, claims: RecordingClaims | None = None) -> None:
         self._room, self._keep, self._read = room, keep, read
+        self._claims = claims or RecordingClaims(None)
 
     @property
     def able(self) -> bool:
@@ -40,8 +43,12 @@ class RoomMicrophone:
         if self._room is not None:
             recording = self._room.recording(measurement.from_s, measurement.until_s)
             kept = self._keep(recording)
-            sound = self._reference("room_sound", MICROPHONE, kept, measurement)
-            return (sound, self._recognition(recording, measurement))
+            if not all(self._claims.claim(recording, request) for request in measurement.requests[-1:]):
+                return (self._recognition(recording, measurement),)
+            return (
+                self._reference("room_sound", MICROPHONE, kept, measurement),
+                self._recognition(recording, measurement),
+            )
         played = [one.blob for one in measurement.receipts if one.kind == "playback" and one.blob]
         return (self._recognition(self._read(played[-1]), measurement),) if played else ()
 

@@ -1,0 +1,206 @@
+"""Feeds changed bytes to every parser of foreign files, each in its limited process: it answers or refuses, no more.
+
+`python -m experiments.campaigns fuzz --minutes 10` runs each parser for so long. An offence is a parser that dies, or
+an exception that is not a typed refusal; exceeding a limit is a refusal.
+"""
+
+import argparse
+import io
+import json
+import random
+import tempfile
+import time
+import zipfile
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+from pypcd4.pypcd4 import PointCloud
+
+from harness.adapters.clouds import read_cloud
+from harness.adapters.limited_process import LimitedProcess, Limits, Work
+from harness.adapters.providers.recording.reader import open_recording
+from harness.adapters.stores.anchors import parsed_anchors
+from harness.adapters.stores.dossier import open_dossier
+from harness.contracts.errors import ContractInvalid, HarnessError
+from harness.contracts.reasons import Reason
+
+ROOT = Path(__file__).resolve().parents[2]
+LIMITS = Limits(memory_bytes=256 * 2**20, cpu_s=20.0, wall_s=120.0, output_bytes=2**20)
+UNTYPED, DIED = "parser_failed", "parser_died"
+SHOWN = 5
+
+
+def dossier(body: bytes) -> bytes:
+    """Open it as `regen verify` does, without deriving the decisions again."""
+    try:
+        archive = zipfile.ZipFile(io.BytesIO(body))
+    except (OSError, zipfile.BadZipFile, ValueError):
+        return b""
+    with archive:
+        open_dossier(archive, where="fuzzed")
+    return b""
+
+
+def pcd(body: bytes) -> bytes:
+    """Read it as `regen map import` does."""
+    return _read(body, "cloud.pcd", read_cloud)
+
+
+def ply(body: bytes) -> bytes:
+    """Read it as `regen map import` does."""
+    return _read(body, "cloud.ply", read_cloud)
+
+
+def mcap(body: bytes) -> bytes:
+    """Read it whole as `regen mission replay` does."""
+    return _read(body, "drive.mcap", _samples)
+
+
+def bag_folder(body: bytes) -> bytes:
+    """Read a rosbag2 folder with this metadata."""
+    return _read(body, "metadata.yaml", lambda file: _samples(file.parent))
+
+
+def anchors(body: bytes) -> bytes:
+    """Read it as `regen audit verify --anchor` does."""
+    parsed_anchors(body.decode(errors="replace"))
+    return b""
+
+
+def _read(body: bytes, name: str, reader: Callable[[Path], object]) -> bytes:
+    with tempfile.TemporaryDirectory(prefix="regen-fuzz-") as folder:
+        file = Path(folder) / name
+        file.write_bytes(body)
+        reader(file)
+    return b""
+
+
+def _samples(path: Path) -> None:
+    with open_recording(path) as recording:
+        for _ in recording.samples():
+            pass
+
+
+def _scatter() -> PointCloud:
+    return PointCloud.from_xyz_points(np.arange(300, dtype=np.float32).reshape(-1, 3))
+
+
+def _pcd_seed() -> bytes:
+    into = io.BytesIO()
+    _scatter().save(into)
+    return into.getvalue()
+
+
+def _ply_seed() -> bytes:
+    head = "ply\nformat ascii 1.0\ncomment made here\nelement vertex 3\nproperty float x\nproperty float y\n"
+    return (head + "property float z\nend_header\n0 0 0\n1 0 0\n0 1 0\n").encode()
+
+
+def _dossier_seed() -> bytes:
+    into = io.BytesIO()
+    with zipfile.ZipFile(into, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in ("dossier.json", "signature.json", "events.jsonl", "records.jsonl"):
+            archive.writestr(name, json.dumps({"algorithm": "ed25519", "public_key": "00", "signature": "00"}))
+    return into.getvalue()
+
+
+def _mcap_seed() -> bytes:
+    return (ROOT / "tests" / "fixtures" / "warehouse-inspection.mcap").read_bytes()
+
+
+def _metadata_seed() -> bytes:
+    return (
+        b"rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: mcap\n  message_count: 1\n"
+        b"  relative_file_paths:\n    - metadata.yaml\n  compression_mode: FILE\n"
+    )
+
+
+@dataclass(frozen=True)
+class Fuzzed:
+    """A parser and one file that it reads, or nearly."""
+
+    work: Work
+    seed: Callable[[], bytes]
+
+
+PARSERS: Mapping[str, Fuzzed] = {
+    "dossier": Fuzzed(dossier, _dossier_seed),
+    "pcd": Fuzzed(pcd, _pcd_seed),
+    "ply": Fuzzed(ply, _ply_seed),
+    "mcap": Fuzzed(mcap, _mcap_seed),
+    "bag folder": Fuzzed(bag_folder, _metadata_seed),
+    "anchors": Fuzzed(anchors, lambda: f"12 {'0a' * 32}\n".encode()),
+}
+
+
+@dataclass
+class FuzzReport:
+    """What became of one parser: files tried, read, refused with a reason, refused by a limit; and what must not be."""
+
+    tried: int = 0
+    read: int = 0
+    refused: int = 0
+    limited: int = 0
+    offences: list[str] = field(default_factory=list)
+
+
+def fuzz_parser(fuzzed: Fuzzed, *, seed: int, seconds: float = 0.0, files: int = 0) -> FuzzReport:
+    """Changed files for so long, or so many. The same seed gives the same files."""
+    chance, whole, report = random.Random(seed), fuzzed.seed(), FuzzReport()
+    until = time.monotonic() + seconds
+    with closing(LimitedProcess(fuzzed.work, LIMITS, failure=ContractInvalid)) as child:
+        while report.tried < files or time.monotonic() < until:
+            report.tried += 1
+            try:
+                child.run(changed(whole, chance))
+                report.read += 1
+            except HarnessError as error:
+                _count(report, error)
+    return report
+
+
+def _count(report: FuzzReport, error: HarnessError) -> None:
+    code = error.what.code if isinstance(error.what, Reason) else ""
+    if code in (UNTYPED, DIED):
+        report.offences.append(str(error))
+    elif code.startswith("parser_"):
+        report.limited += 1
+    else:
+        report.refused += 1
+
+
+def changed(whole: bytes, chance: random.Random) -> bytes:
+    """The file with a few changes: bits, bytes, numbers, pieces taken out, doubled or cut off."""
+    body = bytearray(whole)
+    for _ in range(chance.randint(1, 6)):
+        at = chance.randrange(len(body) + 1)
+        piece = slice(at, at + chance.randint(1, 64))
+        match chance.randrange(7):
+            case 0 if at < len(body):
+                body[at] ^= 1 << chance.randrange(8)
+            case 1:
+                body[piece] = chance.randbytes(chance.randint(0, 16))
+            case 2:
+                body[at:at] = body[piece] * chance.randint(1, 50)
+            case 3:
+                del body[piece]
+            case 4:
+                body[at : at + 4] = chance.choice((b"\xff" * 4, bytes(4), b"\x7f\xff\xff\xff", b"\xff\xff\xff\x7f"))
+            case 5:
+                body[piece] = str(chance.choice((-1, 0, 2**31, 2**63, 10**30, 1e308))).encode()
+            case _:
+                del body[at:]
+    return bytes(body)
+
+
+def run(asked: argparse.Namespace) -> None:
+    """Every parser for so many minutes; exit 1 if one has an offence."""
+    reports = {name: fuzz_parser(one, seed=asked.seed, seconds=60 * asked.minutes) for name, one in PARSERS.items()}
+    for report in reports.values():
+        report.offences = report.offences[:SHOWN]
+    print(json.dumps({name: asdict(report) for name, report in reports.items()}, indent=2))
+    if any(report.offences for report in reports.values()):
+        raise SystemExit(1)

@@ -1,0 +1,195 @@
+"""Kills the console, a worker or the robot by SIGKILL at a random instant of a mission over HTTP, starts again what a
+service manager would, answers no question, and counts what came of it.
+
+The console is `regen up`, a worker is a `regen mission run` without pages, the robot is their child behind the HTTP
+provider protocol. A reader follows the log while they work: what it has read must still stand there in the end.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Literal, get_args
+
+from experiments.campaigns.chance import between
+from experiments.campaigns.kills import offences_in, stored_log
+from experiments.campaigns.live_mission import (
+    LASTS_S,
+    PATIENCE_S,
+    POLL_S,
+    HostKind,
+    LogReader,
+    attachment,
+    doubled_starts,
+    end_host,
+    false_completions,
+    started,
+    truth_of,
+    until,
+)
+from harness.contracts.values import Value
+from rsi_reviews.bounds import upper_bound
+
+Target = Literal["console", "worker", "robot"]
+TARGETS: tuple[Target, ...] = get_args(Target)
+LEAST_SHARE = 0.6
+
+
+class InstantKill(Value):
+    """One kill: of whom, how many mission seconds after the robot began the mission, and who supervises."""
+
+    number: int
+    target: Target
+    host: HostKind
+    at_s: float
+
+
+class InstantOutcome(Value):
+    """What came of one mission. `struck`: the process died by SIGKILL before the mission's end; `asked`: about what."""
+
+    kill: InstantKill
+    struck: bool
+    end: str
+    asked: str = ""
+    false_completions: tuple[str, ...] = ()
+    lost_events: int = 0
+    duplicate_starts: int = 0
+    wrong: tuple[str, ...] = ()
+
+
+class TargetCount(Value):
+    """Missions of one target. `succeeded`: without any person's answer; `ends`, `questions`: what became of all."""
+
+    struck: int
+    succeeded: int
+    ends: dict[str, int]
+    questions: dict[str, int]
+
+
+class RandomKillReport(Value):
+    """All kills. `upper_bounds`: the largest share of missions that each zero does not refute (95 %)."""
+
+    instants: int
+    missed: int
+    targets: dict[str, TargetCount]
+    false_completions: int
+    lost_events: int
+    read_events: int
+    duplicate_starts: int
+    upper_bound: float
+    offences: tuple[str, ...]
+
+
+def random_kills(instants: int, *, seed: int = 1, minutes: float | None = None) -> RandomKillReport:
+    """That many kills, the targets in turn, or as many as `minutes` allow."""
+    until_s = time.monotonic() + 60.0 * minutes if minutes is not None else float("inf")
+    done: list[tuple[InstantOutcome, int]] = []
+    for number in range(instants):
+        if time.monotonic() > until_s:
+            break
+        done.append(killed_at(instant(number, seed)))
+        one = done[-1][0]
+        said = f"{len(done)} of {instants}: {one.kill.target} at {one.kill.at_s:.1f} s, {one.end} {one.asked}"
+        print(said, file=sys.stderr, flush=True)
+    return reported([one for one, _ in done], read_events=sum(read for _, read in done))
+
+
+def instant(number: int, seed: int) -> InstantKill:
+    """The kill of that number: targets in turn, hosts of a killed robot in turn, the instant by the seed."""
+    target = TARGETS[number % len(TARGETS)]
+    host = target if target != "robot" else ("console", "worker")[number // len(TARGETS) % 2]
+    return InstantKill(number=number, target=target, host=host, at_s=between(seed, 0.0, LASTS_S, "instant", number))
+
+
+def reported(done: Sequence[InstantOutcome], *, read_events: int) -> RandomKillReport:
+    """The counts per target; an offence is what must never be, and a target that a person had to help too often."""
+    targets: dict[str, TargetCount] = {}
+    for target in TARGETS:
+        mine = [one for one in done if one.kill.target == target and one.struck]
+        targets[target] = TargetCount(
+            struck=len(mine),
+            succeeded=sum(one.end == "succeeded" and not one.asked for one in mine),
+            ends=dict(Counter(one.end for one in mine)),
+            questions=dict(Counter(one.asked for one in mine if one.asked)),
+        )
+    struck = [one for one in done if one.struck]
+    offences = [f"{_title(one.kill)}: {sentence}" for one in done for sentence in one.wrong]
+    offences += [f"{_title(one.kill)}: false: {why}" for one in done for why in one.false_completions]
+    offences += [f"{_title(one.kill)}: {one.lost_events} events lost" for one in done if one.lost_events]
+    offences += [
+        f"of {count.struck} missions after a kill of the {name}, {count.succeeded} succeeded without a person"
+        for name, count in targets.items()
+        if count.succeeded < LEAST_SHARE * count.struck
+    ]
+    return RandomKillReport(
+        instants=len(done),
+        missed=len(done) - len(struck),
+        targets=targets,
+        false_completions=sum(len(one.false_completions) for one in done),
+        lost_events=sum(one.lost_events for one in done),
+        read_events=read_events,
+        duplicate_starts=sum(one.duplicate_starts for one in done),
+        upper_bound=upper_bound(0, len(struck)) if struck else 1.0,
+        offences=tuple(offences),
+    )
+
+
+def _title(kill: InstantKill) -> str:
+    return f"{kill.number}, {kill.target} at {kill.at_s:.1f} s"
+
+
+def killed_at(kill: InstantKill) -> tuple[InstantOutcome, int]:
+    """One mission in its own folder, killed once; and how many events a reader had seen before the end."""
+    with TemporaryDirectory(prefix="instant-") as folder:
+        data = Path(folder)
+        reader = LogReader(data)
+        host = started(kill.host, data, first=True)
+        try:
+            struck = _strike(kill, data, host, reader)
+            if struck and kill.target != "robot":
+                host = started(kill.host, data, first=False, mission_id=reader.mission_id)
+            ended = until(lambda: reader.settled() or host.poll() is not None, reader, seconds=PATIENCE_S)
+            ended = (ended and until(reader.settled, reader, seconds=POLL_S)) or reader.settled()
+        finally:
+            end_host(host)
+        log = stored_log(data)
+        wrong = [] if ended else [f"the mission has no end after {PATIENCE_S:.0f} s: {reader.status}"]
+        wrong += offences_in(data, reader.mission_id) if reader.mission_id else ["no mission was created"]
+        outcome = InstantOutcome(
+            kill=kill,
+            struck=struck,
+            end=reader.status,
+            asked=reader.asked,
+            false_completions=tuple(false_completions(data, log)),
+            lost_events=reader.lost(log),
+            duplicate_starts=doubled_starts(data),
+            wrong=tuple(wrong),
+        )
+        return outcome, len(reader.seen)
+
+
+def _strike(kill: InstantKill, data: Path, host: subprocess.Popen[bytes], reader: LogReader) -> bool:
+    """Wait for the instant, by the robot's own time, and kill; False if the mission was over before."""
+
+    def due() -> bool:
+        told = truth_of(data)
+        return bool(told) and told[-1].at_s - told[0].at_s >= kill.at_s
+
+    until(lambda: due() or reader.settled() or host.poll() is not None, reader, seconds=PATIENCE_S)
+    if reader.settled() or host.poll() is not None or not due():
+        return False
+    pid = host.pid if kill.target != "robot" else int(json.loads(attachment(data).read_text())["pid"])
+    try:
+        os.kill(pid, signal.SIGKILL)
+    except ProcessLookupError:
+        return False
+    if kill.target != "robot":
+        host.wait()
+    reader.look()
+    return True

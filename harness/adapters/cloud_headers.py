@@ -1,0 +1,126 @@
+"""Reads the header of a PCD or PLY file: how many points it promises, and to how many bytes it unpacks. Reads no point.
+
+Comments are no part of a header, wherever they stand: a count in one is not a count.
+"""
+
+import re
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from harness.contracts.errors import CloudInvalid
+from harness.contracts.reasons import Reason, because
+from harness.contracts.values import Value
+
+LARGEST_BYTES = 2 * 2**30
+MOST_POINTS = 50_000_000
+MOST_FIELDS = 256
+FREE_BYTES, MOST_RATIO = 64 * 2**20, 20
+"""A compressed file may unpack to so many bytes, and to so many times its own size beyond that."""
+
+_HEAD_BYTES = 64 * 1024
+_PCD_LINES = 10
+"""Lines of a PCD header, comments left out: its reader looks at no more."""
+_PLY_COMMENT = re.compile(rb"(comment|obj_info)\b")
+
+
+class CloudHead(Value):
+    """`points` as the header promises them, `unpacked_bytes` of all of them in memory as the file holds them."""
+
+    points: int
+    unpacked_bytes: int
+
+
+def cloud_head(file: Path) -> CloudHead:
+    """What the header promises. Raises CloudInvalid for a file that is no PCD or PLY, or promises what it cannot hold.
+
+    A header without a count promises nothing; whoever reads the points finds out.
+    """
+    reader = {".pcd": _pcd, ".ply": _ply}.get(file.suffix.lower())
+    if reader is None:
+        raise _invalid(because("cloud_format_unknown", suffix=file.suffix or "no suffix"), file)
+    try:
+        size = file.stat().st_size
+        with file.open("rb") as opened:
+            head = reader(opened, file, size)
+    except OSError as error:
+        raise _invalid(because("cloud_unreadable", error=error.strerror or str(error)), file) from error
+    if size > LARGEST_BYTES or head.points > MOST_POINTS:
+        raise _invalid(because("cloud_too_large", limit_bytes=LARGEST_BYTES, limit_points=MOST_POINTS), file)
+    if head.points > size or head.unpacked_bytes > FREE_BYTES + MOST_RATIO * size:
+        raise _invalid(
+            because("cloud_promises_too_much", points=head.points, unpacked_bytes=head.unpacked_bytes, size_bytes=size),
+            file,
+        )
+    return head
+
+
+def _pcd(opened: BinaryIO, file: Path, size: int) -> CloudHead:
+    numbers: dict[bytes, list[bytes]] = {}
+    for words in _pcd_lines(opened):
+        numbers[words[0].upper()] = words[1:]
+    fields = len(numbers.get(b"FIELDS", []))
+    sizes, counts = _numbers(numbers, b"SIZE", file), _numbers(numbers, b"COUNT", file) or [1] * fields
+    points = (_numbers(numbers, b"POINTS", file) or [0])[0]
+    if max(fields, sum(counts)) > MOST_FIELDS or max(sizes, default=0) > 8:
+        raise _invalid(because("cloud_too_wide", numbers=sum(counts), limit=MOST_FIELDS), file)
+    stride = sum(one * count for one, count in zip(sizes, counts, strict=False))
+    if numbers.get(b"DATA", [b""])[0].lower() == b"binary_compressed":
+        front = opened.read(8)
+        packed, unpacked = struct.unpack("<II", front) if len(front) == 8 else (0, 0)
+        if packed > size or unpacked != points * stride:
+            raise _invalid(
+                because("cloud_sizes_contradict", unpacked_bytes=unpacked, expected_bytes=points * stride), file
+            )
+    return CloudHead(points=points, unpacked_bytes=points * stride)
+
+
+def _pcd_lines(opened: BinaryIO) -> Iterator[list[bytes]]:
+    """The words of each header line; the file stands behind the last one afterwards."""
+    found = 0
+    while found < _PCD_LINES and opened.tell() < _HEAD_BYTES:
+        line = opened.readline(_HEAD_BYTES)
+        if not line:
+            return
+        words = line.split()
+        if not words or words[0].startswith(b"#"):
+            continue
+        found += 1
+        yield words
+        if words[0].upper() == b"DATA":
+            return
+
+
+def _numbers(found: dict[bytes, list[bytes]], name: bytes, file: Path) -> list[int]:
+    try:
+        numbers = [int(word) for word in found.get(name, [])]
+    except ValueError as error:
+        raise _invalid(because("cloud_header_unreadable", line=name.decode()), file) from error
+    if any(number < 0 for number in numbers):
+        raise _invalid(because("cloud_header_unreadable", line=name.decode()), file)
+    return numbers
+
+
+def _ply(opened: BinaryIO, file: Path, size: int) -> CloudHead:
+    points, rows, ended = 0, 0, False
+    head = opened.read(_HEAD_BYTES)
+    for line in head.splitlines():
+        words = line.split()
+        if words[:1] == [b"end_header"]:
+            ended = True
+            break
+        if words[:1] == [b"element"] and not _PLY_COMMENT.match(line.strip()):
+            if len(words) != 3 or not words[2].isdigit():
+                raise _invalid(because("cloud_header_unreadable", line=line.decode(errors="replace")[:80]), file)
+            rows += int(words[2])
+            points = int(words[2]) if words[1] == b"vertex" else points
+    if not ended and head.startswith(b"ply") and len(head) == _HEAD_BYTES:
+        raise _invalid(because("cloud_header_too_long", limit_bytes=_HEAD_BYTES), file)
+    if rows > size:
+        raise _invalid(because("cloud_promises_too_much", points=rows, unpacked_bytes=rows, size_bytes=size), file)
+    return CloudHead(points=points, unpacked_bytes=size)
+
+
+def _invalid(reason: Reason, file: Path) -> CloudInvalid:
+    return CloudInvalid(reason, where=str(file))

@@ -1,0 +1,65 @@
+"""Checks what types cannot say of a robot's answer: how many items it lists, and whether its figures are finite."""
+
+import math
+from collections.abc import Iterable
+
+import msgspec
+
+from harness.contracts.errors import ProviderFailed
+from harness.contracts.protocol import InvocationReport, Observations, Receipt
+from harness.contracts.reasons import because
+
+MOST_RECEIPTS = 256
+MOST_FIGURES = 256
+MOST_TEXT = 10_000
+MOST_LISTED = 20_000
+LARGEST = 1e12
+"""No coordinate, time, speed or count is larger: seconds since 1970 are a few thousand million."""
+LARGEST_SEQ = 1 << 53
+
+
+def check_batch(batch: Observations, *, limit: int) -> None:
+    """Raises ProviderFailed for more samples than were asked for, and for figures that no sensor has."""
+    if len(batch.samples) > limit:
+        raise ProviderFailed(because("too_many_of", what="samples", limit=limit), where="/observations")
+    _figures((batch.at_s,), where="/observations")
+    for sample in batch.samples:
+        if sample.seq > LARGEST_SEQ:
+            raise ProviderFailed(because("figure_out_of_range", figure=f"{sample.seq:.3g}"), where="/observations")
+        _figures(
+            (value for value in msgspec.structs.astuple(sample) if isinstance(value, float)), where="/observations"
+        )
+
+
+def check_report(report: InvocationReport) -> InvocationReport:
+    """The report. Raises ProviderFailed for lists that are too long and for figures that cannot be."""
+    where = "invocation"
+    lengths = {
+        "receipts": (len(report.receipts), MOST_RECEIPTS),
+        "declared": (len(report.declared), MOST_FIGURES),
+        "samples": (len(report.samples), MOST_LISTED),
+        "blobs": (len(report.blobs), MOST_LISTED),
+        "message": (len(report.message), MOST_TEXT),
+        "failure": (len(report.failure), MOST_TEXT),
+        "progress": (len(report.progress.text), MOST_TEXT),
+    }
+    for what, (length, limit) in lengths.items():
+        if length > limit:
+            raise ProviderFailed(because("too_many_of", what=what, limit=limit), where=where)
+    _figures((report.at_s, report.progress.share, report.progress.remaining_m or 0.0), where=where)
+    _figures(report.declared.values(), where=where)
+    for receipt in report.receipts:
+        _receipt(receipt, where=where)
+    return report
+
+
+def _receipt(receipt: Receipt, *, where: str) -> None:
+    if len(receipt.values) > MOST_FIGURES or len(receipt.text) > MOST_TEXT:
+        raise ProviderFailed(because("too_many_of", what="receipt", limit=MOST_FIGURES), where=where)
+    _figures((receipt.at_s, *receipt.values.values()), where=where)
+
+
+def _figures(values: Iterable[float], *, where: str) -> None:
+    for value in values:
+        if not math.isfinite(value) or abs(value) > LARGEST:
+            raise ProviderFailed(because("figure_out_of_range", figure=f"{value:.3g}"), where=where)

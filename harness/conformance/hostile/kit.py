@@ -1,0 +1,67 @@
+"""The hostile provider kit as a whole: its modes, and the counts that are published of a run."""
+
+import resource
+from collections.abc import Callable, Iterable, Sequence
+
+from harness.conformance.hostile.evidence_lies import IMAGES, RECEIPTS, SENSORS
+from harness.conformance.hostile.lies import BOUNDS, IDENTITIES, OUTCOMES, Mode
+from harness.conformance.hostile.missions import Met
+from harness.contracts.errors import UnknownName
+from harness.contracts.reasons import because
+from harness.contracts.values import Value
+
+MODES: tuple[Mode, ...] = (*BOUNDS, *OUTCOMES, *IDENTITIES, *RECEIPTS, *SENSORS, *IMAGES)
+MOST_MIB = 400
+"""How much memory the whole run may take at its peak, simulator and liar included."""
+
+
+class Fuzzed(Value):
+    """The counts of one run, and every mission of it. `undetectable` names the modes that forge every source."""
+
+    missions: int
+    completions: int
+    false_completions: int
+    epistemic: int
+    second_motions: int
+    hangs: int
+    tracebacks: int
+    held: int
+    peak_mib: int
+    undetectable: tuple[str, ...]
+    met: tuple[Met, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing happened that must not happen; an empty run shows nothing."""
+        wrong = self.false_completions + self.second_motions + self.hangs + self.tracebacks + self.held
+        return self.missions > 0 and not wrong and self.peak_mib <= MOST_MIB
+
+
+def chosen(names: Sequence[str]) -> tuple[Mode, ...]:
+    """The modes of these names or groups, all of them without any. Raises UnknownName."""
+    known = {mode.name for mode in MODES} | {mode.group for mode in MODES}
+    strange = [name for name in names if name not in known]
+    if strange:
+        raise UnknownName(because("unknown_lie", name=strange[0], known=tuple(sorted(known))))
+    return tuple(mode for mode in MODES if not names or mode.name in names or mode.group in names)
+
+
+def fuzzed(modes: Iterable[Mode], meet: Callable[[Mode], Met], *, watch: Callable[[Met], None]) -> Fuzzed:
+    """Every mode one after the other, each a mission of its own."""
+    found: list[Met] = []
+    for mode in modes:
+        found.append(meet(mode))
+        watch(found[-1])
+    return Fuzzed(
+        missions=len(found),
+        completions=sum(one.completed for one in found),
+        false_completions=sum(one.false_completion for one in found),
+        epistemic=sum(one.epistemic for one in found),
+        second_motions=sum(one.second_motions for one in found),
+        hangs=sum(one.hang for one in found),
+        tracebacks=sum(bool(one.traceback) for one in found),
+        held=sum(bool(one.held) for one in found),
+        peak_mib=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10,
+        undetectable=tuple(mode.name for mode in MODES if mode.undetectable),
+        met=tuple(found),
+    )

@@ -1,0 +1,326 @@
+"""The lies of the kit about exchanges, requests and identities; those about evidence stand in `evidence_lies`."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from harness.conformance.hostile.proxy import Answer, Ask, Forward, Lie, Seen
+
+Group = Literal["bounds", "outcome", "identity", "receipts", "sensors", "images"]
+Change = Callable[[Any, Seen], Any]
+WHOLE = "warehouse-inspection"
+MANY_BYTES = 60 << 20
+PART = b" " * (1 << 16)
+UNKNOWN = json.dumps({"code": "unknown_name", "what": "No such thing", "where": "here", "do": "ask another"}).encode()
+REFUSED = json.dumps({"code": "provider_failed", "what": "Not now", "where": "here", "do": "ask later"}).encode()
+PAGE = b"<html><body>502 Bad Gateway</body></html>"
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One lie and the mission that meets it. `may_succeed`: the mission's effects are real in spite of the lie, so that
+    success is no false completion. `undetectable`: every source is forged consistently (D17): counted as epistemic."""
+
+    name: str
+    group: Group
+    text: str
+    lie: Lie
+    template: str = "circuit"
+    may_succeed: bool = False
+    undetectable: bool = False
+    patience_s: float = 5.0
+
+
+def instead(kind: str, answer: Answer, *, forwarded: bool = True, moving: bool = True) -> Lie:
+    """Another answer to every request of one kind, once a motion was begun; the request itself may get through."""
+
+    def lie(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+        starting = kind == "start" and ask.kind == "start" and ask.provider not in LOCAL
+        if ask.kind != kind or (moving and not starting and not seen.in_motion):
+            return forward(ask)
+        if forwarded:
+            forward(ask)
+        return answer
+
+    return lie
+
+
+def rewritten(kind: str, change: Change, *, moving: bool = True) -> Lie:
+    """Answers of one kind with their JSON changed, once a motion was begun."""
+
+    def lie(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+        answer = forward(ask)
+        if ask.kind != kind or not answer.ok or (moving and not seen.in_motion):
+            return answer
+        return replace(answer, body=json.dumps(change(answer.json(), seen)).encode())
+
+    return lie
+
+
+def garbled(kind: str, garble: Callable[[bytes], bytes]) -> Lie:
+    """Answers of one kind with their bytes changed, once a motion was begun."""
+
+    def lie(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+        answer = forward(ask)
+        return (
+            replace(answer, body=garble(answer.body)) if ask.kind == kind and answer.ok and seen.in_motion else answer
+        )
+
+    return lie
+
+
+def together(*lies: Lie) -> Lie:
+    """Several lies, the first nearest to the robot."""
+
+    def lie(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+        step = forward
+        for one in lies:
+            step = _within(one, step, seen)
+        return step(ask)
+
+    return lie
+
+
+def _within(lie: Lie, forward: Forward, seen: Seen) -> Forward:
+    return lambda ask: lie(ask, forward, seen)
+
+
+LOCAL = frozenset({"observer"})
+"""Providers of the robot whose starts move nothing."""
+
+
+def _endless() -> Iterator[bytes]:
+    yield b'{"samples":['
+    while True:
+        yield PART
+
+
+def _long() -> Iterator[bytes]:
+    yield from (PART for _ in range(MANY_BYTES // len(PART)))
+
+
+def _full(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+    """Every batch of samples is full, for ever."""
+    if ask.kind != "observations" or not seen.in_motion:
+        return forward(ask)
+    after, limit = int(ask.query.get("after", "0")), int(ask.query.get("limit", "5000"))
+    at_s = json.loads(forward(Ask("GET", "/robot", {}, b"")).body)["at_s"]
+    text = ",".join(
+        f'{{"kind":"battery","seq":{seq},"at_s":{at_s!r},"source":"battery","charge":0.5}}'
+        for seq in range(after + 1, after + 1 + limit)
+    )
+    return Answer(body=f'{{"samples":[{text}],"next_seq":{after + limit},"at_s":{at_s!r}}}'.encode())
+
+
+def _figure(name: bytes, value: bytes) -> Callable[[bytes], bytes]:
+    def garble(body: bytes) -> bytes:
+        head, found, tail = body.partition(b'"' + name + b'":')
+        if not found:
+            return body
+        rest = tail.lstrip(b"-+.0123456789eE")
+        return head + found + value + rest
+
+    return garble
+
+
+def _share(said: Any, seen: Seen) -> Any:
+    return {**said, "status": "sleeping"}
+
+
+def _other_request(said: Any, seen: Seen) -> Any:
+    return {**said, "identity": {**said["identity"], "request_id": "e" * 64}}
+
+
+def _other_mission(said: Any, seen: Seen) -> Any:
+    return {**said, "identity": {**said["identity"], "mission_id": "msn_other"}}
+
+
+def _stranger(said: Any, seen: Seen) -> Any:
+    return {**said, "robot_id": "vbot-9"}
+
+
+def _over(said: Any, seen: Seen) -> Any:
+    extra = [said["samples"][-1]] * 6000 if said["samples"] else []
+    return {**said, "samples": [*said["samples"], *extra]}
+
+
+def _never_ends(said: Any, seen: Seen) -> Any:
+    return {**said, "status": "running", "failure": "", "receipts": []}
+
+
+def _done_at_once(said: Any, seen: Seen) -> Any:
+    return {**said, "status": "succeeded", "failure": ""}
+
+
+def _flips(said: Any, seen: Seen) -> Any:
+    seen.kept["flip"] = not seen.kept.get("flip", False)
+    return {**said, "status": "failed" if seen.kept["flip"] else "running"}
+
+
+def _receipts_without_end(said: Any, seen: Seen) -> Any:
+    one = {"receipt_id": "r", "kind": "arrival", "at_s": said["at_s"], "source": "x", "request_id": "0" * 64}
+    return {**said, "receipts": [one] * 3000}
+
+
+def _map(said: Any, seen: Seen) -> Any:
+    seen.kept["n"] = seen.kept.get("n", 0) + 1
+    return {**said, "map_version": f"map-{seen.kept['n']}"}
+
+
+def _unarmed(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+    """Keepalives are acknowledged and not passed on."""
+    if ask.kind != "keepalive":
+        return forward(ask)
+    return Answer(body=json.dumps({"handle": ask.path.split("/")[2]}).encode())
+
+
+def _stop_ignored(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+    """Stops are acknowledged and not passed on."""
+    if ask.kind != "stop":
+        return forward(ask)
+    return forward(Ask("GET", ask.path.removesuffix("/stop"), {}, b""))
+
+
+def _forgets(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+    """After the first reports the robot knows neither handle nor request: as after a restart without its journal."""
+    if seen.in_motion and ask.kind in ("report", "find", "stop", "keepalive", "resume") and seen.asks["report"] > 4:
+        return Answer(status=404, body=UNKNOWN)
+    return forward(ask)
+
+
+def _hidden(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+    """The start is refused in words, carried out in fact, and denied by journal and query."""
+    if ask.kind == "start" and ask.provider not in LOCAL:
+        forward(ask)
+        return Answer(status=409, body=REFUSED)
+    if ask.kind == "find" and seen.in_motion:
+        return Answer(status=404, body=UNKNOWN)
+    if ask.kind == "starts":
+        return Answer(body=b"[]")
+    return forward(ask)
+
+
+def _denied(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+    """The start arrives, a gateway's page comes back, and the query denies it."""
+    if ask.kind == "start" and ask.provider not in LOCAL:
+        forward(ask)
+        return Answer(status=504, body=PAGE, content_type="text/html")
+    if ask.kind == "find" and seen.in_motion:
+        return Answer(status=404, body=UNKNOWN)
+    return forward(ask)
+
+
+def _moved_away(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+    """Samples are redirected elsewhere."""
+    if ask.kind == "observations" and seen.in_motion:
+        return Answer(status=302, headers=(("Location", "http://127.0.0.1:9/steal"),))
+    return forward(ask)
+
+
+HTML = Answer(status=200, body=PAGE, content_type="text/html")
+BOUNDS = (
+    Mode("robot-one-byte-a-second", "bounds", "The robot's condition comes one byte a second",
+         instead("status", Answer(body=b" " * 4000, drip_s=1.0)), patience_s=0.3),
+    Mode("samples-one-byte-a-second", "bounds", "Samples come one byte a second",
+         instead("observations", Answer(body=b" " * 4000, drip_s=1.0)), patience_s=0.3),
+    Mode("report-one-byte-a-second", "bounds", "Reports come one byte a second",
+         instead("report", Answer(body=b" " * 4000, drip_s=1.0)), patience_s=0.3, may_succeed=True),
+    Mode("headers-one-byte-a-second", "bounds", "Headers come one byte a second",
+         instead("observations", Answer(body=b"{}", head_drip=True, drip_s=1.0)), patience_s=0.3),
+    Mode("start-never-answered", "bounds", "A start is carried out and never answered",
+         instead("start", Answer(silent_s=600.0)), patience_s=0.3, may_succeed=True),
+    Mode("samples-sixty-megabytes", "bounds", "60 MB of samples in mid motion",
+         instead("observations", Answer(parts=_long))),
+    Mode("report-sixty-megabytes", "bounds", "A report of 60 MB", instead("report", Answer(parts=_long)),
+         may_succeed=True),
+    Mode("samples-without-end", "bounds", "A body without an end", instead("observations", Answer(parts=_endless))),
+    Mode("batches-always-full", "bounds", "Every batch of samples is full", _full),
+    Mode("batch-over-its-limit", "bounds", "More samples than were asked for", rewritten("observations", _over)),
+    Mode("samples-nan", "bounds", "NaN among the samples", garbled("observations", _figure(b"at_s", b"NaN"))),
+    Mode("samples-infinite", "bounds", "Infinity among the samples",
+         garbled("observations", _figure(b"at_s", b"Infinity"))),
+    Mode("samples-huge", "bounds", "A figure of 1e300", garbled("observations", _figure(b"at_s", b"1e300"))),
+    Mode("samples-overflow", "bounds", "A figure of 1e999", garbled("observations", _figure(b"at_s", b"1e999"))),
+    Mode("sequence-beyond-count", "bounds", "A sequence number of 30 digits",
+         garbled("observations", _figure(b"seq", b"9" * 30))),
+    Mode("samples-deep", "bounds", "100,000 brackets in each other",
+         instead("observations", Answer(body=b"[" * 100_000))),
+    Mode("samples-html", "bounds", "A page in place of samples", instead("observations", HTML)),
+    Mode("samples-redirected", "bounds", "A redirect in place of samples", _moved_away),
+    Mode("samples-500", "bounds", "500 in place of samples", instead("observations", Answer(status=500, body=PAGE))),
+    Mode("samples-404", "bounds", "404 in place of samples", instead("observations", Answer(status=404, body=UNKNOWN))),
+    Mode("samples-speak-of-our-log", "bounds", "The robot says that the harness's log is damaged",
+         instead("observations", Answer(status=409, body=REFUSED.replace(b"provider_failed", b"log_damaged")))),
+    Mode("samples-speak-of-our-store", "bounds", "The robot says that the harness's store is unavailable",
+         instead("observations", Answer(status=409, body=REFUSED.replace(b"provider_failed", b"store_unavailable")))),
+    Mode("samples-not-utf8", "bounds", "Bytes that are no text",
+         garbled("observations", lambda body: body.replace(b"odom", b"\xff\xfe\xff\xfe"))),
+    Mode("samples-empty", "bounds", "An empty body", instead("observations", Answer(body=b""))),
+    Mode("samples-cut-short", "bounds", "Fewer bytes than the headers say",
+         instead("observations", Answer(body=b'{"samples":', claimed=5000)), patience_s=1.0),
+    Mode("samples-packed", "bounds", "A packed body that nobody asked for",
+         instead("observations", Answer(body=b"\x1f\x8b" + b"0" * 500, headers=(("Content-Encoding", "gzip"),)))),
+    Mode("receipts-without-end", "bounds", "3,000 receipts in one report", rewritten("report", _receipts_without_end),
+         may_succeed=True),
+)  # fmt: skip
+OUTCOMES = (
+    Mode("start-504", "outcome", "504 from a gateway after a start that arrived",
+         instead("start", Answer(status=504, body=PAGE, content_type="text/html")), may_succeed=True),
+    Mode("start-504-and-denied", "outcome", "504 after a start that arrived, and the query denies it", _denied),
+    Mode("start-504-lost", "outcome", "504 in place of every start; none arrives",
+         instead("start", Answer(status=504, body=PAGE, content_type="text/html"), forwarded=False)),
+    Mode("start-html", "outcome", "A page after a start that arrived", instead("start", HTML), may_succeed=True),
+    Mode("start-redirected", "outcome", "A redirect after a start that arrived",
+         instead("start", Answer(status=307, headers=(("Location", "http://127.0.0.1:9/"),))), may_succeed=True),
+    Mode("start-unreadable", "outcome", "The first report is cut in half",
+         instead("start", Answer(body=b'{"handle": "rou')), may_succeed=True),
+    Mode("start-empty", "outcome", "An empty first report", instead("start", Answer(body=b"")), may_succeed=True),
+    Mode("start-nan-share", "outcome", "A first report with NaN for its progress",
+         garbled("start", _figure(b"share", b"NaN")), may_succeed=True),
+    Mode("start-unknown-status", "outcome", "A first report with an unknown status",
+         rewritten("start", _share), may_succeed=True),
+    Mode("start-503-store", "outcome", "503 after a start that arrived",
+         instead("start", Answer(status=503, body=REFUSED.replace(b"provider_failed", b"store_unavailable"))),
+         may_succeed=True),
+    Mode("start-reset", "outcome", "The connection breaks after a start that arrived",
+         instead("start", Answer(reset=True)), may_succeed=True),
+    Mode("start-other-request", "outcome", "The first report is about another request",
+         rewritten("start", _other_request), may_succeed=True),
+    Mode("start-refused-and-done", "outcome", "A start is refused and carried out",
+         instead("start", Answer(status=409, body=REFUSED)), may_succeed=True),
+    Mode("start-refused-done-and-hidden", "outcome", "A start is refused, carried out, and hidden", _hidden),
+    Mode("start-refused", "outcome", "Every start is refused, and none is carried out",
+         instead("start", Answer(status=409, body=REFUSED), forwarded=False)),
+    Mode("report-forgotten", "outcome", "404 for handle and request in mid motion", _forgets),
+    Mode("report-nan-share", "outcome", "NaN for the progress", garbled("report", _figure(b"share", b"NaN")),
+         may_succeed=True),
+    Mode("report-unknown-status", "outcome", "A status that the protocol does not have", rewritten("report", _share),
+         may_succeed=True),
+    Mode("report-html", "outcome", "A page in place of a report", instead("report", HTML), may_succeed=True),
+    Mode("report-504", "outcome", "504 in place of a report",
+         instead("report", Answer(status=504, body=PAGE, content_type="text/html")), may_succeed=True),
+    Mode("reports-and-queries-unreadable", "outcome", "Neither handle nor request can be asked about",
+         together(instead("report", HTML), instead("find", HTML))),
+    Mode("report-flips", "outcome", "Failed and running in turn", rewritten("report", _flips)),
+    Mode("report-never-ends", "outcome", "Running for ever", rewritten("report", _never_ends)),
+    Mode("report-done-at-once", "outcome", "Succeeded at once, while the body still moves",
+         rewritten("report", _done_at_once), may_succeed=True),
+    Mode("keepalive-504", "outcome", "504 to every keepalive",
+         instead("keepalive", Answer(status=504, body=PAGE), forwarded=False)),
+    Mode("keepalive-dropped", "outcome", "Keepalives are acknowledged and dropped", _unarmed, may_succeed=True),
+    Mode("stop-ignored", "outcome", "Running for ever, and stops are dropped",
+         together(_stop_ignored, rewritten("report", _never_ends))),
+    Mode("query-500", "outcome", "504 to a start that arrived, 500 to the query",
+         together(instead("start", Answer(status=504, body=PAGE)), instead("find", Answer(status=500, body=PAGE)))),
+)  # fmt: skip
+IDENTITIES = (
+    Mode("another-robot", "identity", "Another robot answers in mid motion", rewritten("status", _stranger)),
+    Mode("another-robot-at-once", "identity", "Another robot answers from the begin",
+         rewritten("status", _stranger, moving=False)),
+    Mode("report-of-another-request", "identity", "Reports are about another request",
+         together(rewritten("report", _other_request), rewritten("find", _other_request))),
+    Mode("report-of-another-mission", "identity", "Reports are about another mission",
+         together(rewritten("report", _other_mission), rewritten("find", _other_mission))),
+    Mode("map-changes", "identity", "Another map at each look", rewritten("status", _map)),
+)  # fmt: skip

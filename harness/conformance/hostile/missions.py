@@ -1,0 +1,270 @@
+"""Runs one mission against one lie and counts what it did: completions, motions, tracebacks, what stays held."""
+
+import resource
+import traceback
+from contextlib import ExitStack
+from threading import Thread
+from typing import Any
+from urllib.parse import urlencode
+
+from harness.adapters.clock import LockstepClock, SystemClock
+from harness.adapters.ids import SystemIds
+from harness.adapters.providers.http.exchange import BLOB_BYTES, Exchanges
+from harness.adapters.providers.http.robot import HttpRobot
+from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
+from harness.assembly import Harness, NullSignals, Parts, assemble, local_services
+from harness.bootstrap import camera_of
+from harness.conformance.hostile.lies import Mode
+from harness.conformance.hostile.proxy import Answer, Ask, Forward, LyingProxy, Served, listening
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import ContractInvalid, HarnessError, ProviderFailed
+from harness.contracts.events import DispatchIntended, InvocationEnded, NodeCommitted
+from harness.contracts.ids import ResourceId, RobotId
+from harness.contracts.measurements import Sound
+from harness.contracts.protocol import PhysicalStart
+from harness.contracts.reasons import because, plain
+from harness.contracts.simulation import InProcessRobot, Simulator
+from harness.contracts.values import Value, decode
+from harness.gate.decide import DECIDER
+from harness.projections.mission import Mission
+from harness.provider_protocol import wire
+from harness.provider_protocol.operations import Names, Operation, provider_operations
+from harness.runtime import Start
+from harness.settings import HarnessSettings
+
+KIT = Actor(name="hostile provider kit", role="harness")
+TOKEN = "hostile-provider-kit"
+"""Of a loopback port of this process, open for one mission."""
+SIMULATION_S = 120.0
+LONGEST_S = 300.0
+"""A mission of the kit that runs longer, wall seconds, hangs."""
+ROBOT = RobotId("vbot-1")
+
+
+class Met(Value):
+    """What became of one mission under one lie.
+
+    `ended`: its status, or the code of the error that kept it from beginning. `completed`: it succeeded.
+    `false_completion`: it succeeded although the lie took its effects away. `second_motions`: motions begun while an
+    earlier one was of unknown outcome or still had the body, and starts beyond the first of a request.
+    `held`: it ended or waits with a lease neither free nor in quarantine.
+    """
+
+    mode: str
+    group: str
+    text: str
+    ended: str
+    why: str
+    committed: tuple[str, ...]
+    completed: bool
+    false_completion: bool
+    epistemic: bool
+    motions: int
+    second_motions: int
+    hang: bool
+    traceback: str
+    held: tuple[str, ...]
+    wall_s: float
+    peak_mib: int
+
+    @property
+    def harmless(self) -> bool:
+        """Whether the harness did nothing that it must not do."""
+        return not (self.false_completion or self.second_motions or self.hang or self.traceback or self.held)
+
+
+class _Course:
+    """One mission on its way; filled in by the thread that runs it."""
+
+    def __init__(self) -> None:
+        self.harness: Harness | None = None
+        self.mission: Mission | None = None
+        self.refused: Any = None
+        self.traceback = ""
+
+
+def met(mode: Mode, simulator: Simulator, *, seed: int = 3) -> Met:
+    """One mission against a simulated robot in this process, over HTTP, through the lie."""
+    made = simulator.robot(ROBOT, seed=seed, fidelity="kinematic")
+    return _met(mode, Served(_operations(made)), seed=seed)
+
+
+def met_at(mode: Mode, url: str, token: str, *, seed: int = 3) -> Met:
+    """The same against the simulator at an address, which must run in lockstep.
+
+    Raises ProviderFailed for an address that serves no simulation: nothing is ever forwarded to a physical robot.
+    """
+    upstream = Forwarded(url, token)
+    check_simulated(upstream, url)
+    return _met(mode, upstream, seed=seed)
+
+
+class Forwarded:
+    """Requests passed on to a robot at an address."""
+
+    def __init__(self, url: str, token: str) -> None:
+        self._exchanges = Exchanges(url, token, SIMULATION_S)
+
+    def __call__(self, ask: Ask) -> Answer:
+        query = f"?{urlencode(ask.query)}" if ask.query else ""
+        reply = self._exchanges.ask(ask.method, f"{ask.path}{query}", ask.body, most_bytes=BLOB_BYTES)
+        return Answer(status=reply.status, body=reply.body, content_type=reply.kind or "application/octet-stream")
+
+
+def check_simulated(upstream: Forward, url: str) -> None:
+    """Raises ProviderFailed unless a simulation in lockstep answers there."""
+    struck, clock = upstream(Ask("GET", "/simulation/struck", {}, b"")), upstream(Ask("GET", "/clock", {}, b""))
+    if not struck.ok or not clock.ok or clock.json()["speed"]:
+        raise ProviderFailed(because("no_simulation_there", url=url))
+
+
+def _met(mode: Mode, upstream: Forward, *, seed: int) -> Met:
+    course, began_s = _Course(), _wall_s()
+    cards = upstream(Ask("GET", "/providers", {}, b"")).json()
+    moving = frozenset(str(card["provider_id"]) for card in cards if card["moves"])
+    with ExitStack() as stack:
+        proxy = LyingProxy(upstream, mode.lie, moving=moving)
+        url = stack.enter_context(listening(proxy))
+        thread = Thread(target=_guarded, args=(course, mode, url, proxy, stack, seed), daemon=True)
+        thread.start()
+        thread.join(LONGEST_S)
+        hang = thread.is_alive()
+        proxy.armed = False
+        starts = decode(upstream(Ask("GET", "/starts", {}, b"")).body, list[PhysicalStart])
+        return _counted(mode, course, proxy, starts, hang=hang, wall_s=_wall_s() - began_s)
+
+
+def _guarded(course: _Course, mode: Mode, url: str, proxy: LyingProxy, stack: ExitStack, seed: int) -> None:
+    try:
+        _run(course, mode, url, proxy, stack, seed)
+    except HarnessError as error:
+        course.refused = error
+    except Exception:  # noqa: BLE001 - an untyped error is what the kit looks for
+        course.traceback = traceback.format_exc()
+
+
+def _run(course: _Course, mode: Mode, url: str, proxy: LyingProxy, stack: ExitStack, seed: int) -> None:
+    robot, simulation = HttpRobot(url, TOKEN, mode.patience_s), HttpRobot(url, TOKEN, SIMULATION_S)
+    stack.callback(robot.close)
+    stack.callback(simulation.close)
+    parts = Parts(
+        store=MemoryEventStore(),
+        blobs=MemoryBlobStore(),
+        spool=MemorySpool(),
+        ids=SystemIds(),
+        clock=LockstepClock(simulation.advance, at_s=simulation.clock().at_s),
+        signals=NullSignals(),
+    )
+    beside = local_services(parts, camera=camera_of(robot), folder=None, room=simulation)
+    course.harness = harness = assemble(
+        stack,
+        HarnessSettings(speed=0, fidelity="kinematic", robot_id=ROBOT),
+        parts,
+        robot=robot,
+        local=beside.providers,
+        sources=beside.sources,
+        configure=lambda mission: simulation.configure(mission.mission_id, mission.seed),
+    )
+    decision = harness.runtime.start(Start(actor=KIT, robot_id=ROBOT, template=mode.template, seed=seed))
+    if isinstance(decision, Refused):
+        raise ContractInvalid(decision.reason)
+    mission_id = harness.runtime.missions()[0].mission_id
+    proxy.armed = True
+    course.mission = harness.supervisor.run(mission_id)
+
+
+def _counted(
+    mode: Mode, course: _Course, proxy: LyingProxy, starts: list[PhysicalStart], *, hang: bool, wall_s: float
+) -> Met:
+    mission, harness = course.mission, course.harness
+    completed = mission is not None and mission.status == "succeeded"
+    false = completed and not mode.may_succeed
+    why = mission.reason if mission is not None else course.refused.reason if course.refused else ""
+    ended = mission.status if mission is not None else course.refused.code if course.refused else "none"
+    mine = [one for one in starts if mission is not None and one.mission_id == mission.mission_id and one.moves]
+    return Met(
+        mode=mode.name,
+        group=mode.group,
+        text=mode.text,
+        ended="hang" if hang else ended,
+        why=plain(why)[:300],
+        committed=_committed(harness, mission),
+        completed=completed,
+        false_completion=false and not mode.undetectable,
+        epistemic=false and mode.undetectable,
+        motions=len(mine),
+        second_motions=len(mine)
+        - len({one.request_id for one in mine})
+        + proxy.seen.overlapping
+        + _after_unknown(harness, mission),
+        hang=hang,
+        traceback=course.traceback,
+        held=_held(harness, mission),
+        wall_s=round(wall_s, 2),
+        peak_mib=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10,
+    )
+
+
+def _wall_s() -> float:
+    return SystemClock().now().wall_s
+
+
+def _events(harness: Harness | None, mission: Mission | None) -> list[Any]:
+    if harness is None or mission is None:
+        return []
+    return [DECIDER.codec.decode(event) for event in harness.runtime.events(mission.mission_id)]
+
+
+def _committed(harness: Harness | None, mission: Mission | None) -> tuple[str, ...]:
+    return tuple(event.node_id for event in _events(harness, mission) if isinstance(event, NodeCommitted))
+
+
+def _after_unknown(harness: Harness | None, mission: Mission | None) -> int:
+    """Motions that were authorised after another one's outcome became unknown; nobody answers questions here."""
+    unknown, found = False, 0
+    for event in _events(harness, mission):
+        found += unknown and isinstance(event, DispatchIntended) and event.moves
+        unknown = unknown or (isinstance(event, InvocationEnded) and event.status == "outcome_unknown")
+    return found
+
+
+def _held(harness: Harness | None, mission: Mission | None) -> tuple[str, ...]:
+    """Leases that nobody uses any more and that are neither free nor in quarantine."""
+    if harness is None or mission is None:
+        return ()
+    streams = harness.runtime.streams("lease/")
+    leases = [harness.runtime.lease(ResourceId(stream.partition("/")[2])) for stream in streams]
+    return tuple(str(one.resource) for one in leases if one.status == "held")
+
+
+def _operations(made: InProcessRobot) -> tuple[Operation, ...]:
+    """What a simulated robot serves that runs in lockstep in this process."""
+    reached = [made.at_s]
+
+    def clock(names: Names, body: None) -> wire.ClockReading:
+        return wire.ClockReading(at_s=reached[0], speed=0.0, monotonic_s=_wall_s())
+
+    def advance(names: Names, body: wire.Advance) -> wire.Done:
+        reached[0] = made.advance_to(body.until_s)
+        return wire.Done(at_s=reached[0])
+
+    def configure(names: Names, body: wire.MissionSettings) -> wire.Done:
+        made.configure(body.mission_id, body.seed, body.faults)
+        return wire.Done(at_s=reached[0])
+
+    def play(names: Names, body: Sound) -> wire.Done:
+        made.room.play(body)
+        return wire.Done(at_s=reached[0])
+
+    def recording(names: Names, body: None) -> bytes:
+        return made.room.recording(float(names["from_s"]), float(names["until_s"]))
+
+    return (
+        *provider_operations(made.robot),
+        Operation("GET", "/clock", "Mission time", wire.ClockReading, clock),
+        Operation("POST", "/simulation/advance", "Run on", wire.Done, advance, body=wire.Advance),
+        Operation("POST", "/simulation/configure", "Begin", wire.Done, configure, body=wire.MissionSettings),
+        Operation("POST", "/simulation/room/sound", "A loudspeaker plays", wire.Done, play, body=Sound),
+        Operation("GET", "/simulation/room/recording", "What is heard", bytes, recording),
+    )

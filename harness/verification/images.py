@@ -1,0 +1,155 @@
+"""Looks into images that a finding rests on: decoded whole, of their own capture, no copies of each other. Pure.
+
+An image is bound to its capture by request, time and heading; frames of different headings that show the same picture,
+as it is, encoded anew or mirrored, show one heading.
+"""
+
+import math
+import struct
+import zlib
+from bisect import bisect_left
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations
+
+import cv2
+import numpy as np
+import simplejpeg
+from numpy.typing import NDArray
+
+from harness.contracts.evidence import EvidenceReference
+from harness.contracts.ids import Digest
+from harness.contracts.protocol import Receipt
+from harness.contracts.reasons import Reason, because
+from harness.verification.finding import Finding, Undecidable
+from harness.verification.media import image_size
+from harness.verification.reading import Evidence
+
+MOST_PIXELS = 40_000_000
+"""No image of a robot is larger; a claim beyond it is not decoded."""
+SAME_CAPTURE_S = 1.0
+HEADING_RAD = 0.35
+"""How far a heading that is claimed for an image may lie from the body's as poses show it."""
+NEAR_S = 0.5
+SMALL_PX = (64, 36)
+COPY = 0.97
+"""From this correlation of their small versions on two pictures are one; copies encoded anew reach 0.99, neighbouring
+headings of one place 0.83."""
+LEAST_CONTRAST = 30.0
+"""A picture with less shows nothing that could be compared: a wall, or the dark."""
+APART_RAD = 0.3
+"""Frames whose headings differ by less may show the same."""
+CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
+
+
+@dataclass(frozen=True)
+class Look:
+    """A picture's content: its small version without the mean of each row, of length 1, and its contrast."""
+
+    small: NDArray[np.float32]
+    contrast: float
+
+    def same_as(self, other: "Look") -> bool:
+        """Whether both show one picture, as it is or mirrored."""
+        if min(self.contrast, other.contrast) < LEAST_CONTRAST:
+            return False
+        upright, mirrored = self.small * other.small, self.small * other.small[:, ::-1]
+        return max(float(upright.sum()), float(mirrored.sum())) >= COPY
+
+
+def images_denied(finding: Finding, evidence: Evidence) -> Reason | None:
+    """Why a satisfied finding on images stays undecided: one of them is not whole, not of its capture, or a copy."""
+    if "camera" not in finding.sources or evidence.context.one("execution") is None:
+        return None
+    frames = [one for one in evidence.images if one.blob in finding.evidence]
+    captures = {one.blob: one for one in evidence.receipts if one.kind == "capture" and one.blob}
+    try:
+        looks = [look_of(one.blob, evidence.bytes_of(one.blob)) for one in frames]
+    except Undecidable as error:
+        return error.reason
+    return _unbound(frames, captures, evidence) or _copied(frames, looks)
+
+
+@lru_cache(maxsize=256)
+def look_of(digest: Digest, body: bytes) -> Look:
+    """The picture's content. Raises Undecidable for an image that cannot be decoded to its last pixel."""
+    width, height = image_size(body)
+    if width * height > MOST_PIXELS:
+        raise Undecidable(because("image_too_large", width_px=width, height_px=height))
+    grey = _jpeg(body, digest) if body.startswith(b"\xff\xd8") else _png(body, digest, width=width, height=height)
+    small = cv2.resize(grey, SMALL_PX, interpolation=cv2.INTER_AREA).astype(np.float32)
+    small -= small.mean(axis=1, keepdims=True)
+    contrast = float(np.linalg.norm(small))
+    return Look(small=small / max(contrast, 1e-6), contrast=contrast)
+
+
+def _jpeg(body: bytes, digest: Digest) -> NDArray[np.uint8]:
+    try:
+        grey: NDArray[np.uint8] = simplejpeg.decode_jpeg(body, colorspace="GRAY", strict=True)[:, :, 0]
+    except ValueError as error:
+        raise Undecidable(because("image_not_whole", image=digest[:12], error=str(error)[:120])) from error
+    return grey
+
+
+def _png(body: bytes, digest: Digest, *, width: int, height: int) -> NDArray[np.uint8]:
+    """Every checksum and the whole of the packed rows, of an image that is not interlaced; then its pixels."""
+    depth, colour, interlaced = body[24], body[25], body[28]
+    row = (width * CHANNELS.get(colour, 0) * depth + 7) // 8
+    wanted = (row + 1) * height
+    try:
+        packed = _chunks(body)
+        found = zlib.decompressobj().decompress(packed, wanted + 1)
+    except (zlib.error, struct.error, ValueError) as error:
+        raise Undecidable(because("image_not_whole", image=digest[:12], error=str(error)[:120])) from error
+    if interlaced or colour not in CHANNELS or len(found) != wanted:
+        raise Undecidable(because("image_not_whole", image=digest[:12], error="rows are missing"))
+    grey = cv2.imdecode(np.frombuffer(body, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
+    if grey is None:
+        raise Undecidable(because("image_not_whole", image=digest[:12], error="no pixels"))
+    return np.asarray(grey, dtype=np.uint8)
+
+
+def _chunks(body: bytes) -> bytes:
+    """The packed pixels of a PNG whose chunks all match their checksums. Raises ValueError."""
+    at, packed = 8, bytearray()
+    while at + 12 <= len(body):
+        size = struct.unpack_from(">I", body, at)[0]
+        name, data = body[at + 4 : at + 8], body[at + 8 : at + 8 + size]
+        if len(data) != size or struct.unpack_from(">I", body, at + 8 + size)[0] != zlib.crc32(name + data):
+            raise ValueError("a checksum is wrong")
+        packed += data if name == b"IDAT" else b""
+        at += 12 + size
+        if name == b"IEND":
+            return bytes(packed)
+    raise ValueError("the end is missing")
+
+
+def _unbound(frames: Sequence[EvidenceReference], captures: dict[Digest, Receipt], evidence: Evidence) -> Reason | None:
+    poses = [pose for track in evidence.tracks for pose in track.poses]
+    times = [pose.at_s for pose in poses]
+    for frame in frames:
+        shot, claimed = captures.get(frame.blob), frame.values.get("yaw_rad")
+        if shot is None:
+            continue
+        if frame.values.get("request_id") != shot.request_id or abs(frame.from_s - shot.at_s) > SAME_CAPTURE_S:
+            return because("image_of_another_capture", image=frame.blob[:12])
+        told = shot.values.get("yaw_rad")
+        index = bisect_left(times, frame.from_s)
+        near = [one for one in poses[max(0, index - 1) : index + 1] if abs(one.at_s - frame.from_s) <= NEAR_S]
+        shown = [near[0].yaw_rad] if near else []
+        for heading in (*([told] if told is not None else []), *shown):
+            off_rad = abs(math.remainder(float(claimed or 0.0) - heading, math.tau))
+            if off_rad > HEADING_RAD:
+                return because("image_of_another_heading", image=frame.blob[:12], off_rad=off_rad)
+    return None
+
+
+def _copied(frames: Sequence[EvidenceReference], looks: Sequence[Look]) -> Reason | None:
+    for (one, a), (other, b) in combinations(zip(frames, looks, strict=True), 2):
+        apart_rad = math.remainder(float(one.values["yaw_rad"]) - float(other.values["yaw_rad"]), math.tau)
+        if abs(apart_rad) < APART_RAD:
+            continue
+        if a.same_as(b):
+            return because("images_are_copies", image=one.blob[:12], other=other.blob[:12])
+    return None

@@ -1,0 +1,126 @@
+"""Lets every source of an execution speak: inertia and the start journal against motion that odometry shows. Pure.
+
+Only a source that contradicts counts. One that is silent, or gives the same figure throughout, says nothing.
+"""
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from harness.contracts.reasons import Reason, because
+from harness.verification.finding import Finding, Undecidable
+from harness.verification.reading import AdmittedTrack, Evidence
+
+WINDOW_S = 1.0
+STEP_S = 0.5
+NEAR_S = 0.2
+"""Half of the time over which a speed is taken from positions."""
+WINDOWS = 3
+"""How many of the windows with the largest changes are looked at; inertia contradicts only if it does in all."""
+SPEED_MPS = 0.15
+"""The smallest change of speed by odometry that inertia must show."""
+TURN_RAD = 0.3
+SHOWN_SHARE = 0.25
+"""Inertia that shows less than this share of a change contradicts it; noise and a bias only ever show more."""
+LEAST_SAMPLES = 50
+MEASURED = frozenset({"odometry", "localiser"})
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change within one window, by odometry and by inertia: m/s, or rad."""
+
+    at_s: float
+    claimed: float
+    shown: float
+
+
+def contradicted(finding: Finding, evidence: Evidence) -> Reason | None:
+    """Why a satisfied finding on the body's motion stays undecided: another source of the same body denies it."""
+    if not MEASURED & set(finding.sources):
+        return None
+    try:
+        execution = evidence.execution if evidence.context.one("execution") is not None else None
+    except Undecidable:
+        return None
+    if execution is not None and execution.begun == 0:
+        return because("journal_holds_no_start")
+    for number, track in enumerate(evidence.tracks):
+        denied = evidence.once(("inertia", number, evidence.until_s), lambda one=track: inertia_denies(one))  # type: ignore[misc]
+        if denied is not None:
+            return denied
+    return None
+
+
+def inertia_denies(track: AdmittedTrack) -> Reason | None:
+    """Whether the IMU shows none of the largest changes of speed, or none of the largest turns, that odometry shows."""
+    if len(track.odometry) < LEAST_SAMPLES or len(track.imu) < LEAST_SAMPLES:
+        return None
+    speeds = _speed_changes(track)
+    if _denies(speeds) and _alive([one[1] for one in track.imu]):
+        return because("inertia_shows_no_speed", claimed_mps=speeds[0].claimed, shown_mps=speeds[0].shown)
+    turns = _turns(track)
+    if _denies(turns) and _alive([one[1] for one in track.turning]):
+        return because("inertia_shows_no_turn", claimed_rad=turns[0].claimed, shown_rad=turns[0].shown)
+    return None
+
+
+def _denies(changes: Sequence[Change]) -> bool:
+    return bool(changes) and all(one.shown < SHOWN_SHARE * one.claimed for one in changes)
+
+
+def _alive(values: Sequence[float]) -> bool:
+    """A channel that gives one figure throughout is not connected."""
+    return len(set(values)) > 1
+
+
+def _speed_changes(track: AdmittedTrack) -> list[Change]:
+    times = [one.at_s for one in track.odometry]
+    felt = [one[0] for one in track.imu]
+    found: list[Change] = []
+    for from_s in _instants(times):
+        before, after = _speed(track, times, from_s), _speed(track, times, from_s + WINDOW_S)
+        if before is None or after is None or abs(after - before) < SPEED_MPS:
+            continue
+        low, high = bisect_left(felt, from_s - NEAR_S), bisect_right(felt, from_s + WINDOW_S + NEAR_S)
+        if high - low < 2:
+            continue
+        step_s = (felt[high - 1] - felt[low]) / (high - low - 1)
+        shown = math.hypot(
+            math.fsum(one[1] for one in track.imu[low:high]), math.fsum(one[2] for one in track.imu[low:high])
+        )
+        found.append(Change(from_s, abs(after - before), shown * step_s))
+    return sorted(found, key=lambda one: -one.claimed)[:WINDOWS]
+
+
+def _speed(track: AdmittedTrack, times: Sequence[float], at_s: float) -> float | None:
+    """Speed from two positions around an instant; None without them."""
+    low, high = bisect_left(times, at_s - NEAR_S), bisect_right(times, at_s + NEAR_S) - 1
+    if high <= low or times[high] - times[low] < NEAR_S:
+        return None
+    a, b = track.odometry[low], track.odometry[high]
+    return math.hypot(b.x_m - a.x_m, b.y_m - a.y_m) / (times[high] - times[low])
+
+
+def _turns(track: AdmittedTrack) -> list[Change]:
+    times = [one.at_s for one in track.odometry]
+    felt = [one[0] for one in track.turning]
+    found: list[Change] = []
+    for from_s in _instants(times):
+        low, high = bisect_left(times, from_s), bisect_right(times, from_s + WINDOW_S) - 1
+        if high <= low:
+            continue
+        turned = math.remainder(track.odometry[high].yaw_rad - track.odometry[low].yaw_rad, math.tau)
+        first, last = bisect_left(felt, from_s - NEAR_S), bisect_right(felt, from_s + WINDOW_S + NEAR_S)
+        if abs(turned) < TURN_RAD or last - first < 2:
+            continue
+        step_s = (felt[last - 1] - felt[first]) / (last - first - 1)
+        shown = abs(math.fsum(one[1] for one in track.turning[first:last])) * step_s
+        found.append(Change(from_s, abs(turned), shown))
+    return sorted(found, key=lambda one: -one.claimed)[:WINDOWS]
+
+
+def _instants(times: Sequence[float]) -> list[float]:
+    count = max(0, math.floor((times[-1] - times[0] - WINDOW_S) / STEP_S))
+    return [times[0] + STEP_S * number for number in range(count + 1)]

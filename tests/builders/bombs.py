@@ -1,0 +1,139 @@
+"""Small files that unpack, or claim to unpack, to more than anybody should read. Made here, never stored."""
+
+import io
+import json
+import struct
+import zipfile
+from collections.abc import Mapping
+
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+from harness.contracts.dossier import CONTENTS, EVENTS, RECORDS, SIGNATURE
+from harness.contracts.ids import sha256
+
+GIB = 2**30
+
+
+def zipped(files: Mapping[str, bytes | int], *, compression: int = zipfile.ZIP_DEFLATED) -> bytes:
+    """A ZIP of these files; a number stands for so many zeros, written piece by piece."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", compression) as archive:
+        for name, body in files.items():
+            if isinstance(body, bytes):
+                archive.writestr(name, body)
+                continue
+            info = zipfile.ZipInfo(name)
+            info.compress_type = compression
+            with archive.open(info, "w", force_zip64=True) as file:
+                for _ in range(body // 2**20):
+                    file.write(bytes(2**20))
+    return out.getvalue()
+
+
+def signed(contents: bytes) -> bytes:
+    """A signature by a key that anybody can make."""
+    key = Ed25519PrivateKey.generate()
+    public, signature = key.public_key().public_bytes_raw().hex(), key.sign(contents).hex()
+    return json.dumps({"algorithm": "ed25519", "public_key": public, "signature": signature}).encode()
+
+
+def dossier_with(files: Mapping[str, str]) -> bytes:
+    """A contents list that names these digests."""
+    head = {"position": 1, "digest": "0" * 64}
+    told = {
+        "format": "regenharness-dossier/1", "mission_id": "msn_1", "robot_id": "vbot-1", "goal": "", "status": "",
+        "configuration": "0" * 64, "exported_by": "", "exported_at_s": 0.0, "head": head, "events": 0, "records": 0,
+        "files": files, "absent": [],
+    }  # fmt: skip
+    return json.dumps(told).encode()
+
+
+def huge_contents() -> bytes:
+    """1.9 MB whose contents list unpacks to 1.9 GB."""
+    deflated = _deflated_zeros(1900)
+    return _stored_as_deflated({CONTENTS: (deflated, 1900 * 2**20)})
+
+
+def huge_blob() -> bytes:
+    """A dossier that its maker signed, with a blob of a gigabyte of zeros."""
+    contents = dossier_with({EVENTS: sha256(b""), RECORDS: sha256(b""), "blobs/" + "0" * 64: "0" * 64})
+    return zipped(
+        {CONTENTS: contents, SIGNATURE: signed(contents), EVENTS: b"", RECORDS: b"", "blobs/" + "0" * 64: GIB}
+    )
+
+
+def lying_sizes() -> bytes:
+    """A dossier whose directory says that its contents list has 100 bytes; it unpacks to a gigabyte."""
+    return _stored_as_deflated({CONTENTS: (_deflated_zeros(1024), 100)})
+
+
+def _deflated_zeros(mib: int) -> bytes:
+    with zipfile.ZipFile(io.BytesIO(zipped({"zeros": mib * 2**20}))) as archive:
+        info = archive.infolist()[0]
+        raw = archive.fp
+        assert raw is not None
+        raw.seek(info.header_offset)
+        front = struct.unpack("<4s5H3I2H", raw.read(30))
+        raw.seek(info.header_offset + 30 + front[-2] + front[-1])
+        return raw.read(info.compress_size)
+
+
+def _stored_as_deflated(files: Mapping[str, tuple[bytes, int]]) -> bytes:
+    """A ZIP of streams that are deflated already, each with the size that it claims."""
+    out, directory = bytearray(), bytearray()
+    for name, (deflated, claimed) in files.items():
+        encoded = name.encode()
+        common = struct.pack("<HHHHHIIIHH", 20, 0, 8, 0, 0x21, 0, len(deflated), claimed, len(encoded), 0)
+        directory += struct.pack("<4sH", b"PK\x01\x02", 20) + common
+        directory += struct.pack("<HHHII", 0, 0, 0, 0, len(out)) + encoded
+        out += b"PK\x03\x04" + common + encoded + deflated
+    count = len(files)
+    end = struct.pack("<4sHHHHIIH", b"PK\x05\x06", 0, 0, count, count, len(directory), len(out), 0)
+    return bytes(out + directory + end)
+
+
+def counting_pcd() -> bytes:
+    """146 bytes that claim a field of a hundred million numbers a point."""
+    return (
+        b"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z a\nSIZE 4 4 4 8\nTYPE F F F F\nCOUNT 1 1 1 100000000\n"
+        b"WIDTH 1\nHEIGHT 1\nPOINTS 1\nDATA binary\n" + bytes(12)
+    )
+
+
+def lzf_pcd(points: int = 33_000_000) -> bytes:
+    """About 6 MB of LZF that unpack to `points` points of 16 bytes, all of them nowhere."""
+    unpacked = points * 16
+    zeros = b"\x00\x00"  # one literal zero
+    run = bytes([0xE0, 255, 0x00])  # 264 bytes again, from one byte before
+    body = zeros + run * ((unpacked - 1) // 264 + 1)
+    head = (
+        "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z i\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\n"
+        f"WIDTH {points}\nHEIGHT 1\nPOINTS {points}\nDATA binary_compressed\n"
+    )
+    return head.encode() + struct.pack("<II", len(body), unpacked) + body
+
+
+def hidden_ply(points: int = 40_000_000) -> bytes:
+    """A PLY whose comments push the count of points behind what a reader may look at, or give another one."""
+    comments = b"comment element vertex 3\n" * 400
+    return (
+        b"ply\nformat ascii 1.0\n" + comments
+        + f"element vertex {points}\nproperty list int double x\nproperty double y\nproperty double z\n".encode()
+        + b"end_header\n0 0 0\n"
+    )  # fmt: skip
+
+
+def far_pcd() -> bytes:
+    """One point, a million kilometres away."""
+    return (
+        b"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 1\nHEIGHT 1\nPOINTS 1\n"
+        b"DATA ascii\n1000000000 0 0\n"
+    )
+
+
+def listing_ply() -> bytes:
+    """A PLY whose one point says that it holds a list of four thousand million numbers."""
+    return (
+        b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty list uint double x\n"
+        b"property float y\nproperty float z\nend_header\n" + b"\xff" * 4 + bytes(16)
+    )

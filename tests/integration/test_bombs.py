@@ -1,0 +1,73 @@
+"""Small foreign files that unpack to gigabytes are refused by their commands, with a reason, little memory and time."""
+
+import os
+import subprocess
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.builders import bombs
+from tests.integration.runs import ROOT, command, environment
+
+MOST_MIB, MOST_CPU_S = 400, 30.0
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a command ended: exit code, what it wrote to standard error, and the peak of it and its children."""
+
+    code: int
+    said: str
+    peak_mib: float
+    cpu_s: float
+
+
+def ended(*words: object, folder: Path) -> Ended:
+    with (folder / "stderr").open("wb") as errors:
+        child = subprocess.Popen(command(*words), cwd=ROOT, env=environment(), stdout=subprocess.DEVNULL, stderr=errors)
+        _, status, used = os.wait4(child.pid, 0)
+        child.returncode = os.waitstatus_to_exitcode(status)
+    said = (folder / "stderr").read_text()
+    return Ended(child.returncode, said, used.ru_maxrss / 1024, used.ru_utime + used.ru_stime)
+
+
+def refused(found: Ended, says: str) -> None:
+    assert found.code == 1 and says in found.said, found
+    assert "Traceback" not in found.said and found.said.count("\n") == 1, found
+    assert found.peak_mib <= MOST_MIB and found.cpu_s <= MOST_CPU_S, found
+
+
+@pytest.mark.parametrize(
+    ("bomb", "says"),
+    [
+        (bombs.huge_contents, "dossier.json unpacks to 1992294400 bytes"),
+        (bombs.huge_blob, "it unpacks from"),
+        (bombs.lying_sizes, "dossier.json is missing or damaged"),
+        (lambda: bombs.zipped({"dossier.json": b"{}"}, compression=zipfile.ZIP_LZMA), "compressed in another way"),
+        (lambda: bombs.zipped({f"blobs/{n}": b"" for n in range(60_000)}), "dossier.json is missing"),
+        (lambda: b"PK\x05\x06" + bytes(18), "dossier.json is missing"),
+        (lambda: b"not a zip", "The file is no dossier"),
+    ],
+    ids=["contents of 1.9 GB", "signed blob of 1 GB", "lying sizes", "lzma", "60,000 files", "empty", "text"],
+)
+def test_regen_verify_refuses_a_bomb(bomb: Callable[[], bytes], says: str, tmp_path: Path) -> None:
+    (tmp_path / "bomb.zip").write_bytes(bomb())
+    refused(ended("verify", tmp_path / "bomb.zip", folder=tmp_path), says)
+
+
+@pytest.mark.parametrize(
+    ("name", "bomb", "says"),
+    [
+        ("counting.pcd", bombs.counting_pcd, "has 100000003 numbers"),
+        ("lzf.pcd", bombs.lzf_pcd, "promises 33000000 points"),
+        ("hidden.ply", bombs.hidden_ply, "promises 40000000 points"),
+        ("far.pcd", bombs.far_pcd, "lie more than 100000.0 km from the origin"),
+        ("list.ply", bombs.listing_ply, "point cloud"),
+    ],
+)
+def test_regen_map_import_refuses_a_bomb(name: str, bomb: Callable[[], bytes], says: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(bomb())
+    refused(ended("map", "import", tmp_path / name, "--data", tmp_path / "data", folder=tmp_path), says)
