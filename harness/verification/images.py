@@ -44,13 +44,13 @@ CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 
 @dataclass(frozen=True)
-class PictureLook:
+class Look:
     """A picture's content: its small version without the mean of each row, of length 1, and its contrast."""
 
     small: NDArray[np.float32]
     contrast: float
 
-    def same_as(self, other: "PictureLook") -> bool:
+    def same_as(self, other: "Look") -> bool:
         """Whether both show one picture, as it is or mirrored."""
         if min(self.contrast, other.contrast) < LEAST_CONTRAST:
             return False
@@ -72,7 +72,7 @@ def images_denied(finding: Finding, evidence: Evidence) -> Reason | None:
 
 
 @lru_cache(maxsize=256)
-def look_of(digest: Digest, body: bytes) -> PictureLook:
+def look_of(digest: Digest, body: bytes) -> Look:
     """The picture's content. Raises Undecidable for an image that cannot be decoded to its last pixel."""
     width, height = image_size(body)
     if width * height > MOST_PIXELS:
@@ -81,7 +81,7 @@ def look_of(digest: Digest, body: bytes) -> PictureLook:
     small = cv2.resize(grey, SMALL_PX, interpolation=cv2.INTER_AREA).astype(np.float32)
     small -= small.mean(axis=1, keepdims=True)
     contrast = float(np.linalg.norm(small))
-    return PictureLook(small=small / max(contrast, 1e-6), contrast=contrast)
+    return Look(small=small / max(contrast, 1e-6), contrast=contrast)
 
 
 def _jpeg(body: bytes, digest: Digest) -> NDArray[np.uint8]:
@@ -145,7 +145,7 @@ def _unbound(frames: Sequence[EvidenceReference], captures: dict[Digest, Receipt
     return None
 
 
-def _copied(frames: Sequence[EvidenceReference], looks: Sequence[PictureLook]) -> Reason | None:
+def _copied(frames: Sequence[EvidenceReference], looks: Sequence[Look]) -> Reason | None:
     for (one, a), (other, b) in combinations(zip(frames, looks, strict=True), 2):
         apart_rad = math.remainder(float(one.values["yaw_rad"]) - float(other.values["yaw_rad"]), math.tau)
         if abs(apart_rad) < APART_RAD:
