@@ -50,7 +50,7 @@ def link(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) 
 
 @account.command("list")
 def people(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
-    """Everybody, disabled ones too."""
+    """List all accounts, disabled ones too."""
     with opened(data) as accounts:
         rows = [_person(one) for one in accounts.store.accounts()]
     lines = output.table([[r["name"], ", ".join(r["roles"]), "disabled" if r["disabled"] else ""] for r in rows])

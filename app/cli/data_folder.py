@@ -31,7 +31,7 @@ def running(settings: HarnessSettings, *, authority: Authority = unquestioned) -
 
 @contextmanager
 def deciding(settings: HarnessSettings) -> Iterator[ReleaseService]:
-    """The desk alone, as the folder's one owner. Raises StoreOwned if another process is it."""
+    """The release service without robots, as the folder's one owner. Raises StoreOwned if another process is it."""
     with edit_harness(settings, deciders=DECIDERS, select=selected) as runtime:
         yield ReleaseService(runtime)
 

@@ -260,5 +260,5 @@ def _row(handoff: Handoff) -> dict[str, Any]:
 
 
 def _key(handoff_id: str, decision: str, reason: str) -> str:
-    """The same words again are the same answer."""
+    """The idempotency key of an answer: repeating it with the same words changes nothing."""
     return f"terminal:{handoff_id}:{decision}:{reason}"[:200]

@@ -140,7 +140,7 @@ def api_with_robots(data: Path, chosen: HarnessSettings | None = None) -> Iterat
 
 @contextmanager
 def api_without_robots(data: Path) -> Iterator[Api]:
-    """The same for acts that move no robot: nothing is started for them."""
+    """The owner's API, or one of this process without robots, for acts that move none."""
     owner = owner_api(data)
     if owner is not None:
         yield owner

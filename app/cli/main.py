@@ -50,7 +50,7 @@ COMMANDS = {
 """Which module of app.cli has it, and under which name there. A second word: a command beside a group's own."""
 
 
-class Rooms(TyperGroup):
+class CommandGroups(TyperGroup):
     """Imports what a command needs when it is asked for: `regen audit` waits for no web server."""
 
     def list_commands(self, ctx: Any) -> list[str]:
@@ -86,7 +86,7 @@ def _command(name: str, where: str) -> Any:
     return get_command(alone)
 
 
-app = typer.Typer(cls=Rooms, no_args_is_help=True, add_completion=False, help=__doc__, rich_markup_mode=None)
+app = typer.Typer(cls=CommandGroups, no_args_is_help=True, add_completion=False, help=__doc__, rich_markup_mode=None)
 
 
 @app.callback()

@@ -104,5 +104,5 @@ def _post(kind: type[acts.CandidateAct], candidate: str, given: dict[str, str], 
 
 
 def _key(verb: str, candidate: str, given: str) -> str:
-    """The same act in the same cycle is the same answer."""
+    """The idempotency key of an act: repeating it in the same cycle changes nothing."""
     return f"terminal:{verb}:{hashlib.sha256(f'{candidate}:{given}'.encode()).hexdigest()[:32]}"

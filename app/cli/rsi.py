@@ -115,7 +115,7 @@ def history(
 
 @contextmanager
 def reading(data: Path) -> Iterator[CandidateQueries]:
-    """The shelf without owning the folder: a console may run on it meanwhile."""
+    """Queries on candidates without owning the folder: a console may run on it meanwhile."""
     with read_harness(output.settings(data_folder=data), deciders=DECIDERS, select=selected) as runtime:
         yield CandidateQueries(runtime)
 

@@ -157,7 +157,7 @@ def _run(trial: Trial, how: How, executor: Executor) -> TrialOutcome:
 
 
 def _recorded(how: How, word: Callable[[ReleaseService], Accepted[Any] | Refused]) -> None:
-    """One word to the desk. Raises ContractInvalid with the rule that refused it."""
+    """Have the release service decide one request. Raises ContractInvalid with the rule that refused it."""
     with deciding(output.settings(data_folder=how.data)) as releases:
         decision = word(releases)
     if isinstance(decision, Refused):

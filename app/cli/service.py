@@ -124,7 +124,7 @@ def up(
 
 
 def _watch_releases(stack: ExitStack, harness: Harness, evaluator: Path | None) -> None:
-    """The review desk follows what ends. With an evaluator's folder, a new data folder is given a candidate to show."""
+    """The release service follows what ends. An evaluator's folder gives a new data folder a candidate to show."""
     releases = ReleaseService(harness.runtime)
     watch = ReleaseWatch(
         releases=releases,

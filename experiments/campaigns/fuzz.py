@@ -119,20 +119,20 @@ def _metadata_seed() -> bytes:
 
 
 @dataclass(frozen=True)
-class Fuzzed:
+class FuzzedParser:
     """A parser and one file that it reads, or nearly."""
 
     work: Work
     seed: Callable[[], bytes]
 
 
-PARSERS: Mapping[str, Fuzzed] = {
-    "dossier": Fuzzed(dossier, _dossier_seed),
-    "pcd": Fuzzed(pcd, _pcd_seed),
-    "ply": Fuzzed(ply, _ply_seed),
-    "mcap": Fuzzed(mcap, _mcap_seed),
-    "bag folder": Fuzzed(bag_folder, _metadata_seed),
-    "anchors": Fuzzed(anchors, lambda: f"12 {'0a' * 32}\n".encode()),
+PARSERS: Mapping[str, FuzzedParser] = {
+    "dossier": FuzzedParser(dossier, _dossier_seed),
+    "pcd": FuzzedParser(pcd, _pcd_seed),
+    "ply": FuzzedParser(ply, _ply_seed),
+    "mcap": FuzzedParser(mcap, _mcap_seed),
+    "bag folder": FuzzedParser(bag_folder, _metadata_seed),
+    "anchors": FuzzedParser(anchors, lambda: f"12 {'0a' * 32}\n".encode()),
 }
 
 
@@ -147,7 +147,7 @@ class FuzzReport:
     offences: list[str] = field(default_factory=list)
 
 
-def fuzz_parser(fuzzed: Fuzzed, *, seed: int, seconds: float = 0.0, files: int = 0) -> FuzzReport:
+def fuzz_parser(fuzzed: FuzzedParser, *, seed: int, seconds: float = 0.0, files: int = 0) -> FuzzReport:
     """Changed files for so long, or so many. The same seed gives the same files."""
     chance, whole, report = random.Random(seed), fuzzed.seed(), FuzzReport()
     until = time.monotonic() + seconds

@@ -36,9 +36,18 @@ class Reading:
         _Walk(self, name, scope).all(self.environment.parse(source).body)
 
 
-def offered(kind: type) -> Mapping[str, object]:
+def class_of(kind: object) -> object:
+    """The class itself of a class that is given its parameters, as `TabbedList[MissionItem]`."""
+    origin = typing.get_origin(kind)
+    return origin if dataclasses.is_dataclass(origin) else kind
+
+
+def offered(given: object) -> Mapping[str, object]:
     """Name -> type of everything a template may read of an instance."""
-    hints = typing.get_type_hints(kind)
+    kind = class_of(given)
+    assert isinstance(kind, type)
+    known = dict(zip(getattr(kind, "__parameters__", ()), typing.get_args(given), strict=False))
+    hints = {name: _with(hint, known) for name, hint in typing.get_type_hints(kind).items()}
     found: dict[str, object] = {name: hint for name, hint in hints.items() if not name.startswith("_")}
     for name, member in inspect.getmembers(kind):
         if name.startswith("_") or name in found:
@@ -48,13 +57,20 @@ def offered(kind: type) -> Mapping[str, object]:
     return found
 
 
+def _with(hint: typing.Any, known: Mapping[object, object]) -> object:
+    """A type with its parameters filled, as far as they are known."""
+    parameters = getattr(hint, "__parameters__", ())
+    return hint[tuple(known.get(one, one) for one in parameters)] if parameters and known else hint
+
+
 def fields_of(kind: type) -> Collection[str]:
     """Names of the fields a page class declares."""
     return [item.name for item in dataclasses.fields(kind)] if dataclasses.is_dataclass(kind) else []
 
 
-def is_record(kind: object) -> bool:
+def is_record(given: object) -> bool:
     """Whether a template may read named fields of this type."""
+    kind = class_of(given)
     return isinstance(kind, type) and (dataclasses.is_dataclass(kind) or issubclass(kind, msgspec.Struct))
 
 
@@ -64,6 +80,7 @@ def inside(kind: object) -> Iterator[type]:
     while stack:
         here = stack.pop()
         stack.extend(argument for argument in typing.get_args(here) if argument is not Ellipsis)
+        here = class_of(here)
         if isinstance(here, type) and is_record(here) and here not in seen:
             seen.add(here)
             stack.extend(typing.get_type_hints(here).values())
@@ -152,12 +169,13 @@ class _Walk:
     def _attribute(self, owner: object, name: str) -> object:
         if isinstance(owner, dict):
             return owner.get(name)
-        if not isinstance(owner, type) or not is_record(owner):
+        kind = class_of(owner)
+        if not isinstance(kind, type) or not is_record(kind):
             self.reading.names.add(name)
             return None
-        self.reading.fields.add((owner, name))
+        self.reading.fields.add((kind, name))
         if name not in offered(owner):
-            self.reading.wrong.add(f"{self.name} reads {name}, which {owner.__name__} does not offer")
+            self.reading.wrong.add(f"{self.name} reads {name}, which {kind.__name__} does not offer")
         return offered(owner).get(name)
 
     def _filtered(self, node: nodes.Filter) -> object:

@@ -6,8 +6,9 @@ import types
 import typing
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
-from tests.architecture.pages import plain
+from tests.architecture.pages import is_record, plain
 from tests.architecture.sources import Function, Module, functions
 
 
@@ -19,7 +20,7 @@ class Rendering:
 
     where: str
     template: str
-    page: type | None
+    page: Any
 
 
 def renderings(source: Module) -> Iterator[Rendering]:
@@ -29,7 +30,7 @@ def renderings(source: Module) -> Iterator[Rendering]:
             template, page = _given(call) if isinstance(call, ast.Call) else ("", None)
             if template and page:
                 kind = _Names(importlib.import_module(source.name), function).kind(page)
-                yield Rendering(f"{source.path}:{page.lineno}", template, kind if isinstance(kind, type) else None)
+                yield Rendering(f"{source.path}:{page.lineno}", template, kind if is_record(kind) else None)
 
 
 def _given(call: ast.Call) -> tuple[str, ast.expr | None]:

@@ -3,6 +3,7 @@
 import inspect
 import re
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import jinja2
 
@@ -27,6 +28,16 @@ class Page:
     title: str
     rows: tuple[Row, ...]
     best: Row | None
+
+
+Item = TypeVar("Item")
+
+
+@dataclass(frozen=True)
+class Listed(Generic[Item]):
+    """A page of rows of any kind."""
+
+    rows: tuple[Item, ...]
 
 
 def read(**templates: str) -> Reading:
@@ -70,6 +81,16 @@ def test_templates_and_page_classes_agree_both_ways() -> None:
     in_code = {name for source in code for name in re.findall(r"(?<=\.)[a-z]\w*", source.text)}
     assert sorted(reading.wrong) == []
     assert unread(reading, pages, elsewhere=in_code) == []
+
+
+def test_a_class_that_is_given_its_rows_is_followed_to_them() -> None:
+    reading = Reading(
+        jinja2.Environment(
+            loader=jinja2.DictLoader({"index": "{% for one in page.rows %}{{ one.colour }}{% endfor %}"})
+        )
+    )
+    reading.template("index", {"page": Listed[Row]})
+    assert reading.wrong == {"index reads colour, which Row does not offer"}
 
 
 def test_a_rendering_is_seen_with_the_class_of_its_page() -> None:
