@@ -33,10 +33,11 @@ from experiments.campaigns.live_mission import (
     truth_of,
     until,
 )
+from experiments.campaigns.regen import ROOT
 from harness.contracts.values import Value
 from harness.provider_protocol.wire import Attachment
 
-DISK_BYTES = 48 * 2**20
+DISK_BYTES = 256 * 2**20
 SPARE_BYTES = 8 * 2**20
 FEW_FILES = 64
 JUMP_S = 3600
@@ -341,9 +342,10 @@ def _linked(data: Path) -> Iterator[Link]:
     """A robot that runs already, and is reached over a link that can be cut: the host adopts it there."""
     folder = data / "robots" / "vbot-1"
     words = ["--dir", str(folder), "--port", "0", "--speed", "4.0", "--fidelity", "kinematic", "--linger-s", "5"]
-    robot = subprocess.Popen([sys.executable, "-m", "simulator", *words], stdout=subprocess.PIPE)
+    robot = subprocess.Popen([sys.executable, "-m", "simulator", *words], cwd=ROOT, stdout=subprocess.PIPE)
     assert robot.stdout is not None
-    found = msgspec.json.decode(robot.stdout.readline(), type=Attachment)
+    with robot.stdout as said:
+        found = msgspec.json.decode(said.readline(), type=Attachment)
     link = Link(found.port)
     there = msgspec.json.encode(msgspec.structs.replace(found, port=link.port))
     attachment(data).write_bytes(there)

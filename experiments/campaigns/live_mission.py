@@ -106,13 +106,14 @@ def started(
     else:
         words = ["mission", "resume", mission_id, "--data", str(data), *SPEED, "--json"]
     plain_environment = {name: value for name, value in os.environ.items() if not name.startswith("REGEN_")}
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", "app.cli.main", *words],
-        cwd=ROOT,
-        env={**plain_environment, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1", **(changes or {})},
-        stdout=subprocess.DEVNULL,
-        stderr=(data.parent / f"{data.name}.err").open("ab"),
-    )
+    with (data.parent / f"{data.name}.err").open("ab") as said:
+        return subprocess.Popen(
+            [sys.executable, "-P", "-m", "app.cli.main", *words],
+            cwd=ROOT,
+            env={**plain_environment, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1", **(changes or {})},
+            stdout=subprocess.DEVNULL,
+            stderr=said,
+        )
 
 
 def until(true: Callable[[], bool], reader: LogReader, *, seconds: float) -> bool:

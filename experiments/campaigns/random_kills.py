@@ -147,7 +147,8 @@ def _title(kill: InstantKill) -> str:
 def killed_at(kill: InstantKill) -> tuple[InstantOutcome, int]:
     """One mission in its own folder, killed once; and how many events a reader had seen before the end."""
     with TemporaryDirectory(prefix="instant-") as folder:
-        data = Path(folder)
+        data = Path(folder) / "data"
+        data.mkdir()
         reader = LogReader(data)
         host = started(kill.host, data, first=True)
         try:
