@@ -97,3 +97,12 @@ def test_the_room_keeps_what_is_played_in_its_place() -> None:
     heard = np.frombuffer(room.recording(10.0, 13.0)[44:], dtype="<i2")
     loud = np.abs(heard.astype(int)) > 1500
     assert not loud[:15_900].any() and loud[16_000:23_900].mean() > 0.3 and not loud[24_500:].any()
+
+
+def test_a_name_that_the_dictionary_lacks_is_heard_as_the_words_it_is_written_from() -> None:
+    names = ("Coldstore", "Packbay", *NAMES)
+    text = ASKED.replace("Office storage area", "Coldstore")
+    found = recognised(recorded(text), text=text, names=names)
+    assert found.unknown == () and "coldstore" in found.heard
+    elsewhere = recognised(recorded(text.replace("Coldstore", "Packbay")), text=text, names=names)
+    assert "packbay" in elsewhere.heard and "coldstore" not in elsewhere.heard

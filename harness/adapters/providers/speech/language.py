@@ -25,6 +25,8 @@ WEIGHT = 20
 """How often a whole sentence counts, beside each of its variants with another number."""
 DISCOUNT = 0.5
 MOST_PRONUNCIATIONS = 8
+LEAST_PART = 3
+"""Letters of the shortest known word that a name may be composed of."""
 
 
 def spoken(text: str, names: Sequence[str] = ()) -> tuple[str, ...]:
@@ -54,13 +56,33 @@ def sentences(text: str, names: Sequence[str]) -> Iterator[tuple[tuple[str, ...]
 
 
 def pronunciations(words: Sequence[str], known: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
-    """How each word may sound; a word of several parts as its parts in a row. Unknown words are left out."""
+    """How each word may sound; a word of several parts as its parts in a row.
+
+    A name that the dictionary lacks sounds as the known words that it is written from ("toolcrib": tool, crib); one
+    that is not made of known words is left out.
+    """
     found: dict[str, tuple[str, ...]] = {}
     for word in words:
-        parts = [known.get(part, ()) for part in word.split("_")]
+        names = [name for part in word.split("_") for name in _known_parts(part, known)]
+        parts = [known.get(name, ()) for name in names]
         if all(parts):
             found[word] = tuple(" ".join(one) for one in product(*parts))[:MOST_PRONUNCIATIONS]
     return found
+
+
+def _known_parts(word: str, known: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    """The word if it is known, else the fewest known words that it is written from; the word where there are none."""
+    if word in known:
+        return (word,)
+    best: list[tuple[str, ...] | None] = [(), *([None] * len(word))]
+    for end in range(LEAST_PART, len(word) + 1):
+        for begin in range(end - LEAST_PART + 1):
+            before = best[begin]
+            if before is not None and word[begin:end] in known:
+                made = (*before, word[begin:end])
+                kept = best[end]
+                best[end] = made if kept is None or len(made) < len(kept) else kept
+    return best[len(word)] or (word,)
 
 
 def bigrams(sentences_heard: Sequence[tuple[tuple[str, ...], int]]) -> str:
