@@ -55,7 +55,7 @@ class Exchanges:
             "Authorization": f"Bearer {token}",
         }
         _check(self.base_url)
-        self._left = _Left()
+        self._left = _TimeLeft()
         self._pool = httpcore.ConnectionPool(
             max_connections=CONNECTIONS, keepalive_expiry=5.0, network_backend=_Backend(self._left)
         )
@@ -128,7 +128,7 @@ def _check(url: str) -> None:
         raise ProviderUnreachable(because("robot_address_invalid", url=url[:200]))
 
 
-class _Left(threading.local):
+class _TimeLeft(threading.local):
     """The wall time that this thread's exchange has left, seconds."""
 
     until_s = 0.0
@@ -151,7 +151,7 @@ class _Left(threading.local):
 class _Backend(httpcore.NetworkBackend):
     """Sockets whose every wait ends with the exchange."""
 
-    def __init__(self, left: _Left) -> None:
+    def __init__(self, left: _TimeLeft) -> None:
         self._left, self._inner = left, httpcore.SyncBackend()
 
     def connect_tcp(
@@ -167,7 +167,7 @@ class _Backend(httpcore.NetworkBackend):
 
 
 class _Stream(httpcore.NetworkStream):
-    def __init__(self, inner: httpcore.NetworkStream, left: _Left) -> None:
+    def __init__(self, inner: httpcore.NetworkStream, left: _TimeLeft) -> None:
         self._inner, self._left = inner, left
 
     def read(self, max_bytes: int, timeout: float | None = None) -> bytes:
@@ -186,5 +186,7 @@ class _Stream(httpcore.NetworkStream):
         left_s = self._left.check(httpcore.ConnectTimeout)
         return _Stream(self._inner.start_tls(ssl_context, server_hostname, left_s), self._left)
 
-    def get_extra_info(self, info: str) -> Any:
+    def _told(self, info: str) -> Any:
         return self._inner.get_extra_info(info)
+
+    get_extra_info = _told
