@@ -20,7 +20,7 @@ from harness.supervisor.leases import Held, Sent, give_back, holds
 from harness.supervisor.measurements import IndependentMeasurements
 from harness.supervisor.packets import build_packet
 from harness.supervisor.roles import RoleContexts, context_record
-from harness.supervisor.standstill import at_rest
+from harness.supervisor.standstill import WINDOW_S, at_rest
 from harness.supervisor.verification import judgement
 
 POLL_S = 0.5
@@ -171,6 +171,8 @@ class InvocationMonitor:
             raise ProviderUnreachable(because("request_forgotten", provider_id=intent.provider_id))
         if intent.invocation_id not in self._sent or not intent.moves:
             return
+        if invocation.status == "outcome_unknown":
+            raise ProviderUnreachable(because("result_unknown"))
         if self._begun(intent):
             raise ProviderUnreachable(because("started_but_not_found", provider_id=intent.provider_id))
         rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
@@ -211,6 +213,11 @@ class InvocationMonitor:
             self._refused = None
             return now_s
         rest = at_rest(self._roles.observations.recent, now_s)
+        began = rest.reason is not None and rest.reason.code == "body_moved_in_second"
+        if began and now_s >= refused_s + WINDOW_S:
+            self._halt(invocation)
+            self._abandon(mission, invocation, failure="outcome_unknown", reason=reason)
+            return now_s
         if now_s < refused_s + SETTLE_S or (not rest.static and now_s < refused_s + SETTLE_S + REST_WITHIN_S):
             return now_s + POLL_S
         failure = "provider_unavailable" if rest.static else "outcome_unknown"

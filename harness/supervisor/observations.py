@@ -74,6 +74,9 @@ class ObservationBuffer:
         began_s = self._connection.clock.now().wall_s
         for _ in range(batches):
             batch = self._connection.robot.observations(self._after, BATCH)
+            if batches == 1 and len(batch.samples) >= BATCH:
+                self._after = max(self._after, *(sample.seq for sample in batch.samples))
+                return because("observations_endless", batches=MOST_BATCHES)
             self._take(batch, spooling)
             if len(batch.samples) < BATCH or self._connection.clock.now().wall_s > began_s + DRAIN_S:
                 break

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
 
-import cv2
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
@@ -44,13 +43,13 @@ CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 
 @dataclass(frozen=True)
-class Look:
+class PictureContent:
     """A picture's content: its small version without the mean of each row, of length 1, and its contrast."""
 
     small: NDArray[np.float32]
     contrast: float
 
-    def same_as(self, other: "Look") -> bool:
+    def same_as(self, other: "PictureContent") -> bool:
         """Whether both show one picture, as it is or mirrored."""
         if min(self.contrast, other.contrast) < LEAST_CONTRAST:
             return False
@@ -72,16 +71,30 @@ def images_denied(finding: Finding, evidence: Evidence) -> Reason | None:
 
 
 @lru_cache(maxsize=256)
-def look_of(digest: Digest, body: bytes) -> Look:
-    """The picture's content. Raises Undecidable for an image that cannot be decoded to its last pixel."""
+def look_of(digest: Digest, body: bytes) -> PictureContent:
+    """The picture's content, of a JPEG. Raises Undecidable for an image that cannot be decoded to its last pixel, or
+    with fewer of them than it is compared by."""
     width, height = image_size(body)
-    if width * height > MOST_PIXELS:
+    if width * height > MOST_PIXELS or width < SMALL_PX[0] or height < SMALL_PX[1]:
         raise Undecidable(because("image_too_large", width_px=width, height_px=height))
-    grey = _jpeg(body, digest) if body.startswith(b"\xff\xd8") else _png(body, digest, width=width, height=height)
-    small = cv2.resize(grey, SMALL_PX, interpolation=cv2.INTER_AREA).astype(np.float32)
+    if not body.startswith(b"\xff\xd8"):
+        _check_png(body, digest, width=width, height=height)
+        return PictureContent(small=np.zeros(SMALL_PX[::-1], dtype=np.float32), contrast=0.0)
+    small = _shrunk(_jpeg(body, digest))
     small -= small.mean(axis=1, keepdims=True)
     contrast = float(np.linalg.norm(small))
-    return Look(small=small / max(contrast, 1e-6), contrast=contrast)
+    return PictureContent(small=small / max(contrast, 1e-6), contrast=contrast)
+
+
+def _shrunk(grey: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """The mean of each of SMALL_PX areas."""
+    wide, high = SMALL_PX
+    rows = np.linspace(0, grey.shape[0], high + 1).astype(int)[:-1]
+    columns = np.linspace(0, grey.shape[1], wide + 1).astype(int)[:-1]
+    sums = np.add.reduceat(np.add.reduceat(grey.astype(np.float32), rows, axis=0), columns, axis=1)
+    areas = np.outer(np.diff([*rows, grey.shape[0]]), np.diff([*columns, grey.shape[1]]))
+    small: NDArray[np.float32] = (sums / areas).astype(np.float32)
+    return small
 
 
 def _jpeg(body: bytes, digest: Digest) -> NDArray[np.uint8]:
@@ -92,8 +105,8 @@ def _jpeg(body: bytes, digest: Digest) -> NDArray[np.uint8]:
     return grey
 
 
-def _png(body: bytes, digest: Digest, *, width: int, height: int) -> NDArray[np.uint8]:
-    """Every checksum and the whole of the packed rows, of an image that is not interlaced; then its pixels."""
+def _check_png(body: bytes, digest: Digest, *, width: int, height: int) -> None:
+    """Every checksum and the whole of the packed rows, of an image that is not interlaced. Raises Undecidable."""
     depth, colour, interlaced = body[24], body[25], body[28]
     row = (width * CHANNELS.get(colour, 0) * depth + 7) // 8
     wanted = (row + 1) * height
@@ -104,10 +117,6 @@ def _png(body: bytes, digest: Digest, *, width: int, height: int) -> NDArray[np.
         raise Undecidable(because("image_not_whole", image=digest[:12], error=str(error)[:120])) from error
     if interlaced or colour not in CHANNELS or len(found) != wanted:
         raise Undecidable(because("image_not_whole", image=digest[:12], error="rows are missing"))
-    grey = cv2.imdecode(np.frombuffer(body, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
-    if grey is None:
-        raise Undecidable(because("image_not_whole", image=digest[:12], error="no pixels"))
-    return np.asarray(grey, dtype=np.uint8)
 
 
 def _chunks(body: bytes) -> bytes:
@@ -145,7 +154,7 @@ def _unbound(frames: Sequence[EvidenceReference], captures: dict[Digest, Receipt
     return None
 
 
-def _copied(frames: Sequence[EvidenceReference], looks: Sequence[Look]) -> Reason | None:
+def _copied(frames: Sequence[EvidenceReference], looks: Sequence[PictureContent]) -> Reason | None:
     for (one, a), (other, b) in combinations(zip(frames, looks, strict=True), 2):
         apart_rad = math.remainder(float(one.values["yaw_rad"]) - float(other.values["yaw_rad"]), math.tau)
         if abs(apart_rad) < APART_RAD:

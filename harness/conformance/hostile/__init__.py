@@ -1,1 +1,0 @@
-"""The hostile provider kit: missions against a robot whose answers lie, flood, hang or break the protocol."""

@@ -19,7 +19,7 @@ from harness.conformance.hostile.proxy import Answer, Ask, Forward, LyingProxy, 
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, ProviderFailed
-from harness.contracts.events import DispatchIntended, InvocationEnded, NodeCommitted
+from harness.contracts.events import DispatchIntended, InvocationEnded, NodeCommitted, PacketRetained
 from harness.contracts.ids import ResourceId, RobotId
 from harness.contracts.measurements import Sound
 from harness.contracts.protocol import PhysicalStart
@@ -221,10 +221,11 @@ def _committed(harness: Harness | None, mission: Mission | None) -> tuple[str, .
 
 
 def _after_unknown(harness: Harness | None, mission: Mission | None) -> int:
-    """Motions that were authorised after another one's outcome became unknown; nobody answers questions here."""
+    """Motions that were authorised while another one's outcome was unknown: until its end was reported after all."""
     unknown, found = False, 0
     for event in _events(harness, mission):
         found += unknown and isinstance(event, DispatchIntended) and event.moves
+        unknown = unknown and not isinstance(event, PacketRetained)
         unknown = unknown or (isinstance(event, InvocationEnded) and event.status == "outcome_unknown")
     return found
 

@@ -186,5 +186,7 @@ class _Stream(httpcore.NetworkStream):
         left_s = self._left.check(httpcore.ConnectTimeout)
         return _Stream(self._inner.start_tls(ssl_context, server_hostname, left_s), self._left)
 
-    def get_extra_info(self, info: str) -> Any:
+    def _told(self, info: str) -> Any:
         return self._inner.get_extra_info(info)
+
+    get_extra_info = _told
