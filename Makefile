@@ -59,6 +59,7 @@ goals: install-test ## read the published goal set and print what starts (docs/g
 campaign: install-test ## every fault campaign: CAMPAIGN_MISSIONS=100000 CAMPAIGN_SEED=1; a smaller one leaves docs/ alone
 	@$(BIN)/python -m experiments.campaigns run
 	@$(BIN)/python -m experiments.campaigns recovery --missions 400 --publish
+	@$(BIN)/python -m experiments.campaigns seeds --missions 200 --publish
 
 lock: ## resolve both locks again: universal, with hashes, without any index address
 	@tools/lock.sh

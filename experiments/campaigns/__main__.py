@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 import msgspec
 
-from experiments.campaigns import recovery_steps
+from experiments.campaigns import recovery_steps, seeds
 from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.damage import DamageReport, damages
 from experiments.campaigns.declared import declared_offences
@@ -34,7 +34,7 @@ from experiments.campaigns.workers import WorkersReport, worked_missions
 from harness.contracts.ids import sha256
 
 MISSIONS, SEED = 100_000, 1
-MISSIONS_EACH = 20
+MISSIONS_EACH, SEEDS_EACH = 20, 200
 PROCESSES = 2
 FULL = {
     "answers": 1000,
@@ -90,6 +90,13 @@ def main() -> None:
     steps.add_argument("--missions", type=int, default=MISSIONS_EACH, help="missions for each fault and template")
     steps.add_argument("--seed", type=int, default=SEED)
     steps.add_argument("--publish", action="store_true", help="write docs/recovery.md")
+    many = commands.add_parser("seeds", help="the shipped missions without a fault")
+    many.add_argument("--missions", type=int, default=SEEDS_EACH, help="seeds of each mission")
+    many.add_argument("--seed", type=int, default=SEED)
+    many.add_argument("--only", action="append", choices=tuple(seeds.ENDS), help="one mission; may be repeated")
+    many.add_argument("--minutes", type=float, default=None, help="play no longer than this")
+    many.add_argument("--processes", type=int, default=PROCESSES)
+    many.add_argument("--publish", action="store_true", help="write docs/reliability.md and docs/results/seeds.json")
     again = commands.add_parser("replay", help="one mission of a simulation, with all that happened")
     again.add_argument("seed", type=int)
     check = commands.add_parser("check", help="one campaign, until the first offence")
@@ -102,6 +109,8 @@ def main() -> None:
             _run(asked)
         case "recovery":
             recovery_steps.run(asked)
+        case "seeds":
+            seeds.run(asked)
         case "replay":
             _replay(asked.seed)
         case _:

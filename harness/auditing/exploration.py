@@ -14,7 +14,7 @@ from harness.contracts.values import decode, encode
 from harness.exploration.frontiers import edges
 from harness.exploration.grid import merged, usable
 from harness.exploration.paths import Ways
-from harness.exploration.targets import NEAREST_EDGE, nearest_edge, settled
+from harness.exploration.targets import NEAREST_EDGE, given_up, nearest_edge, settled
 from harness.projections.exploration import choices, feedback, newest_image, unmapped, updates
 from harness.projections.floor import cells_of
 from harness.projections.mission import Mission, required_contract
@@ -36,7 +36,10 @@ def target_differences(
     question: exploration.TargetQuestion = stored(choice.question, exploration.TargetQuestion)
     answer: exploration.TargetAnswer = stored(choice.answer, exploration.TargetAnswer)
     grid = decode(runtime.blob(question.map), exploration.GridMap)
-    found_edges = edges(grid, Ways(grid, question.position_m, keep_out_m=question.keep_out_m))
+    ways = Ways(grid, question.position_m, keep_out_m=question.keep_out_m)
+    found_edges = edges(grid, ways, zones_m=question.zones_m, given_up=given_up(question.feedback))
+    if question.frontiers == edges(grid, ways):
+        found_edges = question.frontiers  # as explorations of older releases listed them
     known = updates(mission)
     shown = {
         "another mission": (question.mission_id, mission.mission_id),

@@ -1,22 +1,25 @@
 """Finds the edges of the known area that the robot can approach, on the map drawn from the lidar. Pure."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from harness.contracts.exploration import UNKNOWN, Frontier, GridMap
+from harness.contracts.exploration import UNKNOWN, Frontier, GridMap, Region
 from harness.contracts.values import Point
 from harness.exploration import paths
 from harness.exploration.grid import middle_of
 from harness.exploration.viewpoints import viewpoints
 from harness.projections.floor import Mask, cells_of, free_floor, unseen, widened
+from harness.projections.region import contains
 
 LEAST_EDGE_M = 0.8
 LEAST_WAY_M = 1.2
 """An edge nearer than this was looked at from here; another look from the same spot shows nothing new."""
 REACH_M = 1.4
 MOST = 12
+NEAR_BLOCKED_M = 0.8
+"""A target as near as this to one that was given up is the same target again."""
 
 
 def frontiers(grid: GridMap, ways: paths.Ways) -> tuple[Frontier, ...]:
@@ -30,21 +33,41 @@ def frontiers(grid: GridMap, ways: paths.Ways) -> tuple[Frontier, ...]:
     return tuple(sorted(found, key=lambda one: (-one.length_m, one.approach_m)))[:MOST]
 
 
-def edges(grid: GridMap, ways: paths.Ways) -> tuple[Frontier, ...]:
+def edges(
+    grid: GridMap, ways: paths.Ways, *, zones_m: tuple[Region, ...] = (), given_up: Sequence[Point] = ()
+) -> tuple[Frontier, ...]:
     """What an exploration may approach: the frontiers; where none is left, places that see floor not seen so far.
 
-    Maps without a region come from older explorations, which end with their frontiers.
+    Frontiers outside `zones_m`, where zones are given, or beside a target that was given up do not count as left: there
+    may be other places that show their floor. Maps without a region come from older explorations, which end with their
+    frontiers.
     """
     found = frontiers(grid, ways)
-    return found if found or not grid.region else _hidden(grid, ways)
+    if not grid.region or any(_approachable(one.approach_m, zones_m, given_up) for one in found):
+        return found
+    hidden = _hidden(grid, ways, zones_m=zones_m, given_up=given_up)
+    return hidden or found
 
 
-def _hidden(grid: GridMap, ways: paths.Ways) -> tuple[Frontier, ...]:
+def beside(point: Point, others: Sequence[Point]) -> bool:
+    """Whether a target is the same again as one of the others."""
+    return any(math.dist(point, other) <= NEAR_BLOCKED_M for other in others)
+
+
+def _approachable(point: Point, zones_m: tuple[Region, ...], given_up: Sequence[Point]) -> bool:
+    inside = not zones_m or any(contains(zone, point) for zone in zones_m)
+    return inside and not beside(point, given_up)
+
+
+def _hidden(
+    grid: GridMap, ways: paths.Ways, *, zones_m: tuple[Region, ...], given_up: Sequence[Point]
+) -> tuple[Frontier, ...]:
     """The best place to see each part of the reachable floor that no sweep showed, the largest part first."""
     found = []
     for cluster in sorted(_clusters(unseen(grid)), key=lambda cells: (-len(cells), cells[0])):
         seeing = viewpoints(grid, ways, sorted(cluster))
-        best = next((one for one in seeing if one.way_m >= LEAST_WAY_M), None)
+        fit = (one for one in seeing if one.way_m >= LEAST_WAY_M and _approachable(one.at_m, zones_m, given_up))
+        best = next(fit, None)
         if best is not None:
             middle = cluster[len(cluster) // 2]
             length_m = len(cluster) * best.share * grid.cell_m

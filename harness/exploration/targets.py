@@ -4,19 +4,18 @@ A proposer, a model included, sees the question and nothing else; its target has
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from harness.contracts import exploration
 from harness.contracts.decisions import Refused, refused
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.values import Point
+from harness.exploration.frontiers import beside
 from harness.exploration.grid import cell_of
 from harness.exploration.paths import Ways
 from harness.projections.region import contains
 
-NEAR_BLOCKED_M = 0.8
-"""A target as near as this to one that was given up is the same target again."""
 WAY_COST_M = 3.0
 LONGEST_REASON = 400
 
@@ -34,23 +33,31 @@ class Proposer:
 
 def nearest_edge(question: exploration.TargetQuestion, picture: bytes = b"") -> exploration.TargetProposal | None:
     """The edge that shows most for its distance, away from abandoned targets. Deterministic; needs no picture."""
-    given_up = [one.target_m for one in question.feedback if isinstance(one, exploration.BlockedTarget)]
-    left = [one for one in question.frontiers if not _near(one.approach_m, given_up)]
-    if not left:
-        return None
-    best = max(left, key=lambda one: (_worth(one), one.approach_m))
-    return exploration.TargetProposal(
-        target_m=best.approach_m,
-        reason=because(
-            "nearest_unknown_edge",
-            length_m=best.length_m,
-            x_m=best.edge_m[0],
-            y_m=best.edge_m[1],
-            way_m=best.way_m,
-            open=len(left),
-            edges=len(question.frontiers),
-        ),
-    )
+    return next(_edges_by_worth(question), None)
+
+
+def given_up(feedback: Sequence[exploration.AnyFeedback]) -> tuple[Point, ...]:
+    """The targets that could not be reached."""
+    return tuple(one.target_m for one in feedback if isinstance(one, exploration.BlockedTarget))
+
+
+def _edges_by_worth(question: exploration.TargetQuestion) -> Iterator[exploration.TargetProposal]:
+    """Every edge away from abandoned targets, the one that shows most for its distance first."""
+    abandoned = given_up(question.feedback)
+    left = [one for one in question.frontiers if not beside(one.approach_m, abandoned)]
+    for edge in sorted(left, key=lambda one: (_worth(one), one.approach_m), reverse=True):
+        yield exploration.TargetProposal(
+            target_m=edge.approach_m,
+            reason=because(
+                "nearest_unknown_edge",
+                length_m=edge.length_m,
+                x_m=edge.edge_m[0],
+                y_m=edge.edge_m[1],
+                way_m=edge.way_m,
+                open=len(left),
+                edges=len(question.frontiers),
+            ),
+        )
 
 
 NEAREST_EDGE = Proposer(name="nearest-edge-1", propose=nearest_edge)
@@ -69,7 +76,7 @@ def target_refusal(
         return refused("outside_zones", because("target_outside_zones", at=said))
     if any(contains(region, target) for region in question.keep_out_m):
         return refused("keep_out", because("target_kept_out", at=said))
-    if _near(target, [one.target_m for one in question.feedback if isinstance(one, exploration.BlockedTarget)]):
+    if beside(target, given_up(question.feedback)):
         return refused("given_up_before", because("target_given_up", at=said))
     return _way_refusal(said, question=question, way_m=ways.length_m((row, column)))
 
@@ -106,26 +113,26 @@ def settled(
     question: exploration.TargetQuestion,
     grid: exploration.GridMap,
 ) -> exploration.TargetAnswer:
-    """The target that follows from the proposal; replay derives it again from the records."""
+    """The target that follows from the proposal; replay derives it again from the records.
+
+    In the place of a refused one stands the best edge that is not refused: one outside the zones ends no exploration
+    while others are left.
+    """
     ways = Ways(grid, question.position_m, keep_out_m=question.keep_out_m)
     broken = target_refusal(said.target_m, question=question, grid=grid, ways=ways) if said else None
     if broken is not None:
         refused = because("target_refused", rule=broken.rule, why=broken.reason)
     chosen = said if broken is None else None
     if refused:
-        own = nearest_edge(question)
-        fits = own is not None and target_refusal(own.target_m, question=question, grid=grid, ways=ways) is None
-        chosen = own if fits else None
+        own = _edges_by_worth(question)
+        fitting = (one for one in own if target_refusal(one.target_m, question=question, grid=grid, ways=ways) is None)
+        chosen = next(fitting, None)
     route = ways.route_m(chosen.target_m) if chosen else ()
     return exploration.TargetAnswer(planner=planner, said=said, refused=refused, chosen=chosen, route_m=route)
 
 
 def _worth(frontier: exploration.Frontier) -> float:
     return frontier.length_m / (frontier.way_m + WAY_COST_M)
-
-
-def _near(point: Point, others: list[Point]) -> bool:
-    return any(math.dist(point, other) <= NEAR_BLOCKED_M for other in others)
 
 
 def _storable(said: exploration.TargetProposal | None) -> exploration.TargetProposal | None:

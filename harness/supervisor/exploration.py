@@ -19,7 +19,7 @@ from harness.contracts.values import Point, decode, encode
 from harness.exploration.frontiers import edges
 from harness.exploration.grid import area_m2, changed_m2, merged, unexplored, usable
 from harness.exploration.paths import Ways
-from harness.exploration.targets import answered
+from harness.exploration.targets import answered, given_up
 from harness.planning.targets import COVERAGE, EXPLORES, REGION, exploring, extended
 from harness.projections.exploration import MAP, choices, feedback, newest_image, unmapped, updates, views
 from harness.projections.floor import coverage
@@ -115,6 +115,8 @@ class Explorer:
         contract, site = required_contract(mission), self._runtime.site_of(mission)
         state = mission.of(closing.node_id)
         keep_out = tuple(forbidden_m(site, contract.constraints.keep_out).values())
+        zones = tuple(zone.region_m for zone in site.zones)
+        told = feedback(mission)
         left = min(*left_now(mission, closing.node_id), left_of(closing.recovery, state.spends)["local_replan"])
         return exploration.TargetQuestion(
             mission_id=mission.mission_id,
@@ -127,11 +129,11 @@ class Explorer:
             position_m=position,
             image=image,
             map=updates(mission)[-1][1].after,
-            frontiers=edges(grid, Ways(grid, position, keep_out_m=keep_out)),
-            feedback=feedback(mission),
+            frontiers=edges(grid, Ways(grid, position, keep_out_m=keep_out), zones_m=zones, given_up=given_up(told)),
+            feedback=told,
             left=left,
             longest_way_m=LONGEST_WAY_M,
-            zones_m=tuple(zone.region_m for zone in site.zones),
+            zones_m=zones,
             keep_out_m=keep_out,
         )
 

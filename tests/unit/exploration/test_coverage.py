@@ -1,5 +1,7 @@
 """How much of the reachable floor a map shows: unknown floor counts, closed floor is said, specks do not count."""
 
+import math
+
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -76,3 +78,15 @@ def test_where_no_edge_is_left_a_place_is_chosen_that_sees_the_rest() -> None:
     (edge,) = edges(grid, ways)
     assert edge.approach_m[1] > 3.6 and edge.way_m > 1.2
     assert edges(replace(grid, region=b""), ways) == ()
+
+
+def test_edges_that_cannot_be_approached_do_not_hide_places_that_see_the_rest() -> None:
+    """A frontier whose target was given up, and a pocket behind a shelf that another place sees."""
+    grid = drawn({((18, 19), (26, 40)): OCCUPIED, ((19, 22), (30, 33)): UNKNOWN, (EVERY, (46, 50)): UNKNOWN})
+    ways = Ways(grid, HERE)
+    (frontier,) = edges(grid, ways)
+    hidden = edges(grid, ways, given_up=(frontier.approach_m,))
+    assert hidden and frontier not in hidden
+    assert all(math.dist(one.approach_m, frontier.approach_m) > 0.8 for one in hidden)
+    zone = ((0.0, 0.0), (8.0, 0.0), (8.0, 6.0), (0.0, 6.0))
+    assert all(one.approach_m[0] < 8.0 for one in edges(grid, ways, zones_m=(zone,)))

@@ -229,3 +229,14 @@ def swept(
         ),
         scans=(Scan(seq=3, at_s=10.0, source="lidar", frame="body", blob=Digest("d" * 64), points=1),),
     )
+
+
+def test_an_edge_outside_the_zones_does_not_end_an_exploration_while_others_are_left() -> None:
+    grid = floor()
+    asked = replace(question(grid), zones_m=(((4.0, 0.0), (10.0, 0.0), (10.0, 6.0), (4.0, 6.0)),))
+    (edge,) = asked.frontiers
+    outside = replace(edge, approach_m=(1.1, 5.1), edge_m=(1.1, 5.1), length_m=90.0)
+    answer = answered(NEAREST_EDGE, question=replace(asked, frontiers=(outside, edge)), grid=grid, picture=b"")
+    assert answer.said is not None and answer.said.target_m == outside.approach_m
+    assert isinstance(answer.refused, Reason) and answer.refused.facts["rule"] == "outside_zones"
+    assert answer.chosen is not None and answer.chosen.target_m == edge.approach_m and answer.route_m
