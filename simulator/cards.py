@@ -14,6 +14,7 @@ _NAVIGATION = (
     capabilities.Parameter(name="speed_cap_mps", type="number", unit="m/s", minimum=0.05, maximum=0.5),
     capabilities.Parameter(name="lookahead_m", type="number", required=False, unit="m", minimum=0.2, maximum=2.0),
     capabilities.Parameter(name="replan", type="boolean", required=False),
+    capabilities.Parameter(name="keep_out", type="points", required=False, unit="m"),
     capabilities.Parameter(
         name="heading_rad", type="number", required=False, unit="rad", minimum=-3.1416, maximum=3.1416
     ),

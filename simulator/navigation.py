@@ -7,7 +7,9 @@ round an obstacle that its lidar shows, where a gap is wide enough.
 import math
 from collections import deque
 from collections.abc import Sequence
+from itertools import pairwise
 
+import cv2
 import numpy as np
 from msgspec.structs import replace
 
@@ -40,6 +42,7 @@ class Leg(Value):
 
     `approach_m` is the way from the body to where the leg begins, empty where it stands there. `reachable` is false
     where no way leads to the route. `heading_rad`: the heading to turn to at the target, if one is wanted.
+    `keep_out_m`: polygons of floor that no detour may cross.
     """
 
     route_m: tuple[Point, ...]
@@ -51,6 +54,7 @@ class Leg(Value):
     approach_m: tuple[Point, ...] = ()
     reachable: bool = True
     heading_rad: float | None = None
+    keep_out_m: tuple[tuple[Point, ...], ...] = ()
 
 
 class ArrivalEstimate(Value):
@@ -268,11 +272,17 @@ class CarefulPlanner(RouteFollower):
             return ""
         for ahead_m in REJOIN_M if clear else reversed(REJOIN_M):
             path = self._map.path(here, self.route.point(self._at_m + ahead_m))
-            if path:
+            if path and not self._forbidden(path):
                 self._detour = RouteLine((here, *path[1:]))
                 return ""
         self._detour = None
         return "The lidar shows no gap wide enough."
+
+    def _forbidden(self, path: Sequence[Point]) -> bool:
+        """Whether a way enters floor that it has to keep out of; leaving such floor is allowed."""
+        regions = [np.array(region, dtype=np.float32) for region in self._leg.keep_out_m]
+        inside = [any(cv2.pointPolygonTest(region, point, False) >= 0 for region in regions) for point in path]
+        return any(later and not earlier for earlier, later in pairwise(inside))
 
     def _aim(self) -> Point:
         return super()._aim() if self._detour is None else self._detour.point(0.45)

@@ -1,6 +1,7 @@
 """Plans on the robot's own map of the site: where its body fits, and the shortest way there. Knows no live obstacle."""
 
 import math
+from copy import copy
 from functools import lru_cache
 
 import cv2
@@ -73,10 +74,22 @@ class NavigationMap:
         away_m = cv2.distanceTransform(1 - drawn, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * CELL_M
         self._open: Mask = np.asarray(away_m, dtype=np.float64) >= ROBOT_RADIUS_M + MARGIN_M
         self._roomy: Mask = np.asarray(away_m, dtype=np.float64) >= ROOMY_M
+        self._forbidden: Mask = np.zeros(self.shape, dtype=np.bool_)
+
+    def without(self, regions: tuple[tuple[Point, ...], ...]) -> "NavigationMap":
+        """The map on which these polygons of floor are closed to the body; itself where there are none."""
+        if not regions:
+            return self
+        drawn = np.zeros(self.shape, dtype=np.uint8)
+        for region in regions:
+            cv2.fillPoly(drawn, [np.rint((np.array(region) - self._origin) / CELL_M - 0.5).astype(np.int32)], 1)
+        closed = copy(self)
+        closed._forbidden = self._forbidden | (drawn > 0)
+        return closed
 
     def ways(self, start: Point) -> Approaches:
         """The ways from where the body stands; around it the floor is taken as free, since it stands there."""
-        passable = self._open | self._near(start)
+        passable = self._passable(start)
         first = self.cell(start)
         if not self.inside(first):
             unreached = np.full(passable.size, np.inf)
@@ -89,14 +102,14 @@ class NavigationMap:
         line = RouteLine((start, end))
         steps = max(1, math.ceil(line.length_m / (CELL_M / 2)))
         cells = (self.cell(line.point(line.length_m * step / steps)) for step in range(steps + 1))
-        return all(self.inside(cell) and bool(self._roomy[cell]) for cell in cells)
+        return all(self.inside(cell) and bool(self._roomy[cell]) and not self._forbidden[cell] for cell in cells)
 
     def fits(self, start: Point, end: Point) -> bool:
         """Whether the body fits all along the straight line, as narrowly as it may be; its own place is not asked."""
         line = RouteLine((start, end))
         steps = max(1, math.ceil(line.length_m / (CELL_M / 2)))
         cells = (self.cell(line.point(line.length_m * step / steps)) for step in range(steps + 1))
-        passable = self._open | self._near(start)
+        passable = self._passable(start)
         return all(self.inside(cell) and bool(passable[cell]) for cell in cells)
 
     def cell(self, point: Point) -> Cell:
@@ -117,6 +130,14 @@ class NavigationMap:
         row, column = divmod(index, self.shape[1])
         x, y = (self._origin + (np.array((column, row)) + 0.5) * CELL_M).tolist()
         return x, y
+
+    def _passable(self, start: Point) -> Mask:
+        """Where the body fits and may be; around it the floor is taken as it is, as far as it may be entered."""
+        passable: Mask = (self._open | self._near(start)) & ~self._forbidden
+        first = self.cell(start)
+        if self.inside(first) and self._forbidden[first]:
+            passable |= self._near(start)
+        return passable
 
     def _near(self, point: Point) -> Mask:
         rows, columns = np.ogrid[: self.shape[0], : self.shape[1]]

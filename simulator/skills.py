@@ -50,7 +50,8 @@ def skill_for(
         )
     careful = card is CAREFUL_PLANNER
     cap = _number(parameters, "speed_cap_mps", 0.5)
-    begin_m, approach_m = _approach(RouteLine(route), here, site_map, reached_m)
+    kept_out = rings(cast(tuple[Point, ...], parameters.get("keep_out", ())))
+    begin_m, approach_m = _approach(RouteLine(route), here, site_map.without(kept_out), reached_m)
     heading = parameters.get("heading_rad")
     leg = Leg(
         route_m=route,
@@ -62,8 +63,22 @@ def skill_for(
         approach_m=approach_m,
         reachable=begin_m is not None,
         heading_rad=None if heading is None else float(cast(float, heading)),
+        keep_out_m=kept_out,
     )
     return CarefulPlanner(leg) if careful else RouteFollower(leg)
+
+
+def rings(corners: tuple[Point, ...]) -> tuple[tuple[Point, ...], ...]:
+    """The polygons of a list of closed rings, one after another; what is left unclosed at the end is one too."""
+    found: list[tuple[Point, ...]] = []
+    ring: list[Point] = []
+    for corner in corners:
+        if len(ring) > 2 and corner == ring[0]:
+            found.append(tuple(ring))
+            ring = []
+        else:
+            ring.append(corner)
+    return (*found, *((tuple(ring),) if len(ring) > 2 else ()))
 
 
 def _approach(

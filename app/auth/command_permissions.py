@@ -120,6 +120,7 @@ HARNESS_COMMANDS: frozenset[type[Command]] = frozenset(
         commands.RecordEffect,
         revision_commands.ReviseContract,
         revision_commands.ReviseToRecover,
+        revision_commands.PassOverStep,
         handoff_commands.Escalate,
         handoff_commands.VoidApproval,
         handoff_commands.RecordNoAnswer,

@@ -4,6 +4,7 @@ import argparse
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Literal
 
 from experiments.campaigns.regen import ROOT
 from harness.bootstrap import simulated
@@ -11,6 +12,7 @@ from harness.contracts import events
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import RobotId
+from harness.contracts.reasons import Reason
 from harness.contracts.values import Count, Value
 from harness.gate.decide import DECIDER
 from harness.runtime import Start
@@ -26,17 +28,22 @@ NOTHING_IN = 200
 """A step that never helped in so many tries does not belong in a ladder."""
 TEMPLATES = ("circuit", "warehouse-inspection")
 ONLY_INSPECTION = ("hidden-passage",)
+StepEnd = Literal["committed", "in vain", "passed over"]
 PEOPLE = ("human", "stop", "safe_stop")
 """Steps that end the try or ask a person: nothing is committed by them."""
 
 
 class StepEffect(Value):
-    """One failure class and step: how often it was taken, and how often the stage was committed next."""
+    """One failure class and step: how often it was taken, and how often the stage was committed next.
+
+    `passed_over`: how often it was tried and did not apply, since there was no other route; these are not in `taken`.
+    """
 
     failure: str
     action: str
     taken: Count
     committed: Count
+    passed_over: Count = 0
 
     @property
     def ineffective(self) -> bool:
@@ -56,6 +63,7 @@ def recovery_steps(missions: int, *, seed: int) -> StepReport:
     """So many missions for each fault, transient and persistent by turns, on the kinematic robot."""
     taken: Counter[tuple[str, str]] = Counter()
     committed: Counter[tuple[str, str]] = Counter()
+    passed: Counter[tuple[str, str]] = Counter()
     count = 0
     for fault, template in faults_and_templates():
         for number in range(missions):
@@ -63,11 +71,12 @@ def recovery_steps(missions: int, *, seed: int) -> StepReport:
             log = mission_log(template, f"{fault}{persistent}", seed=seed + number)
             count += 1
             for failure, action, helped in steps_in(log):
-                taken[(failure, action)] += 1
-                committed[(failure, action)] += helped
+                taken[(failure, action)] += helped != "passed over"
+                committed[(failure, action)] += helped == "committed"
+                passed[(failure, action)] += helped == "passed over"
     steps = tuple(
-        StepEffect(failure=failure, action=action, taken=times, committed=committed[(failure, action)])
-        for (failure, action), times in sorted(taken.items())
+        StepEffect(failure=one[0], action=one[1], taken=times, committed=committed[one], passed_over=passed[one])
+        for one, times in sorted(taken.items())
     )
     offences = tuple(f"{one.action} after {one.failure}: 0 of {one.taken}" for one in steps if one.ineffective)
     return StepReport(missions=count, seed=seed, steps=steps, offences=offences)
@@ -92,21 +101,25 @@ def mission_log(template: str, fault: str, *, seed: int) -> list[events.MissionE
         return [DECIDER.codec.decode(one) for one in harness.runtime.events(mission_id)]
 
 
-def steps_in(log: Iterable[events.MissionEvent]) -> Iterator[tuple[str, str, bool]]:
-    """Every authorised step with its failure class, and whether its stage was committed before it failed again."""
+def steps_in(log: Iterable[events.MissionEvent]) -> Iterator[tuple[str, str, StepEnd]]:
+    """Every authorised step with its failure class, and what came of it: its stage was committed before it failed
+    again, or not, or the step did not apply.
+    """
     waiting: dict[str, tuple[str, str]] = {}
     for event in log:
         match event:
             case events.RecoveryAuthorised():
                 waiting[event.node_id] = (event.failure, event.action)
             case events.NodeCommitted() if event.node_id in waiting:
-                yield (*waiting.pop(event.node_id), True)
+                yield (*waiting.pop(event.node_id), "committed")
+            case events.FailureClassified(reason=Reason(code="step_not_applicable")) if event.node_id in waiting:
+                yield (*waiting.pop(event.node_id), "passed over")
             case events.FailureClassified() | events.NodeFailed() if event.node_id in waiting:
-                yield (*waiting.pop(event.node_id), False)
+                yield (*waiting.pop(event.node_id), "in vain")
             case _:
                 pass
     for failure, action in waiting.values():
-        yield failure, action, False
+        yield failure, action, "in vain"
 
 
 def table(report: StepReport) -> str:
@@ -114,16 +127,18 @@ def table(report: StepReport) -> str:
     lines = [
         f"{report.missions:,} missions with a fault each, seeds from {report.seed}, kinematic fidelity.",
         "",
-        "| failure class | step | taken | committed next | share |",
-        "|---|---|---:|---:|---:|",
-        *(
-            f"| {one.failure} | {one.action} | {one.taken:,} | {one.committed:,} | {one.committed / one.taken:.0%} |"
-            for one in report.steps
-        ),
+        "| failure class | step | taken | committed next | share | did not apply |",
+        "|---|---|---:|---:|---:|---:|",
+        *map(_row, report.steps),
         "",
         "Steps without effect in 200 tries or more: " + ("; ".join(report.offences) or "none") + ".",
     ]
     return "\n".join(lines)
+
+
+def _row(step: StepEffect) -> str:
+    share = f"{step.committed / step.taken:.0%}" if step.taken else "-"
+    return f"| {step.failure} | {step.action} | {step.taken:,} | {step.committed:,} | {share} | {step.passed_over:,} |"
 
 
 def publish(report: StepReport, *, command: str, page: Path = PAGE) -> None:

@@ -18,13 +18,16 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.reasons import because
 from harness.contracts.values import Positive, Share, Value
-from harness.projections.mission import Failure
+from harness.projections.mission import Failure, pointless_steps
 
 MOTION: frozenset[Capability] = frozenset({"navigate", "capture_panorama"})
 
 
 class FailedNode(Value):
-    """The node that failed: whether its skill moves the robot decides how an exhausted budget ends (D26)."""
+    """The node that failed: whether its skill moves the robot decides how an exhausted budget ends (D26).
+
+    `pointless`: steps that cannot change what failed, whatever the ladder says.
+    """
 
     node_id: NodeId
     capabilities: tuple[Capability, ...]
@@ -34,6 +37,7 @@ class FailedNode(Value):
     attempt: int
     provider_id: ProviderId | None
     excluded: tuple[ProviderId, ...]
+    pointless: tuple[RecoveryAction, ...] = ()
 
 
 class Remaining(Value):
@@ -98,6 +102,7 @@ def _failed_node(view: StateView, node_id: NodeId) -> FailedNode:
         attempt=state.attempt,
         provider_id=state.provider_id,
         excluded=state.excluded,
+        pointless=pointless_steps(view.mission, node_id),
     )
 
 

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from harness.contexts.observed import newest_samples, observed_references, robot_status
 from harness.contexts.selection import Selection, SelectionItem, budgeted, compile_context
-from harness.contexts.view import StateView, accepted, configured
+from harness.contexts.view import StateView, accepted, configured, forbidden_m
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.contexts import Context, ContextRecord
@@ -44,6 +44,7 @@ def skill_context(view: StateView, node_id: NodeId, card: CapabilityCard) -> Con
         *_facts(view, node_id),
         *_declared(view, node_id),
         SelectionItem(configured("constraints", "contract", view.contract.constraints, at_s=view.at_s)),
+        *_kept_out(view),
         *robot_status(view),
         *newest_samples(view),
         *observed_references(view),
@@ -101,6 +102,12 @@ def _declared(view: StateView, node_id: NodeId) -> list[SelectionItem]:
         return []
     newest_s = max(effect.at_s for effect in effects)
     return [SelectionItem(accepted("declared_effects", "mission", effects, at_s=newest_s, mandatory=True))]
+
+
+def _kept_out(view: StateView) -> list[SelectionItem]:
+    """The floor that no way may cross, by name, for a provider that plans ways of its own."""
+    floors = forbidden_m(view.site, view.contract.constraints.keep_out)
+    return [SelectionItem(configured("keep_out", "site", floors, at_s=view.at_s, mandatory=True))] if floors else []
 
 
 def _attempt(view: StateView, node_id: NodeId) -> SkillAttempt:

@@ -230,6 +230,7 @@ MissionCommand = (
     | FailNode
     | revision_commands.ReviseContract
     | revision_commands.ReviseToRecover
+    | revision_commands.PassOverStep
     | revision_commands.TightenConstraints
     | AskPerson
     | revision_commands.DisputeCompletion

@@ -3,7 +3,7 @@
 from harness.contracts.actors import Actor, Command
 from harness.contracts.ids import ConditionId, Digest, HandoffId, NodeId
 from harness.contracts.proposals import RecoveryProposal, Signature
-from harness.contracts.reasons import Explanation
+from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.tasks import Constraints, TaskContract
 from harness.contracts.values import Name
 
@@ -31,6 +31,20 @@ class ReviseToRecover(Command, tag=True):
     context: Digest
     planner: Name
     reason: Explanation
+
+
+class PassOverStep(Command, tag=True):
+    """A recovery step that can change nothing here is paid for as proposed, and the failure stands again with `reason`.
+
+    `context` is the C4 it was proposed from; `at_s` is mission time.
+    """
+
+    node_id: NodeId
+    proposal: RecoveryProposal
+    signature: Signature
+    context: Digest
+    reason: Reason
+    at_s: float
 
 
 class TightenConstraints(Command, tag=True):

@@ -18,6 +18,8 @@ AHEAD_M = 0.8
 CLEAR_M = 1.5
 """So far on from there the old route has to be clear."""
 LONGER_M = 8.0
+AWAY_M = 0.8
+"""Further than this from its route the body first has to come to it."""
 CORRIDOR_M, BESIDE_LONGER_M = 1.2, 2.5
 """Where the route itself is what counts, a detour leaves it by no more than this, and is no longer than that."""
 
@@ -27,23 +29,24 @@ def detour(
 ) -> tuple[Point, ...]:
     """From the body around what is closed, back to the old route as early as it is clear, and on along it.
 
-    `beside`: the detour stays near the old route. Empty where the map shows no such way, or where the old route is not
-    closed at all.
+    `beside`: the detour stays near the old route. Where the old route is not closed, but the body stands away from it,
+    the way to it is planned. Empty where the map shows no such way, or nothing is in the way.
     """
     points, corners = _sampled(route)
     here = min(range(len(points)), key=lambda index: math.dist(points[index], position))
     closed = widened(cells_of(grid) == OCCUPIED, NARROWEST_CELLS)
     shut = [_shut(grid, closed, point) for point in points]
     first = next((index for index in range(here, len(points)) if shut[index]), None)
-    if first is None:
+    off_m = math.dist(points[here], position)
+    away = first is None and not beside and off_m > AWAY_M
+    if first is None and not away:
         return ()
-    clear = math.ceil(CLEAR_M / STEP_M)
-    longer_m = BESIDE_LONGER_M if beside else LONGER_M
-    for index in range(first + 1, len(points)):
-        if shut[index] or any(shut[index : index + clear]) or (index - here) * STEP_M < AHEAD_M:
+    clear, longer_m = math.ceil(CLEAR_M / STEP_M), BESIDE_LONGER_M if beside else LONGER_M
+    for index in range(here if first is None else first + 1, len(points)):
+        if any(shut[index : index + clear]) or (not away and (index - here) * STEP_M < AHEAD_M):
             continue
         way_m = ways.length_m(cell_of(grid, points[index]))
-        if way_m is None or way_m > (index - here) * STEP_M + longer_m:
+        if way_m is None or way_m > (index - here) * STEP_M + longer_m + (off_m if away else 0.0):
             continue
         around = ways.route_m(points[index])
         if not beside or _beside(around, points[here : index + 1]):

@@ -9,6 +9,7 @@ from harness.contracts.decisions import Accepted, Decision, refused
 from harness.contracts.reasons import because
 from harness.contracts.revision_commands import (
     DisputeCompletion,
+    PassOverStep,
     ReviseContract,
     ReviseToRecover,
     TightenConstraints,
@@ -21,7 +22,7 @@ from harness.gate.completion import complete
 from harness.gate.dispatch import authorise, wait
 from harness.gate.goal import judge
 from harness.gate.pins import recompile
-from harness.gate.revisions import dispute, revise, revise_to_recover, tighten
+from harness.gate.revisions import dispute, pass_over, revise, revise_to_recover, tighten
 from harness.projections.mission import Mission
 from harness.projections.mission_fold import apply
 
@@ -74,6 +75,8 @@ def _decided(mission: Mission, command: commands.MissionCommand) -> Decision[eve
             return revise(mission, command)
         case ReviseToRecover():
             return revise_to_recover(mission, command)
+        case PassOverStep():
+            return pass_over(mission, command)
         case TightenConstraints():
             return tighten(mission, command)
         case DisputeCompletion():

@@ -4,12 +4,13 @@ from msgspec.structs import replace
 
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.errors import ContractInvalid
-from harness.contracts.events import MissionEvent
+from harness.contracts.events import FailureClassified, MissionEvent
 from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.reasons import because
 from harness.contracts.revision_commands import (
     DisputeCompletion,
+    PassOverStep,
     ReviseContract,
     ReviseToRecover,
     TightenConstraints,
@@ -28,6 +29,9 @@ from harness.projections.mission import Mission, required_contract, required_pol
 from harness.recovery.approval import approval_required
 from harness.recovery.rules import first_broken_recovery
 from harness.recovery.state import left_now, over_budget
+
+REPLANNING = ("local_replan",)
+"""Steps that are worth nothing without another plan: they are never carried out as a repetition."""
 
 
 def revise(mission: Mission, command: ReviseContract) -> Decision[MissionEvent]:
@@ -105,6 +109,38 @@ def revise_to_recover(mission: Mission, command: ReviseToRecover) -> Decision[Mi
         left_mission=left[1] - proposal.cost,
     )
     return Accepted((accounted(mission, replace(paid, signature=command.signature)), revised))
+
+
+def pass_over(mission: Mission, command: PassOverStep) -> Decision[MissionEvent]:
+    """A step that can change nothing here counts as tried, at its cost: the ladder goes on with the next one."""
+    if mission.status != "active":
+        return refused("not_active", because("nothing_planned_now", status=mission.status))
+    if mission.invocation is not None:
+        return refused("in_flight", node_id=mission.invocation.intent.node_id)
+    state, proposal = mission.nodes.get(command.node_id), command.proposal
+    if state is None or state.failure is None:
+        return refused("no_failure", because("nothing_to_recover", node_id=command.node_id))
+    if proposal.action not in REPLANNING:
+        return refused("step_applies", action=proposal.action)
+    broken = first_broken_recovery(
+        mission,
+        node_id=command.node_id,
+        proposal=proposal,
+        signature=command.signature,
+        policy=required_policy(mission),
+    )
+    if broken:
+        return broken
+    paid = spend(state, proposal, attempt=state.attempt, context=command.context, until_s=None)
+    tried = accounted(mission, replace(paid, signature=command.signature))
+    stands = FailureClassified(
+        node_id=command.node_id,
+        invocation_id=None,
+        failure=state.failure.failure,
+        reason=command.reason,
+        at_s=command.at_s,
+    )
+    return Accepted((tried, stands))
 
 
 def _unpaid(mission: Mission, command: ReviseContract) -> Refused | None:

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from threading import RLock
 
+from msgspec.structs import replace
+
 from harness.contracts import memory
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import ContextRecord
@@ -25,6 +27,8 @@ BEHIND = 100
 """The index is at most this many events behind what was folded; a crash costs folding them again."""
 SPATIAL = ("map", "place", "region", "relation", "pose", "sighting", "dispute")
 SEMANTIC = ("card", "rules")
+VERSIONS = 100
+"""So many cards of one provider are compared, the newest."""
 
 
 @dataclass
@@ -116,7 +120,8 @@ class MemoryFabric:
             standings=("verified",),
             limit=limit,
         )
-        said = ((one.record, one.record.knowledge) for one in self._recently(query))
+        found = self.of_same_contract([one.record for one in self._recently(query)], card)
+        said = ((record, record.knowledge) for record in found)
         return tuple(
             as_example(record, outcome) for record, outcome in said if isinstance(outcome, memory.ProviderOutcome)
         )
@@ -124,6 +129,48 @@ class MemoryFabric:
     def spatial(self, region: memory.FloorBox, *, at_s: float, limit: int = 100) -> list[memory.Remembered]:
         """What is known of a region at one instant of mission time, conflicts and expired records withheld (R69)."""
         return self.find(memory.MemoryQuery(kinds=SPATIAL, region=region, valid_at_s=at_s, limit=limit))
+
+    def of_same_contract(
+        self, records: Sequence[memory.MemoryRecord], card: CapabilityCard
+    ) -> list[memory.MemoryRecord]:
+        """The outcomes that say something of the provider as its card now declares it.
+
+        What another version did counts only where semantic memory holds that version's card and it declares the same.
+        """
+        versions = {
+            one.knowledge.provider_version for one in records if isinstance(one.knowledge, memory.ProviderOutcome)
+        }
+        if versions <= {card.version}:
+            return list(records)
+        asked = memory.MemoryQuery(
+            kinds=("card",), provider_id=card.provider_id, standings=("configured", "superseded"), limit=VERSIONS
+        )
+        known = (one.record.knowledge for one in self.find(asked))
+        alike = {one.card.version for one in known if isinstance(one, memory.KnownCard) and _declares_alike(one, card)}
+        counted = {card.version, *alike}
+        return [
+            one
+            for one in records
+            if isinstance(one.knowledge, memory.ProviderOutcome) and one.knowledge.provider_version in counted
+        ]
+
+    def arrivals(self, region: memory.FloorBox, *, since_s: float, limit: int) -> tuple[memory.MemoryRecord, ...]:
+        """Measured poses on this floor that the gate accepted since then, newest first, each with what was seen on the
+        way there.
+
+        That the body has moved on since does not make them less true; a pose that was disputed does not count.
+        """
+        asked = memory.MemoryQuery(kinds=("pose",), region=region, standings=("verified", "superseded"), limit=limit)
+        known = [one.record for one in self.find(asked)]
+        disputes = self.find(memory.MemoryQuery(kinds=("dispute",), standings=("disputed",), limit=limit))
+        doubted = {one.record.provenance.packet_id for one in disputes}
+        return tuple(
+            one
+            for one in known
+            if one.verification == "verified"
+            and one.valid_from_s >= since_s
+            and one.provenance.packet_id not in doubted
+        )
 
     def semantic(self, *, limit: int = 100) -> list[memory.Remembered]:
         """The capability contracts and rules that hold now."""
@@ -187,3 +234,8 @@ class MemoryFabric:
             return self._store.record(digest).body
         except UnknownName:
             return None
+
+
+def _declares_alike(known: memory.KnownCard, card: CapabilityCard) -> bool:
+    """Whether two cards of a provider differ in nothing but their version."""
+    return replace(known.card, version=card.version) == card

@@ -14,12 +14,14 @@ from harness.contracts.proposals import SkillProposal
 from harness.contracts.protocol import Parameters, ParameterValue
 from harness.contracts.reasons import because
 from harness.contracts.tasks import Constraints, Node
+from harness.contracts.values import Point
 from harness.planning.binding import names_in, substitute
 
 LOOK_S, LONG_LOOK_S = 3.0, 6.0
 """How long an observing skill looks, seconds of mission time: longer when an earlier look could not decide."""
 TOLD = "text"
 """The parameter that people are told: what is only declared is named in it."""
+KEEP_OUT = "keep_out"
 FROM = "_from"
 """`images_from: "@{panorama.frames}"` in a node states that `images` is bound at dispatch from a committed fact."""
 
@@ -51,7 +53,7 @@ def propose_skill(context: Context) -> SkillProposal:
     node, card = _required(context, "node").read(Node), _required(context, "card").read(CapabilityCard)
     attempt = _required(context, "attempt").read(_Attempt)
     wanted = requested(node, capability=card.capability, attempt=attempt.attempt, action=attempt.action)
-    asked = within(_heeding(wanted, attempt, context), _constraints(context))
+    asked = {**within(_heeding(wanted, attempt, context), _constraints(context)), **_kept_out(context)}
     taken = {parameter.name: asked[parameter.name] for parameter in card.parameters if parameter.name in asked}
     grounded = substitute(taken, bindings=_arguments(context), sigil="@", path=f"nodes.{node.node_id}.parameters")
     if TOLD + FROM in node.parameters and isinstance(said := grounded.get(TOLD), str):
@@ -108,6 +110,17 @@ def _heeding(parameters: Parameters, attempt: _Attempt, context: Context) -> Par
     worked = [one.read(_Example).parameters.get("speed_cap_mps") for one in context.all("example")]
     speeds = [one for one in worked if isinstance(one, int | float)]
     return {**parameters, "speed_cap_mps": min(speed, max(speeds) if speeds else round(SLOWER * speed, 3))}
+
+
+def _kept_out(context: Context) -> Parameters:
+    """The floor that the body may not enter, as closed rings of corners one after another; nothing where all is free.
+
+    A provider whose card names it plans no way over that floor.
+    """
+    record = context.one("keep_out")
+    floors = record.read(dict[str, tuple[Point, ...]]) if record else {}
+    rings = tuple(corner for _, floor in sorted(floors.items()) if floor for corner in (*floor, floor[0]))
+    return {KEEP_OUT: rings} if rings else {}
 
 
 def _constraints(context: Context) -> Constraints | None:

@@ -8,7 +8,7 @@ from harness.contracts import ids
 from harness.contracts.actors import Actor
 from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
 from harness.contracts.control import Autonomy, stricter
-from harness.contracts.effects import Condition
+from harness.contracts.effects import Condition, Metric
 from harness.contracts.events import DispatchIntended, StopAcknowledged, StopRequested
 from harness.contracts.evidence import CommittedFact, DeclaredEffect, EvidencePacket, EvidenceReference
 from harness.contracts.proposals import Signature
@@ -200,6 +200,27 @@ def required_contract(mission: Mission) -> TaskContract:
     if mission.contract is None:
         raise ValueError(f"mission {mission.mission_id} has no contract yet")
     return mission.contract
+
+
+def pointless_steps(mission: Mission, node_id: ids.NodeId) -> tuple[RecoveryAction, ...]:
+    """Steps that cannot change what failed, whatever their ladder says (D49).
+
+    No look brings a body to where it was measured not to be, and no other route frees a resource that somebody holds.
+    """
+    state = mission.of(node_id)
+    if state.failure is not None and state.failure.failure == "resource_conflict":
+        return ("local_replan",)
+    return ("re_perceive", "adjust_view") if _measured_elsewhere(mission, node_id) else ()
+
+
+def _measured_elsewhere(mission: Mission, node_id: ids.NodeId) -> bool:
+    """Whether the stage failed because the body was measured away from where the stage is to bring it."""
+    state = mission.of(node_id)
+    if state.failure is None or state.failure.failure != "violated" or not state.verdicts:
+        return False
+    effects = {one.condition_id: one.effect for one in required_contract(mission).node(node_id).success_conditions}
+    refuted = (effects.get(one.condition_id) for one in state.verdicts[-1].results if one.verdict == "violated")
+    return any(isinstance(effect, Metric) for effect in refuted)
 
 
 def required_policy(mission: Mission) -> RecoveryPolicy:

@@ -22,13 +22,17 @@ T = TypeVar("T")
 
 
 class NodeFailure(msgspec.Struct, frozen=True):
-    """The node that failed, who did it last, and who was given up."""
+    """The node that failed, who did it last, and who was given up.
+
+    `pointless`: steps that cannot change what failed. Contexts of older releases do not name them.
+    """
 
     node_id: NodeId
     capabilities: tuple[Capability, ...]
     provider_id: ProviderId | None = None
     excluded: tuple[ProviderId, ...] = ()
     moves: bool = False
+    pointless: tuple[RecoveryAction, ...] = ()
 
 
 class _Left(msgspec.Struct, frozen=True):
@@ -69,6 +73,7 @@ def standing_in(context: Context) -> RecoveryState:
         left_node=budget.left_node,
         left_mission=budget.left_mission,
         news_s=max(said, default=None),
+        pointless=failed_node(context).pointless,
     )
 
 

@@ -54,6 +54,8 @@ def exhausted(proposal: RecoveryProposal) -> bool:
 def _impossible(action: RecoveryAction, standing: state.RecoveryState, other: ProviderId | None) -> Reason | None:
     if action == "switch_skill" and other is None:
         return because("no_alternative")
+    if why := state.pointless(action, standing):
+        return why
     return state.repeated(action, standing, provider_id=other if action == "switch_skill" else None)
 
 

@@ -6,7 +6,16 @@ from harness.contracts.ids import NodeId
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.reasons import because
 from harness.projections.mission import Mission
-from harness.recovery.state import RecoveryState, climbed, cost_of, ladder_of, repeated, standing_of, unaffordable
+from harness.recovery.state import (
+    RecoveryState,
+    climbed,
+    cost_of,
+    ladder_of,
+    pointless,
+    repeated,
+    standing_of,
+    unaffordable,
+)
 
 ALWAYS: tuple[RecoveryAction, ...] = ("human", "stop", "safe_stop")
 """Stopping and asking a person cost nothing and are possible at any time (D24)."""
@@ -76,7 +85,7 @@ def _wrong_order(proposal: RecoveryProposal, standing: RecoveryState, policy: Re
     for action in ladder[climbed(ladder, standing.tried()) :]:
         if action == proposal.action:
             return None
-        if not (unaffordable(action, standing) or repeated(action, standing)):
+        if not (unaffordable(action, standing) or pointless(action, standing) or repeated(action, standing)):
             return refused(
                 "wrong_order",
                 because("next_step_is", failure=standing.failure, expected=action, action=proposal.action),

@@ -6,7 +6,7 @@ from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.reasons import Reason, because
 from harness.contracts.tasks import RecoveryLimits
 from harness.contracts.values import Count, Value
-from harness.projections.mission import Mission, Spend, required_contract
+from harness.projections.mission import Mission, Spend, pointless_steps, required_contract
 
 OBSERVING: tuple[RecoveryAction, ...] = ("re_perceive", "adjust_view")
 """Spending actions that run an observing skill, never the node's motion (D24)."""
@@ -15,7 +15,10 @@ VERIFY_ONLY: tuple[RecoveryAction, ...] = (*OBSERVING, "verify_again")
 
 
 class RecoveryState(Value):
-    """A failure and everything that bounds the answer to it. Same for C4 and for the gate."""
+    """A failure and everything that bounds the answer to it. Same for C4 and for the gate.
+
+    `pointless`: steps of the ladder that cannot change what failed.
+    """
 
     failure: FailureClass
     failed_s: float
@@ -24,6 +27,7 @@ class RecoveryState(Value):
     left_node: int
     left_mission: int
     news_s: float | None = None
+    pointless: tuple[RecoveryAction, ...] = ()
 
     def tried(self) -> tuple[RecoveryAction, ...]:
         """Steps authorised for this failure class on this node, oldest first; free ones count."""
@@ -56,6 +60,7 @@ def standing_of(mission: Mission, node_id: NodeId) -> RecoveryState:
         left_node=limits.total - state.spent_total,
         left_mission=contract.recovery_total - mission.spent_total,
         news_s=_newest_sensor_s(mission, node_id),
+        pointless=pointless_steps(mission, node_id),
     )
 
 
@@ -120,6 +125,13 @@ def repeated(
     if not same or another:
         return None
     return because("repeats_without_news", action=action, failure=standing.failure)
+
+
+def pointless(action: RecoveryAction, standing: RecoveryState) -> Reason | None:
+    """Why this action cannot change what failed, or None (D49)."""
+    if action not in standing.pointless:
+        return None
+    return because("look_changes_nothing") if action in OBSERVING else because("route_frees_nothing")
 
 
 def ladder_of(failure: FailureClass, policy: RecoveryPolicy) -> tuple[RecoveryAction, ...]:

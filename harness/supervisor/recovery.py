@@ -20,6 +20,13 @@ from harness.supervisor.standstill import at_rest
 IMPOSSIBLE = ("approval_required", "provider_unavailable", "repeated_without_news", "excluded_provider")
 
 
+LOOK_AGAIN_S = 3.0
+"""Frames are taken anew so long after the failure, in mission time: what stood in view is given time to go (D49).
+
+Any other look lasts as long by itself, and what is measured at its end counts.
+"""
+
+
 class Recovery:
     """Handles the open failure of one node."""
 
@@ -49,6 +56,8 @@ class Recovery:
 
     def _attempt(self, mission: Mission, failure: Failure, proposal: RecoveryProposal, c4: Context) -> float:
         now_s = self._connection.clock.now().mission_s
+        if self._revisions.takes_frames_anew(mission, failure, proposal) and now_s < failure.at_s + LOOK_AGAIN_S:
+            return min(now_s + POLL_S, failure.at_s + LOOK_AGAIN_S)
         if self._revisions.carry_out(mission, failure, proposal, c4):
             return now_s
         attempt = DispatchAttempt(node_id=failure.node_id, recovery=proposal, c4=c4)

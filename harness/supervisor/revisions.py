@@ -4,27 +4,31 @@ Everything is planned on the map that the mission's own lidar sweeps draw; the g
 """
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 
+from harness.contexts.view import forbidden_m
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Refused
 from harness.contracts.effects import Metric
 from harness.contracts.exploration import GridMap
-from harness.contracts.ids import NodeId, ProviderId
+from harness.contracts.ids import Digest, MissionId, NodeId, ProviderId
+from harness.contracts.memory import FloorBox, MemoryRecord
 from harness.contracts.observations import Trajectory
 from harness.contracts.ports import Record
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.reasons import Reason, because
-from harness.contracts.revision_commands import ReviseToRecover
+from harness.contracts.revision_commands import PassOverStep, ReviseToRecover
 from harness.contracts.tasks import Node, TaskContract
 from harness.contracts.values import Point, decode, digest
 from harness.exploration.detours import detour
 from harness.exploration.grid import merged, middle_of, unexplored, usable
 from harness.exploration.paths import NARROWEST_CELLS, Cell, Ways
 from harness.exploration.viewpoints import Viewpoint, viewpoints
+from harness.memory.spatial import SIGHTING_HOLDS_S
 from harness.planning import views
 from harness.projections.mission import Failure, Mission, required_contract
 from harness.projections.region import contains
@@ -37,6 +41,8 @@ APART_M = 0.8
 BEFORE_LENS_M = 1.2
 """The floor nearer than this lies below the camera's picture."""
 LEAST_SHARE = 0.3
+ARRIVALS, MOST_REMEMBERED = 100, 12
+"""So many accepted arrivals are looked through, and so many of earlier missions drawn."""
 ROUND = ("circuit",)
 """Predicates of legs whose route itself is to be driven, not only its end reached."""
 
@@ -51,6 +57,19 @@ class Revision:
     records: tuple[Record, ...] = ()
 
 
+@dataclass(frozen=True)
+class DrawnMap:
+    """The floor as it is known, and the ways over it from the body. `missions`: earlier ones that it rests on too."""
+
+    grid: GridMap
+    ways: Ways
+    missions: tuple[MissionId, ...] = ()
+
+    def told(self, reason: Reason) -> Reason:
+        """The reason of a revision planned on it, with the missions whose sightings made it possible."""
+        return because("planned_from_memory", plan=reason, missions=self.missions) if self.missions else reason
+
+
 class Revisions:
     """Plans a revision for one recovery step, and has the gate decide on it."""
 
@@ -58,42 +77,67 @@ class Revisions:
         self._roles = roles
         self._runtime = roles.runtime
 
+    def takes_frames_anew(self, mission: Mission, failure: Failure, proposal: RecoveryProposal) -> bool:
+        """Whether the step looks again by taking frames anew, from where the body stands."""
+        contract = required_contract(mission)
+        reads = views.frames_of(contract, contract.node(failure.node_id))
+        return proposal.action == "re_perceive" and reads is not None
+
     def carry_out(self, mission: Mission, failure: Failure, proposal: RecoveryProposal, c4: Context) -> bool:
-        """Whether the step became a revision; False where it can change nothing this way, or the gate refused it."""
+        """Whether the step is done with: as a revision, or passed over where there is no other route to plan.
+
+        False where the step is an invocation of its own, or the gate refused the revision.
+        """
         contract = required_contract(mission)
         node = contract.node(failure.node_id)
         planned = self._planned(mission, contract, node, proposal)
         if planned is None:
             return False
-        command = ReviseToRecover(
+        signature = Signature(
+            action=proposal.action,
+            provider_id=proposal.provider_id or ProviderId(PLANNER),
+            provider_version=PLANNER,
+            parameters=digest(planned.contract if isinstance(planned, Revision) else contract),
+            failure=proposal.failure,
+        )
+        command = self._command(node, proposal, planned, signature=signature, c4=c4)
+        records = (context_record(c4), *(planned.records if isinstance(planned, Revision) else ()))
+        return not isinstance(self._runtime.submit(mission.mission_id, command, records=records), Refused)
+
+    def _command(
+        self, node: Node, proposal: RecoveryProposal, planned: Revision | Reason, *, signature: Signature, c4: Context
+    ) -> ReviseToRecover | PassOverStep:
+        if isinstance(planned, Reason):
+            return PassOverStep(
+                node_id=node.node_id,
+                proposal=proposal,
+                signature=signature,
+                context=c4.digest,
+                reason=because("step_not_applicable", action=proposal.action, why=planned),
+                at_s=self._roles.connection.clock.now().mission_s,
+            )
+        return ReviseToRecover(
             node_id=node.node_id,
             contract=planned.contract,
             reopened=planned.reopened,
             proposal=proposal,
-            signature=Signature(
-                action=proposal.action,
-                provider_id=proposal.provider_id or ProviderId(PLANNER),
-                provider_version=PLANNER,
-                parameters=digest(planned.contract),
-                failure=proposal.failure,
-            ),
+            signature=signature,
             context=c4.digest,
             planner=PLANNER,
             reason=planned.reason,
         )
-        records = (context_record(c4), *planned.records)
-        return not isinstance(self._runtime.submit(mission.mission_id, command, records=records), Refused)
 
     def _planned(
         self, mission: Mission, contract: TaskContract, node: Node, proposal: RecoveryProposal
-    ) -> Revision | None:
+    ) -> Revision | Reason | None:
+        """What the step changes; why it can change nothing; None where it is an invocation of its own."""
         source = views.frames_of(contract, node)
         if proposal.action in OBSERVING and source is not None:
             again = views.seen_anew(contract, node, source)
             if proposal.action == "re_perceive":
                 return Revision(contract, again, because("frames_taken_anew", stage=source.node_id))
             return self._elsewhere(mission, contract, node, source, again)
-        if proposal.action == "local_replan" and "navigate" in node.capabilities:
+        if proposal.action == "local_replan":
             return self._around(mission, contract, node)
         return None
 
@@ -104,57 +148,95 @@ class Revisions:
         region, position = views.region_of(node), self._roles.position()
         if not region or position is None:
             return None
-        grid, ways = self._map(mission, position)
-        seen = viewpoints(
-            grid,
-            ways,
-            _cells(grid, region),
-            nearest_m=BEFORE_LENS_M,
-            away_from=_taken_at(mission, source.node_id),
-            apart_m=APART_M,
-        )
-        best = max(seen, key=_worth, default=None)
-        if best is None or best.share < LEAST_SHARE:
-            return None
-        revised = views.seen_from(contract, source, best.at_m, route_m=ways.route_m(best.at_m))
-        reason = because(
-            "seen_from_elsewhere",
-            stage=source.node_id,
-            x_m=best.at_m[0],
-            y_m=best.at_m[1],
-            percent=100.0 * best.share,
-            way_m=best.way_m,
-        )
-        return Revision(revised, again, reason, (record("local-map", grid),))
+        for drawn in self._maps(mission, position):
+            seen = viewpoints(
+                drawn.grid,
+                drawn.ways,
+                _cells(drawn.grid, region),
+                nearest_m=BEFORE_LENS_M,
+                away_from=_taken_at(mission, source.node_id),
+                apart_m=APART_M,
+            )
+            best = max(seen, key=_worth, default=None)
+            if best is None or best.share < LEAST_SHARE:
+                continue
+            revised = views.seen_from(contract, source, best.at_m, route_m=drawn.ways.route_m(best.at_m))
+            reason = because(
+                "seen_from_elsewhere",
+                stage=source.node_id,
+                x_m=best.at_m[0],
+                y_m=best.at_m[1],
+                percent=100.0 * best.share,
+                way_m=best.way_m,
+            )
+            return Revision(revised, again, drawn.told(reason), (record("local-map", drawn.grid),))
+        return None
 
-    def _around(self, mission: Mission, contract: TaskContract, node: Node) -> Revision | None:
-        """Another route around what the lidar showed on the old one."""
+    def _around(self, mission: Mission, contract: TaskContract, node: Node) -> Revision | Reason:
+        """Another route around what the lidar showed on the old one, or why there is none."""
         position, route = self._roles.position(), _points(node.parameters.get("route"))
-        if position is None or len(route) < 2:
-            return None
-        grid, ways = self._map(mission, position, clearance_cells=NARROWEST_CELLS)
+        if "navigate" not in node.capabilities or len(route) < 2:
+            return because("drives_no_route", stage=node.node_id)
+        if position is None:
+            return because("not_localised_now")
         effects = [one.effect for one in node.success_conditions]
         beside = any(isinstance(one, Metric) and one.predicate in ROUND for one in effects)
-        found = detour(grid, ways, route, position, beside=beside)
-        if not found:
-            return None
-        length_m = math.fsum(math.dist(a, b) for a, b in pairwise(found))
-        reason = because("route_revised", stage=node.node_id, corners=len(found), length_m=length_m)
-        return Revision(views.rerouted(contract, node, found), (), reason, (record("local-map", grid),))
+        for drawn in self._maps(mission, position, clearance_cells=NARROWEST_CELLS):
+            found = detour(drawn.grid, drawn.ways, route, position, beside=beside)
+            if not found:
+                continue
+            length_m = math.fsum(math.dist(a, b) for a, b in pairwise(found))
+            reason = because("route_revised", stage=node.node_id, corners=len(found), length_m=length_m)
+            records = (record("local-map", drawn.grid),)
+            return Revision(views.rerouted(contract, node, found), (), drawn.told(reason), records)
+        return because("no_detour", stage=node.node_id)
 
-    def _map(self, mission: Mission, position: Point, *, clearance_cells: float | None = None) -> tuple[GridMap, Ways]:
-        """What every sweep of this mission shows of the floor, and the ways over it from the body."""
+    def _maps(self, mission: Mission, position: Point, *, clearance_cells: float | None = None) -> Iterator[DrawnMap]:
+        """The floor as this mission's sweeps show it, with the ways over it from the body; then, where spatial memory
+        holds more of it, the same drawn over what earlier missions saw.
+        """
         contract, site = required_contract(mission), self._runtime.site_of(mission)
         nothing = unexplored(site, map_version=contract.map_version)
-        states = (*mission.nodes.values(), *(past.state for past in mission.history))
-        packets = {packet.identity.packet_id: packet for state in states for packet in state.packets}
-        ordered = sorted(packets.values(), key=lambda packet: (packet.dispatched_s, packet.identity.packet_id))
-        trajectories = [
-            decode(self._runtime.blob(one.blob), Trajectory) for packet in ordered for one in packet.estimates
-        ]
-        grid = merged(nothing, usable(nothing, trajectories), self._runtime.blob)
-        keep_out = tuple(one.region_m for one in site.places if one.place_id in contract.constraints.keep_out)
-        return grid, Ways(grid, position, keep_out_m=keep_out, clearance_cells=clearance_cells)
+        keep_out = tuple(forbidden_m(site, contract.constraints.keep_out).values())
+        sweeps = usable(nothing, self._trajectories(_estimates(mission)))
+        own = merged(nothing, sweeps, self._runtime.blob)
+        yield DrawnMap(own, Ways(own, position, keep_out_m=keep_out, clearance_cells=clearance_cells))
+        earlier = self._remembered(mission, nothing)
+        seen = usable(nothing, self._trajectories(blob for one in earlier for blob in one.provenance.blobs))
+        if not seen:
+            return
+        whole = merged(merged(nothing, seen, self._runtime.blob), sweeps, self._runtime.blob)
+        missions = tuple(dict.fromkeys(one.provenance.mission_id for one in earlier))
+        yield DrawnMap(whole, Ways(whole, position, keep_out_m=keep_out, clearance_cells=clearance_cells), missions)
+
+    def _remembered(self, mission: Mission, grid: GridMap) -> tuple[MemoryRecord, ...]:
+        """What spatial memory holds of this floor: accepted arrivals of other missions within a shift."""
+        (low_x, low_y), size = grid.origin_m, grid.cell_m
+        floor = FloorBox(
+            frame=grid.frame,
+            map_version=grid.map_version,
+            x_min_m=low_x,
+            y_min_m=low_y,
+            x_max_m=low_x + size * grid.columns,
+            y_max_m=low_y + size * grid.rows,
+        )
+        since_s = self._roles.connection.clock.now().mission_s - SIGHTING_HOLDS_S
+        known = self._runtime.memory.arrivals(floor, since_s=since_s, limit=ARRIVALS)
+        others = (one for one in known if one.provenance.mission_id != mission.mission_id)
+        return tuple(islice(others, MOST_REMEMBERED))[::-1]
+
+    def _trajectories(self, blobs: Iterable[Digest]) -> list[Trajectory]:
+        """What was recorded on the way, as far as it is still kept."""
+        kept = (blob for blob in blobs if self._runtime.has_blob(blob))
+        return [decode(self._runtime.blob(blob), Trajectory) for blob in kept]
+
+
+def _estimates(mission: Mission) -> Iterator[Digest]:
+    """What was recorded in every execution of this mission, in their order."""
+    states = (*mission.nodes.values(), *(past.state for past in mission.history))
+    packets = {packet.identity.packet_id: packet for state in states for packet in state.packets}
+    for packet in sorted(packets.values(), key=lambda packet: (packet.dispatched_s, packet.identity.packet_id)):
+        yield from (one.blob for one in packet.estimates)
 
 
 def _worth(viewpoint: Viewpoint) -> tuple[float, float]:

@@ -87,7 +87,7 @@ class RoleContexts:
         found = self.runtime.memory.outcomes(
             card.provider_id, capability=card.capability, place=place, configuration=mission.configuration, limit=most
         )
-        known = (one.knowledge for one in found)
+        known = (one.knowledge for one in self.runtime.memory.of_same_contract(found, card))
         return [(said.verdict, said.residual) for said in known if isinstance(said, ProviderOutcome)]
 
     def examples(self, mission: Mission, node_id: NodeId, card: CapabilityCard) -> tuple[ContextRecord, ...]:

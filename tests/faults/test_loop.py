@@ -25,6 +25,7 @@ from harness.contracts.events import (
 from harness.contracts.ids import Digest, NodeId
 from harness.contracts.ports import Provider
 from harness.contracts.protocol import InvocationReport
+from harness.contracts.reasons import Reason
 from harness.contracts.values import decode
 from harness.gate.decide import DECIDER
 from harness.projections.mission import Mission
@@ -57,7 +58,7 @@ class Counting(Wrapped):
 
 @pytest.fixture(scope="module")
 def tried() -> Iterator[tuple[Stage, Ran]]:
-    """A circuit that was claimed too early: looked at again, tried again, accepted, and the goal checked."""
+    """A circuit that was claimed too early: tried again, accepted, and the goal checked."""
     Counting.polls = 0
 
     def counted(provider: Provider) -> Provider:
@@ -78,7 +79,7 @@ def test_the_phases_of_the_loop_come_in_their_order(tried: tuple[Stage, Ran]) ->
     attempt, failed = ["dispatch", "collect", "verify"], ["reject", "classify", "recover"]
     assert phases == [
         *("plan", *attempt, "commit"),
-        *("plan", *attempt, *failed, *attempt, *failed, *attempt, "commit"),
+        *("plan", *attempt, *failed, *attempt, "commit"),
         "check goal",
     ]
 
@@ -109,19 +110,30 @@ def test_there_are_many_polls_to_one_plan_and_no_chat_between_them(tried: tuple[
 
 
 @pytest.mark.ledger("R128", symbol="harness.contexts.recovery:recovery_context")
-def test_before_the_next_attempt_failure_attempts_exclusions_evidence_and_budget_are_on_record(
-    tried: tuple[Stage, Ran],
-) -> None:
+def test_before_the_next_attempt_failure_attempts_exclusions_evidence_and_budget_are_on_record() -> None:
+    with staged() as stage:
+        ran = stage.run(stage.begin("circuit", "early-success:persistent"))
+        steps = [event for event in ran.events if isinstance(event, RecoveryAuthorised)]
+        assert [event.action for event in steps] == ["retry", "switch_skill"]
+        for step, tried_before, left in zip(steps, (0, 1), (8, 7), strict=True):
+            kinds = {record.kind: record for record in shown(stage, step.context).records}
+            assert kinds["failure"].value["failure"] == "violated"
+            assert len(kinds["attempts"].value) == tried_before
+            assert kinds["node"].value["excluded"] == []
+            assert kinds["budget"].value["left_mission"] == left
+            assert kinds["verdict"].value["verdict"] == "violated"
+            assert "observed" in kinds and "alternative" in kinds
+
+
+def test_no_look_is_spent_on_a_body_that_was_measured_elsewhere(tried: tuple[Stage, Ran]) -> None:
     stage, ran = tried
-    first, second = (shown(stage, event.context) for event in ran.events if isinstance(event, RecoveryAuthorised))
-    for c4, tried_before, left in ((first, 0, 8), (second, 1, 7)):
-        kinds = {record.kind: record for record in c4.records}
-        assert kinds["failure"].value["failure"] == "violated"
-        assert len(kinds["attempts"].value) == tried_before
-        assert kinds["node"].value["excluded"] == []
-        assert kinds["budget"].value["left_mission"] == left
-        assert kinds["verdict"].value["verdict"] == "violated"
-        assert "observed" in kinds and "alternative" in kinds
+    (step,) = (event for event in ran.events if isinstance(event, RecoveryAuthorised))
+    assert (step.failure, step.action) == ("violated", "retry")
+    kinds = {record.kind: record for record in shown(stage, step.context).records}
+    assert kinds["ladder"].value["rungs"][0] == "re_perceive" and kinds["node"].value["pointless"] == [
+        "re_perceive",
+        "adjust_view",
+    ]
 
 
 @pytest.mark.ledger("R130", symbol="harness.projections.mission:NodeState.spent")
@@ -133,6 +145,10 @@ def test_a_controllers_own_detours_cost_no_recovery_budget() -> None:
         authorised = [event for event in ran.events if isinstance(event, RecoveryAuthorised)]
         assert [event.action for event in authorised] == ["local_replan", "switch_skill"]
         assert node.spent("local_replan") == node.spent("switch_skill") == 1 and ran.mission.spent_total == 2
+        sent = [event.action for event in ran.events if isinstance(event, DispatchIntended) and event.moves]
+        assert sent == [None, "switch_skill"], "without another route the same leg is not driven again"
+        said = [event.reason for event in ran.events if isinstance(event, FailureClassified)]
+        assert [one.code for one in said if isinstance(one, Reason)][1:] == ["step_not_applicable"]
 
 
 def running() -> Mission:

@@ -5,20 +5,26 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from harness.contracts.commands import MissionCommand
+from harness.contracts.commands import EndInvocation, MissionCommand
+from harness.contracts.configuration import RecoveryAction
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.effects import Precondition
-from harness.contracts.events import DispatchIntended, RecoveryAuthorised
-from harness.contracts.ids import NodeId
-from harness.contracts.reasons import Reason
-from harness.contracts.revision_commands import ReviseToRecover
+from harness.contracts.events import DispatchIntended, FailureClassified, RecoveryAuthorised
+from harness.contracts.ids import Digest, NodeId, ProviderId
+from harness.contracts.proposals import RecoveryProposal
+from harness.contracts.reasons import Reason, because
+from harness.contracts.revision_commands import PassOverStep, ReviseToRecover
 from harness.contracts.revision_events import GraphRevised
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Moment
 from harness.gate.decide import decide
 from harness.projections.mission import Mission, required_contract
+from harness.recovery.ladder import next_step
+from harness.recovery.state import cost_of, standing_of
 from tests.builders.connections import Stage, staged
+from tests.builders.gate import after, created, dispatch
 from tests.builders.missions_run import Ran
+from tests.unit.planning.building import CONFIGURATION, signature
 
 NOW = Moment(mission_s=1000.0, wall_s=2000.0)
 PANORAMA, ANALYSIS, GO = NodeId("panorama"), NodeId("analysis"), NodeId("go")
@@ -53,6 +59,68 @@ def test_a_blocked_leg_drives_another_route_that_the_map_shows() -> None:
         assert first.parameters["route"] != second.parameters["route"]
         assert first.parameters["target"] == second.parameters["target"]
         assert ran.false_completions() == []
+
+
+def blocked_leg() -> Mission:
+    """A leg without progress, before anything was tried."""
+    mission = replace(created(), policy=CONFIGURATION.recovery)
+    running = after(mission, dispatch(mission))
+    ended = EndInvocation(
+        invocation_id=required_invocation(running), status="failed", failure="no_progress", reason="closed", at_s=1.0
+    )
+    return after(running, ended)
+
+
+def required_invocation(mission: Mission) -> Any:
+    assert mission.invocation is not None
+    return mission.invocation.intent.invocation_id
+
+
+def passed_over(action: RecoveryAction = "local_replan", **changes: Any) -> PassOverStep:
+    return replace(
+        PassOverStep(
+            node_id=GO,
+            proposal=RecoveryProposal(
+                action=action, failure="no_progress", provider_id=None, cost=cost_of(action), reason="so"
+            ),
+            signature=signature(action, "no_progress"),
+            context=Digest("c" * 64),
+            reason=because("step_not_applicable", action=action, why=because("no_detour", stage=GO)),
+            at_s=2.0,
+        ),
+        **changes,
+    )
+
+
+def test_a_step_that_does_not_apply_is_paid_and_the_next_one_is_proposed() -> None:
+    mission = blocked_leg()
+    decision = decide(mission, passed_over(), NOW)
+    assert isinstance(decision, Accepted)
+    assert [type(event) for event in decision.events] == [RecoveryAuthorised, FailureClassified]
+    later = after(mission, passed_over())
+    state = later.of(GO)
+    assert state.failure is not None and state.spent("local_replan") == 1 and later.spent_total == 1
+    assert (
+        next_step(
+            standing_of(later, GO), ladder=("local_replan", "switch_skill", "human"), other=ProviderId("other")
+        ).action
+        == "switch_skill"
+    )
+
+
+@pytest.mark.parametrize(
+    ("command", "rule"),
+    [
+        (passed_over("switch_skill"), "step_applies"),
+        (passed_over(proposal=replace(passed_over().proposal, cost=0)), "wrong_cost"),
+        (passed_over(proposal=replace(passed_over().proposal, failure="violated")), "wrong_failure"),
+        (passed_over(signature=replace(passed_over().signature, action="retry")), "unsigned"),
+        (passed_over(node_id=PANORAMA), "no_failure"),
+    ],
+)
+def test_nothing_but_a_replanning_that_is_next_is_passed_over(command: PassOverStep, rule: str) -> None:
+    refused = decide(blocked_leg(), command, NOW)
+    assert isinstance(refused, Refused) and refused.rule == rule
 
 
 class Halted:

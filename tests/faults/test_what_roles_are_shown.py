@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
+from msgspec.structs import replace
 
 from harness.contracts import events
 from harness.contracts.commands import RaiseVeto
@@ -11,7 +12,7 @@ from harness.contracts.ids import Digest, MissionId, NodeId
 from harness.contracts.values import decode
 from harness.gate.decide import DECIDER
 from harness.projections.mission import eligible
-from tests.builders.connections import Stage, staged
+from tests.builders.connections import Stage, staged, template
 from tests.builders.missions_run import Ran
 
 GO, CIRCUIT = NodeId("go"), NodeId("circuit")
@@ -86,3 +87,19 @@ def test_working_memory_is_the_missions_own_state_and_decides_what_may_start() -
         for index, event in enumerate(walked.events):
             if isinstance(event, events.NodePlanned):
                 assert event.node_id in eligible(DECIDER.fold(DECIDER.initial, walked.events[:index]))
+
+
+def test_a_navigator_is_told_which_floor_it_keeps_out_of() -> None:
+    base = template("circuit")
+    kept = replace(base, constraints={**base.constraints, "keep_out": ["office_storage"]})
+    with staged() as stage:
+        ran = stage.run(stage.begin(kept))
+        assert ran.mission.status == "succeeded", ran.mission.reason
+        (intent,) = (one for one in ran.events if isinstance(one, events.DispatchIntended) and one.moves)
+        region = next(
+            one.region_m for one in stage.runtime.site_of(ran.mission).places if one.place_id == "office_storage"
+        )
+        assert intent.parameters["keep_out"] == (*region, region[0])
+        free = stage.run(stage.begin("circuit"))
+        (other,) = (one for one in free.events if isinstance(one, events.DispatchIntended) and one.moves)
+        assert "keep_out" not in other.parameters

@@ -6,12 +6,16 @@ from app.i18n.catalogues import N_
 
 SENTENCES: Mapping[str, str] = {
     "frames_taken_anew": N_("{stage} takes its frames anew, from where the robot stands"),
+    "route_frees_nothing": N_("another route frees nothing that somebody else holds"),
     "seen_from_elsewhere": N_(
         "{stage} takes its frames from ({x_m:.1f}, {y_m:.1f}), {way_m:.1f} m from here, where {percent:.0f} % of the "
         "region can be seen on the map"
     ),
     "route_revised": N_(
         "{stage} drives another route, planned on the map of this mission: {length_m:.1f} m, {corners} corners"
+    ),
+    "planned_from_memory": N_(
+        "{plan}. This mission's own map showed no way: floor that {missions:words} saw is drawn under it"
     ),
     "action": N_("{action:word}"),
     "action_by_provider": N_("{action:word} by {provider_id}"),
@@ -33,6 +37,9 @@ SENTENCES: Mapping[str, str] = {
         "this stage, {left_mission} in the mission."
     ),
     "no_alternative": N_("no other provider can do it"),
+    "drives_no_route": N_("{stage} drives no route"),
+    "look_changes_nothing": N_("the robot was measured away from where it is to be, and a look does not move it"),
+    "no_detour": N_("the map shows no other way for {stage} that is wide and short enough"),
     "of_stage": N_("{stage}: {reason}"),
     "over_action_budget": N_("nothing is left for {action:word}"),
     "over_mission_budget": N_("nothing is left of the mission's recovery budget"),
@@ -44,6 +51,8 @@ SENTENCES: Mapping[str, str] = {
         "The mission asks for approval of risky motion, and node {stage} is of {risk:word} risk."
     ),
     "stage_of_high_risk": N_("Node {stage} is of high risk."),
+    "step_not_applicable": N_("{action:capital} does not apply here: {why}"),
+    "step_applies": N_("{action:word} is carried out, not passed over."),
     "step_passed_over": N_("{action:word}: {why}"),
     "stopped_for_failure": N_("{failure:word}: {why}"),
 }

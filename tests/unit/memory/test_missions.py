@@ -131,4 +131,4 @@ def test_memory_of_whole_missions_is_rebuilt_from_the_log_byte_for_byte(
     roles = {one.record.role for one in again.find(query)}
     assert roles == {"spatial", "episodic", "operational", "semantic"}
     cards = [one for one in again.find(query) if one.record.kind == "card"]
-    assert len(cards) == 7
+    assert len(cards) == 6

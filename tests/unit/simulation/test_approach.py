@@ -93,3 +93,44 @@ def test_a_leg_ends_with_the_turn_that_is_asked_for() -> None:
     made.wait(1.0)
     assert report.status == "succeeded"
     assert abs(math.remainder(made.pose().yaw_rad + math.pi / 2, math.tau)) < math.radians(3.0)
+
+
+def square(middle: Point, half_m: float) -> tuple[Point, ...]:
+    """A square of floor as a closed ring."""
+    (x, y), half = middle, half_m
+    return (
+        (x - half, y - half),
+        (x + half, y - half),
+        (x + half, y + half),
+        (x - half, y + half),
+        (x - half, y - half),
+    )
+
+
+def inside(ring: tuple[Point, ...], point: Point) -> bool:
+    (low_x, low_y), (high_x, high_y) = ring[0], ring[2]
+    return low_x < point[0] < high_x and low_y < point[1] < high_y
+
+
+@pytest.mark.parametrize("provider", ["route-follower", "careful-local-planner"])
+def test_the_way_to_a_route_keeps_out_of_what_may_not_be_entered(provider: str) -> None:
+    made = bench()
+    put_down(made, PLACES["behind the desks"])
+    path = RouteLine(MAP.ways(PLACES["behind the desks"][:2]).path(route("circuit").waypoints_m[0]))
+    ring = square(path.point(path.length_m / 2), 0.5)
+    far = square((11.0, 9.0), 0.5)
+    begun = len(made.truth())
+    report = made.run(provider, {**along("circuit"), "keep_out": (*far, *ring)})
+    assert (report.status, report.failure) == ("succeeded", "")
+    approach = [(one.x_m, one.y_m) for one in made.truth()[begun:] if one.at_s < made.truth()[begun].at_s + 60.0]
+    reached = next(index for index, point in enumerate(approach) if math.dist(point, (0.0, 0.0)) < 0.5)
+    assert not any(inside(ring, point) for point in approach[:reached])
+    assert report.declared["approach_m"] > path.length_m
+
+
+def test_a_route_behind_floor_that_may_not_be_entered_is_not_reachable() -> None:
+    made = bench()
+    put_down(made, PLACES["in the corridor"])
+    door = square((1.0, 3.7), 1.2)
+    report = made.run("route-follower", {**along("circuit"), "keep_out": door})
+    assert (report.status, report.failure) == ("failed", "route_not_reachable")
