@@ -200,6 +200,7 @@ def publish(found: SeedReport, *, page: Path = PAGE, results: Path = RESULTS) ->
 def run(asked: argparse.Namespace) -> None:
     """`python -m experiments.campaigns seeds`: print the table; publish it if asked. Exit 1 where a seed failed."""
     command = f"python -m experiments.campaigns seeds --missions {asked.missions} --seed {asked.seed}"
+    command += f" --minutes {asked.minutes:g}" if asked.minutes is not None else ""
     results = []
     for one in all_seeds(
         asked.only or ENDS,
