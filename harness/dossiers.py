@@ -34,7 +34,7 @@ def export_dossier(
     return collected.contents
 
 
-class Check(Value):
+class DossierCheck(Value):
     """What the process that checks a dossier is asked."""
 
     file: str
@@ -47,14 +47,14 @@ def verify_dossier(file: Path, *, key: str = "") -> DossierVerdict:
     Anybody may have made the file: it is read in a process with limits. Raises DossierInvalid or LogDamaged that name
     what does not hold. Needs no data folder and no network.
     """
-    request = encode(Check(file=str(file.absolute()), key=key))
+    request = encode(DossierCheck(file=str(file.absolute()), key=key))
     answer = run_limited(checked, request, LIMITS, failure=DossierInvalid, where=str(file))
     return decode(answer, DossierVerdict)
 
 
 def checked(request: bytes) -> bytes:
     """The verdict on a dossier, in this very process. Raises DossierInvalid, LogDamaged."""
-    check = decode(request, Check)
+    check = decode(request, DossierCheck)
     return encode(_verdict(Path(check.file), key=check.key))
 
 
