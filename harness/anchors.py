@@ -14,7 +14,7 @@ from harness.contracts.reasons import Reason, because
 from harness.contracts.values import encode
 
 
-class Log(Protocol):
+class AnchoredLog(Protocol):
     """What is compared: where it ends, and its events after a position."""
 
     def head(self) -> LogHead: ...
@@ -22,7 +22,7 @@ class Log(Protocol):
     def log(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]: ...
 
 
-def taken_anchor(log: Log, *, key_file: Path | None = None) -> Anchor:
+def taken_anchor(log: AnchoredLog, *, key_file: Path | None = None) -> Anchor:
     """The head of the log now, signed with the key in that file if one is given. Raises StoreUnavailable."""
     return anchors.anchor_of(log.head(), anchors.anchor_key(key_file) if key_file else None)
 
@@ -37,17 +37,17 @@ def append_line(anchor: Anchor, file: Path) -> None:
     anchors.append_anchor(file, anchor)
 
 
-def compared_with_file(log: Log, file: Path, *, key: str = "") -> tuple[AnchorFinding, ...]:
+def compared_with_file(log: AnchoredLog, file: Path, *, key: str = "") -> tuple[AnchorFinding, ...]:
     """As `compared`, with the anchors of a file. Raises ContractInvalid, StoreUnavailable."""
     return compared(log, anchors.read_anchors(file), key=key)
 
 
-def compared_with_text(log: Log, text: str, *, key: str = "") -> tuple[AnchorFinding, ...]:
+def compared_with_text(log: AnchoredLog, text: str, *, key: str = "") -> tuple[AnchorFinding, ...]:
     """As `compared`, with the anchors of a text. Raises ContractInvalid."""
     return compared(log, anchors.parsed_anchors(text), key=key)
 
 
-def compared(log: Log, given: Sequence[Anchor], *, key: str = "") -> tuple[AnchorFinding, ...]:
+def compared(log: AnchoredLog, given: Sequence[Anchor], *, key: str = "") -> tuple[AnchorFinding, ...]:
     """One finding for each anchor. `key`: the public key that must have signed it, in hexadecimal.
 
     An anchor proves all events up to its position only together with `verify`, which recomputes the chain.
@@ -55,7 +55,7 @@ def compared(log: Log, given: Sequence[Anchor], *, key: str = "") -> tuple[Ancho
     return tuple(_compared(log, anchor, key.strip().lower()) for anchor in given)
 
 
-def _compared(log: Log, anchor: Anchor, key: str) -> AnchorFinding:
+def _compared(log: AnchoredLog, anchor: Anchor, key: str) -> AnchorFinding:
     signed = bool(anchor.signature) and anchors.signature_holds(anchor)
     trusted = signed and bool(key) and anchor.public_key.lower() == key
     found = AnchorFinding(
@@ -85,7 +85,7 @@ def _wrong(found: AnchorFinding, verdict: Literal["cut", "rewritten", "unsigned"
     return msgspec.structs.replace(found, verdict=verdict, reason=reason)
 
 
-def _digest_at(log: Log, position: int) -> str:
+def _digest_at(log: AnchoredLog, position: int) -> str:
     if position == 0:
         return GENESIS.digest
     events = log.log(position - 1, 1)

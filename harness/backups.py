@@ -3,13 +3,14 @@
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
 
 import msgspec
 
 from harness.adapters.clock import SystemClock
 from harness.adapters.stores import backup_files
 from harness.adapters.stores.blobs import FileBlobStore
-from harness.adapters.stores.folder import existing
+from harness.adapters.stores.folder import DataFolder, existing
 from harness.adapters.stores.opening import open_log
 from harness.contracts.errors import BackupInvalid, StoreUnavailable
 from harness.contracts.ids import Digest
@@ -108,9 +109,15 @@ def _outside(names: dict[str, Digest]) -> Iterator[str]:
 
 
 def _checked(folder: Path) -> tuple[LogHead, int]:
-    """The head of the verified log, and how many whole blobs there are. Raises LogDamaged, BlobDamaged."""
-    with closing(open_log(existing(folder).log_url)) as log:
-        head = log.verify()
+    """The head of the verified log, and how many whole blobs there are. Raises LogDamaged, BlobDamaged.
+
+    Opening a log brings it to this release's tables: a copy is opened, so that the release before still reads this one.
+    """
+    with TemporaryDirectory(prefix="regen-backup-") as name:
+        copy = DataFolder(Path(name))
+        backup_files.copy_database(existing(folder).log, copy.log)
+        with closing(open_log(copy.log_url)) as log:
+            head = log.verify()
     blobs = FileBlobStore(folder / "blobs")
     count = 0
     for digest in blobs.digests():

@@ -28,7 +28,7 @@ from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.reasons import Reason
 
 ROOT = Path(__file__).resolve().parents[2]
-LIMITS = Limits(memory_bytes=256 * 2**20, cpu_s=20.0, wall_s=120.0, output_bytes=2**20)
+LIMITS = Limits(memory_bytes=256 * 2**20, cpu_s=20.0, wall_s=120.0, output_bytes=64 * 2**20)
 UNTYPED, DIED = "parser_failed", "parser_died"
 SHOWN = 5
 

@@ -47,7 +47,7 @@ def read_cloud(file: Path, *, metres_per_unit: float = 1.0) -> tuple[NDArray[np.
 def _nothing_left(points: int, finite: int) -> Reason:
     if finite:
         return because("cloud_too_far", points=finite, limit_km=FARTHEST_M / 1000)
-    return because("cloud_not_finite", points=points) if points else because("cloud_empty")
+    return because("cloud_nowhere_finite", points=points) if points else because("cloud_empty")
 
 
 def _pcd(file: Path) -> NDArray[np.float64]:

@@ -1,6 +1,9 @@
 """`regen backup` and `regen restore`: what was backed up opens elsewhere as it was, and a changed file is refused."""
 
 import json
+import sqlite3
+import tarfile
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +13,7 @@ from typer.testing import CliRunner
 from app.cli.main import app
 from tests.saying import said
 
+OLD = Path(__file__).parents[1] / "fixtures" / "logs" / "0.1.0-approval-in-flight.tar.xz"
 OFFLINE = ("--speed", "0", "--fidelity", "kinematic")
 
 
@@ -69,3 +73,18 @@ def test_a_backup_with_a_changed_or_strange_file_is_not_restored(backup: Path, t
 def test_nothing_is_written_over(data: Path, backup: Path) -> None:
     assert "not empty" in said(regen("backup", "--data", data, "--to", backup))
     assert "not empty" in said(regen("restore", "--from", backup, "--data", data))
+
+
+def test_a_backup_of_a_folder_of_the_release_before_can_still_be_opened_by_it(tmp_path: Path) -> None:
+    with tarfile.open(OLD) as archive:
+        archive.extractall(tmp_path / "old", filter="data")
+    (log,) = (tmp_path / "old").rglob("events.db")
+    assert regen("backup", "--data", log.parent, "--to", tmp_path / "backup").exit_code == 0
+    assert regen("restore", "--from", tmp_path / "backup", "--data", tmp_path / "new").exit_code == 0
+    assert schema(tmp_path / "backup" / "data" / "events.db") == schema(tmp_path / "new" / "events.db") == "3"
+    assert regen("doctor", "--data", tmp_path / "new").exit_code == 0
+
+
+def schema(log: Path) -> str:
+    with closing(sqlite3.connect(f"{log.as_uri()}?mode=ro", uri=True)) as connection:
+        return str(connection.execute("SELECT value FROM meta WHERE name = 'schema_version'").fetchone()[0])

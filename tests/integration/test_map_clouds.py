@@ -81,8 +81,11 @@ def test_the_command_line_imports_a_cloud_and_lists_it(tmp_path: Path) -> None:
     assert regen("audit", "verify", "--data", tmp_path / "data").returncode == 0
 
 
-@pytest.mark.parametrize("name", ["nothing.pcd", "words.txt"])
-def test_the_command_line_says_what_is_wrong_with_a_file(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [("nothing.pcd", "The point cloud cannot be read: No such file"), ("words.txt", "read as PCD or PLY, not .txt")],
+)
+def test_the_command_line_says_what_is_wrong_with_a_file(tmp_path: Path, name: str, says: str) -> None:
     refused = regen("map", "import", tmp_path / name, "--data", tmp_path / "data")
     assert refused.returncode == 1
-    assert "point cloud cannot be used" in refused.stderr
+    assert says in refused.stderr

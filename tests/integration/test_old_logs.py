@@ -54,3 +54,8 @@ def test_the_audit_page_says_how_many_events_are_from_before(old: Path) -> None:
         page = client.get("/audit?verify=true").text
         assert "53 events, intact" in page
         assert "The first 53 events are a log from before commands were stored" in page
+        fits = client.get("/audit", params={"anchor": f"53 {HEAD}"}).text
+        assert "The log holds event 53 as the anchor names it." in fits and "It is not signed." in fits
+        other = client.get("/audit", params={"anchor": f"53 {HEAD[::-1]}\n60 {HEAD}"}).text
+        assert "the log was written anew" in other and "7 events are gone" in other
+        assert "is no anchor" in client.get("/audit", params={"anchor": "<b>yesterday</b>"}).text

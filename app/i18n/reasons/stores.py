@@ -42,7 +42,7 @@ SENTENCES: Mapping[str, str] = {
     "cloud_format_unknown": N_("Point clouds are read as PCD or PLY, not {suffix}"),
     "cloud_header_too_long": N_("The header of the point cloud does not end within {limit_bytes} bytes"),
     "cloud_header_unreadable": N_("The header of the point cloud cannot be read: {line}"),
-    "cloud_not_finite": N_("None of the {points} points of the cloud has finite coordinates"),
+    "cloud_nowhere_finite": N_("None of the {points} points of the cloud has finite coordinates"),
     "cloud_not_whole": N_("The point cloud does not hold together: {error}"),
     "cloud_points_missing": N_("The header of the point cloud promises {promised} points, the file holds {held}"),
     "cloud_promises_too_much": N_(
@@ -175,7 +175,7 @@ REMEDIES: Mapping[str, str] = {
     "cloud_format_unknown": N_("export it again as PCD or PLY with x, y and z"),
     "cloud_header_too_long": N_("leave its comments out"),
     "cloud_header_unreadable": N_("export it again as PCD or PLY with x, y and z"),
-    "cloud_not_finite": N_("export it again with its coordinates"),
+    "cloud_nowhere_finite": N_("export it again with its coordinates"),
     "cloud_not_whole": N_("export it again as PCD or PLY with x, y and z"),
     "cloud_points_missing": N_("copy or export it again"),
     "cloud_promises_too_much": N_("copy or export it again"),

@@ -9,6 +9,7 @@ from threading import Barrier
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.stores.installation_key import InstallationKey
@@ -25,7 +26,7 @@ from harness.contracts.commands import (
     ReleaseLease,
     StopMission,
 )
-from harness.contracts.decisions import Accepted
+from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.ids import InvocationId, MissionId, ResourceId, StreamId, lease_stream, mission_stream
 from harness.contracts.ports import EventStore, Snapshots, State, StoredEvent
 from harness.contracts.values import encode
@@ -216,3 +217,34 @@ def test_small_streams_drive_no_mission_out() -> None:
     for number in range(5):
         kept.put(lease_stream(ResourceId(f"vbot-1/{number}")), "lease", 1)
     assert kept.get(mission_stream(NAMES[0])) == ("mission", 7)
+
+
+class Believed(MemoryEventStore):
+    """Restores every mission as another one, as if that snapshot had been sealed."""
+
+    def __init__(self, other: Gate) -> None:
+        super().__init__()
+        self._other = other
+
+    def restore(self, stream: StreamId, initial: State) -> tuple[State, int]:
+        version = len(self.load(stream))
+        if stream.startswith("mission/") and version:
+            return replace(self._other.state(stream), version=version), version
+        return initial, 0
+
+    def offer(self, stream: StreamId, version: int, state: object) -> None:
+        """Nothing is kept."""
+
+
+def test_a_goal_is_decided_on_its_events_even_where_a_snapshot_says_that_all_was_committed() -> None:
+    whole = MemoryEventStore()
+    lived(gate_on(whole), [0] * len(LIFE))  # everything but the goal
+    stream, judge = mission_stream(NAMES[0]), LIFE[-1]
+    store = Believed(gate_on(whole))
+    lived(gate_on(store), [0, 0])  # created and compiled: nothing was done
+    gate = gate_on(store, snapshots=store)
+    believed = gate.state(stream)
+    assert all(node.status == "committed" for node in believed.nodes.values())
+    decision = gate.commit([CommandEnvelope(stream, judge(believed), None)])
+    assert isinstance(decision, Refused), decision
+    assert gate.state(stream).status != "succeeded"
