@@ -41,7 +41,7 @@ class Pools:
 
     @cached_property
     def scenes(self) -> tuple[passages.PassageScene, ...]:
-        rendered, drawn = (60, 340) if self.whole else (2, 24)
+        rendered, drawn = (24, 200) if self.whole else (2, 24)
         return passages.scenes(self.seed, rendered=rendered, drawn=drawn)
 
     @cached_property
