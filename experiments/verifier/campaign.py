@@ -46,7 +46,7 @@ class Pools:
 
     @cached_property
     def recordings(self) -> tuple[speech.Spoken, ...]:
-        return speech.recordings(self.seed, count=24 if self.whole else len(speech.KINDS))
+        return speech.recordings(self.seed, kinds=2 * speech.KINDS if self.whole else speech.FEW)
 
     @cached_property
     def journals(self) -> tuple[stages.Journal, ...]:

@@ -17,7 +17,7 @@ from harness.verification.finding import Finding
 from harness.verification.predicates.registry import PREDICATES
 from harness.verification.reading import Evidence
 
-CASES, SEED = 40, 3
+CASES, SEED = 30, 3
 
 
 def blunt(effect: AnyEffect, evidence: Evidence) -> Finding:
