@@ -41,12 +41,12 @@ class Pools:
 
     @cached_property
     def scenes(self) -> tuple[passages.PassageScene, ...]:
-        rendered, drawn = (60, 340) if self.whole else (2, 24)
+        rendered, drawn = (24, 200) if self.whole else (2, 24)
         return passages.scenes(self.seed, rendered=rendered, drawn=drawn)
 
     @cached_property
     def recordings(self) -> tuple[speech.Spoken, ...]:
-        return speech.recordings(self.seed, count=24 if self.whole else len(speech.KINDS))
+        return speech.recordings(self.seed, kinds=2 * speech.KINDS if self.whole else speech.FEW)
 
     @cached_property
     def journals(self) -> tuple[stages.Journal, ...]:

@@ -33,9 +33,10 @@ def tables(report: VerifierReport, *, command: str) -> str:
     """All of the page that is written by code."""
     whole = sum(one.total.cases for one in report.predicates)
     parts = [
-        f"{whole:,} cases with a truth, at least {report.cases:,} of each of {len(report.predicates)} predicates, seed "
+        f"{whole:,} cases with a truth, {report.cases:,} or more of each of {len(report.predicates)} predicates, seed "
         f"{report.seed}. Made by `{command}`.",
         summary(report),
+        _offences(report),
         "![How often a false condition was satisfied](verifier/satisfied-though-false.svg)",
         "![How often a true condition was refused](verifier/refused-though-true.svg)",
         "![What an unsatisfied condition was](verifier/verdicts.svg)",
@@ -112,6 +113,13 @@ def _wrongly_refused(one: PredicateMatrix, name: str) -> ConfidenceInterval:
 def _verdict(one: PredicateMatrix, name: str) -> ConfidenceInterval:
     counts = {verdict: sum(reasons.values()) for verdict, reasons in one.verdicts.items()}
     return exact(counts.get(name, 0), sum(counts.values()))
+
+
+def _offences(report: VerifierReport) -> str:
+    """What must not be, plainly: a run with an offence is no success."""
+    if not report.offences:
+        return "No false condition was satisfied where a source spoke against it."
+    return "\n".join(["What must not be, in this run:", "", *(f"- {line}" for line in report.offences)])
 
 
 def _epistemic(report: VerifierReport) -> str:

@@ -26,8 +26,10 @@ from harness.contracts.measurements import LidarLook, Measurement
 from harness.contracts.observations import Pose
 from harness.contracts.protocol import Receipt
 from harness.contracts.values import Point, encode
+from simulator.bodies import LIDAR_REACH_M
 from simulator.camera import CAMERA
 from simulator.cards import OBSERVER
+from simulator.floor_plan import FloorPlan
 from simulator.picture_cache import photograph_nearby
 from simulator.site import BLUE, CARDBOARD, PASSAGE_M, TROLLEY, storage_site
 from simulator.solids import SiteModel, Solid
@@ -36,6 +38,7 @@ STANDS = (11.0, 8.557)
 AHEAD_RAD = (math.pi / 4, math.pi / 2, 3 * math.pi / 4)
 AGREES, DISAGREES = 0.10, 0.18
 LEAST_M = 0.07
+RAYS = 1440
 Truth = bool | None
 
 
@@ -55,6 +58,18 @@ class PassageScene:
     def share(self) -> float:
         """The share of the passage's width that truly is taken, as it is seen from where the body stands."""
         return true_share(self.things, self.look.true_at(self.look.until_s)[:2])
+
+    def visible_share(self) -> float:
+        """The share of it that is taken by what truly can be seen: one thing may stand in the shadow of another."""
+        x, y, _ = self.look.true_at(self.look.until_s)
+        turns = np.linspace(-math.pi, math.pi, RAYS, endpoint=False)
+        ranges = FloorPlan(self.model).rays(x, y, turns, reach_m=LIDAR_REACH_M)
+        hits = np.stack([x + ranges * np.cos(turns), y + ranges * np.sin(turns)], axis=1)
+        low, high = np.array(PASSAGE_M).min(axis=0), np.array(PASSAGE_M).max(axis=0)
+        hits = hits[((hits >= low) & (hits <= high)).all(axis=1)]
+        across, width_m = _across((x, y))
+        seen = [hits[_beside(hits, one)] @ across for one in self.things]
+        return _union([(float(part.min()), float(part.max())) for part in seen if len(part)]) / width_m
 
 
 def scenes(seed: int, *, rendered: int, drawn: int) -> tuple[PassageScene, ...]:
@@ -116,15 +131,9 @@ def passages(chance: Random, count: int, pool: Sequence[PassageScene]) -> Iterat
 
 def true_share(things: Sequence[Solid], position: Point) -> float:
     """The share of the passage's width that these things truly take, seen from a position."""
-    ring = np.array(PASSAGE_M)
-    ahead = ring.mean(axis=0) - np.array(position)
-    across = np.array([-ahead[1], ahead[0]]) / float(np.hypot(*ahead))
-    taken = [np.sort(_clipped(one) @ across)[[0, -1]] for one in things if _stands_in(one)]
-    total, end = 0.0, -math.inf
-    for low, high in sorted(map(tuple, taken)):
-        total += max(0.0, high - max(low, end))
-        end = max(end, high)
-    return total / float(np.ptp(ring @ across))
+    across, width_m = _across(position)
+    taken = [_clipped(one) @ across for one in things if _stands_in(one)]
+    return _union([(float(part.min()), float(part.max())) for part in taken]) / width_m
 
 
 def _true(told: Report, scene: PassageScene) -> Truth:
@@ -138,22 +147,38 @@ def _true(told: Report, scene: PassageScene) -> Truth:
     if not inside:
         return None if border else True
     said = _said(told, scene.look.true_at(scene.look.until_s)[:2])
-    apart = abs(said - scene.share())
+    apart = max(0.0, scene.visible_share() - said, said - scene.share())
     return False if apart > DISAGREES else None if apart > AGREES or border else True
 
 
 def _said(told: Report, position: Point) -> float:
+    """The share of the passage's width that a report says is taken."""
+    across, width_m = _across(position)
+    middles = [(float(np.array(one.floor_point_m) @ across), one.width_m / 2) for one in told.findings]
+    return min(1.0, _union([(middle - half, middle + half) for middle, half in middles]) / width_m)
+
+
+def _across(position: Point) -> tuple[Any, float]:
+    """The unit vector across the passage as it is seen from a position, and how wide it is so, metres."""
     ring = np.array(PASSAGE_M)
     ahead = ring.mean(axis=0) - np.array(position)
     across = np.array([-ahead[1], ahead[0]]) / float(np.hypot(*ahead))
-    taken = sorted(
-        (float(np.array(one.floor_point_m) @ across) - one.width_m / 2, one.width_m) for one in told.findings
-    )
+    return across, float(np.ptp(ring @ across))
+
+
+def _union(intervals: Sequence[tuple[float, float]]) -> float:
     total, end = 0.0, -math.inf
-    for low, width in taken:
-        total += max(0.0, low + width - max(low, end))
-        end = max(end, low + width)
-    return min(1.0, total / float(np.ptp(ring @ across)))
+    for low, high in sorted(intervals):
+        total += max(0.0, high - max(low, end))
+        end = max(end, high)
+    return total
+
+
+def _beside(points: Any, thing: Solid) -> Any:
+    """Which points lie on a thing's footprint or within two centimetres of it."""
+    cos, sin = math.cos(thing.yaw_rad), math.sin(thing.yaw_rad)
+    off = (points - np.array(thing.centre_m[:2])) @ np.array([[cos, -sin], [sin, cos]])
+    return (np.abs(off) <= np.array(thing.half_m[:2]) + 0.02).all(axis=1)
 
 
 def _scene(chance: Random, seed: int, *, rendered: bool) -> PassageScene:

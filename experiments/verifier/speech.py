@@ -59,10 +59,10 @@ class Spoken:
     until_s: float
 
 
-def recordings(seed: int, *, count: int) -> tuple[Spoken, ...]:
-    """So many reports, of which about half are not said as they were asked, or not heard as they were said."""
+def recordings(seed: int, *, kinds: Sequence[str]) -> tuple[Spoken, ...]:
+    """One report of each kind, of which some are not said as they were asked, or not heard as they were said."""
     chance = Random(seed)
-    return tuple(_recorded(chance, KINDS[index % len(KINDS)]) for index in range(count))
+    return tuple(_recorded(chance, kind) for kind in kinds)
 
 
 def reports(chance: Random, count: int, pool: Sequence[Spoken]) -> Iterator[VerifierCase]:
@@ -77,6 +77,8 @@ KINDS = (
     "none", "none", "none", "none", "says the contrary", "says another place", "says something else", "stopped early",
     "loudspeaker unplugged", "noise in the room", "another voice over it", "another place and the contrary",
 )  # fmt: skip
+FEW = ("none", "says the contrary", "says another place", "stopped early")
+"""A recording of each costs a second: enough for a slice."""
 FAULTS = (
     "heard before the analysis", "recording lost", "recording altered", "no recognition", "synthesised, not recorded",
     "recognition of another recording", "packet of another request", FORGED := "recogniser gives out what was asked",

@@ -77,8 +77,9 @@ class Sources:
         """The largest difference over any WINDOW_S of the whole track; None where no window can be compared."""
         if not self._odometry_s:
             return None
-        steps = math.floor(max(self._odometry_s[-1] - self._odometry_s[0] - WINDOW_S, 0.0) / WINDOW_STEP_S) + 1
-        begins = (self._odometry_s[0] + step * WINDOW_STEP_S for step in range(steps))
+        latest_s = max(self._odometry_s[-1] - WINDOW_S, self._odometry_s[0])
+        steps = math.floor((latest_s - self._odometry_s[0]) / WINDOW_STEP_S) + 1
+        begins = (*(self._odometry_s[0] + step * WINDOW_STEP_S for step in range(steps)), latest_s)
         found = [one for one in (self.compared(at_s, at_s + WINDOW_S) for at_s in begins) if one is not None]
         return max(found, key=lambda one: one.disagreement_m, default=None)
 

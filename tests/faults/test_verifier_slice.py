@@ -17,7 +17,7 @@ from harness.verification.finding import Finding
 from harness.verification.predicates.registry import PREDICATES
 from harness.verification.reading import Evidence
 
-CASES, SEED = 40, 3
+CASES, SEED = 30, 3
 
 
 def blunt(effect: AnyEffect, evidence: Evidence) -> Finding:
@@ -101,10 +101,10 @@ def test_a_body_that_nobody_saw_did_not_stay_out(fault: str) -> None:
 
 def test_the_page_keeps_its_words_and_gets_its_tables_and_plots(tmp_path: Path, report: VerifierReport) -> None:
     (tmp_path / "results").mkdir()
-    (tmp_path / "verifier.md").write_text(f"Before.\n{BEGIN}\nold\n{END}\nAfter.\n", encoding="utf-8")
+    (tmp_path / "verifier.md").write_text(f"Before.\n{BEGIN}\nBEFORE\n{END}\nAfter.\n", encoding="utf-8")
     publish(report, command="make it", docs=tmp_path)
     page = (tmp_path / "verifier.md").read_text(encoding="utf-8")
-    assert page.startswith("Before.") and page.endswith("After.\n") and "old" not in page and "`make it`" in page
+    assert page.startswith("Before.") and page.endswith("After.\n") and "BEFORE" not in page and "`make it`" in page
     assert all(f"### {one.predicate}" in page for one in report.predicates)
     kept = msgspec.json.decode((tmp_path / "results" / "verifier.json").read_bytes())
     assert kept["seed"] == SEED and len(kept["predicates"]) == len(report.predicates)

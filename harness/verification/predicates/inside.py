@@ -34,9 +34,9 @@ def inside(effect: AnyEffect, evidence: Evidence) -> Finding:
     if len(poses) < SAMPLES:
         return ambiguous(because("too_few_poses_in_frame", poses=len(poses), wanted=SAMPLES), samples=float(len(poses)))
     within = sum(contains(effect.region_m, (pose.x_m, pose.y_m)) for pose in poses)
-    if evidence.policy.rules >= LINEAGE and not track.odometry and poses[-1].source == "localiser":
-        return ambiguous(because("no_odometry_in_motion"), samples=float(len(poses)))
     agreement = agreement_of(evidence, place)
+    if agreement is None and evidence.policy.rules >= LINEAGE and poses[-1].source == "localiser":
+        return ambiguous(because("no_odometry_in_motion"), samples=float(len(poses)))
     verdict, reason = _answer(within, of=len(poses), name=effect.object)
     if agreement is not None and not agreement.holds:
         verdict, reason = "ambiguous", because("localiser_and_odometry_apart", disagreement_m=agreement.disagreement_m)
