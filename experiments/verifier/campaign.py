@@ -97,7 +97,10 @@ FAMILIES: dict[str, tuple[tuple[str, ...], Make]] = {
     "reports": (("heard",), lambda c, n, p: speech.reports(c, n, p.recordings)),
     "orders": (("in_order",), lambda c, n, p: stages.orders(c, n, p.journals)),
     "chains": (("one_chain",), lambda c, n, p: stages.chains(c, n)),
-    "subjects": (("one_subject",), lambda c, n, p: stages.subjects(c, n, p.drives.ways)),
+    "subjects": (
+        ("one_subject",),
+        lambda c, n, p: stages.subjects(c, n, [one for one in p.drives.ways if not one.fault]),
+    ),
     "floors": (("covered",), lambda c, n, p: floors.coverages(c, n, p.views)),
 }
 """By family of cases: the predicates of which it makes as many cases as are asked, and how."""
