@@ -216,7 +216,7 @@ class _Formatter(Formatter):
                     return alternatives.join((commas.join(listed[:-1]), listed[-1]))
                 return commas.join(listed)
             case str() if format_spec == "capital":
-                text = translated(str(value), self._language)
+                text = word(value, self._language) if is_identifier(value) else translated(value, self._language)
                 return f"{text[:1].upper()}{text[1:]}"
             case int() | float() if format_spec in INSTANTS:
                 at = datetime.fromtimestamp(value, UTC)
