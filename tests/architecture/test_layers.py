@@ -22,7 +22,12 @@ FUNCTIONS_ONLY = (
 
 SHARED_BETWEEN_THREADS = ("harness.memory.fabric", "harness.memory.recent")
 """What follows the log for several readers at once holds a lock; everything else in these layers is a function."""
-LOCKED_IN_THE_GATE = ("harness.gate.commit", "harness.gate.aggregate_cache", "harness.gate.ended_missions")
+LOCKED_IN_THE_GATE = (
+    "harness.gate.commit",
+    "harness.gate.aggregate_cache",
+    "harness.gate.ended_missions",
+    "harness.gate.site_versions",
+)
 
 
 @dataclass(frozen=True)
