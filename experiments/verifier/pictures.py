@@ -27,7 +27,7 @@ from harness.adapters.providers.models.analysis import CARD as ANALYST
 from harness.baseline.load import site
 from harness.contracts.effects import Metric, Visual
 from harness.contracts.evidence import EvidenceReference
-from harness.contracts.ids import Digest, sha256
+from harness.contracts.ids import Digest, RequestId, sha256
 from harness.contracts.observations import Image, Scan, Trajectory
 from harness.contracts.protocol import Receipt
 from harness.planning.binding import bind_place, bind_zone
@@ -271,15 +271,16 @@ def _circle(
         from_s=changed.get("from_s", run.from_s),
         until_s=run.until_s,
         estimates=(reference_to(track, blobs),),
-        after=tuple(_seen(one) for one in images),
+        after=tuple(_seen(one, request) for one in images),
         receipts=receipts_for(receipts, request),
     )
     shown = shown_packet(node, packet, card, blobs)
     return VerifierCase("panorama", name, truth, shown, condition_id_of(effect), epistemic=epistemic)
 
 
-def _seen(image: Image) -> EvidenceReference:
-    return image_reference(image)
+def _seen(image: Image, request: RequestId) -> EvidenceReference:
+    """A picture as that of the request that is judged, as its receipt is."""
+    return image_reference(replace(image, request_id=request))
 
 
 def _whole(name: str, effect: Visual, chance: Random, pool: SimulatedLooks) -> VerifierCase:
@@ -464,7 +465,7 @@ STILLS = (
 
 def _still(name: str, effect: Visual, run: SimulatedExecution, chance: Random, pool: SimulatedLooks) -> VerifierCase:
     card, node = OBSERVER, stage(effect, mandatory=("image", "receipts", "trajectory"))
-    blobs = dict(run.blobs)
+    request, blobs = identity_of(card).request_id, dict(run.blobs)
     image = run.images[0]
     receipts: Sequence[Receipt] = run.report.receipts
     track = run.between(run.from_s, run.until_s)
@@ -503,8 +504,8 @@ def _still(name: str, effect: Visual, run: SimulatedExecution, chance: Random, p
         from_s=run.from_s,
         until_s=run.until_s,
         estimates=(reference_to(track, blobs),),
-        after=() if name == "no picture" else (_seen(image),),
-        receipts=receipts_for(receipts, identity_of(card).request_id),
+        after=() if name == "no picture" else (_seen(image, request),),
+        receipts=receipts_for(receipts, request),
     )
     truth = truth and name != "no picture"
     shown = shown_packet(node, packet, card, blobs)

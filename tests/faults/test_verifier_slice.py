@@ -1,21 +1,36 @@
 """A short, seeded slice of the verifier's campaign, and what it must find: a predicate that accepts anything."""
 
+import math
 from pathlib import Path
 from random import Random
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 
-from experiments.verifier import campaign, motion, pictures
+from experiments.verifier import campaign, motion, passages, pictures
 from experiments.verifier.campaign import FAMILIES, Pools, current_predicates, measured
-from experiments.verifier.cases import CaseJudge, VerifierCase
+from experiments.verifier.cases import (
+    CaseJudge,
+    VerifierCase,
+    condition_id_of,
+    packet_of,
+    shown_goal,
+    shown_packet,
+    stage,
+)
+from experiments.verifier.executions import SimulatedExecution, driven, reference_to
 from experiments.verifier.matrix import VerifierReport
 from experiments.verifier.page import BEGIN, END, publish
-from harness.contracts.effects import AnyEffect
+from harness.baseline.load import site
+from harness.contracts.effects import AnyEffect, Metric, Relational, Temporal
+from harness.contracts.ids import Digest, NodeId
+from harness.contracts.observations import Trajectory
 from harness.contracts.reasons import because
 from harness.verification.finding import Finding
 from harness.verification.predicates.registry import PREDICATES
 from harness.verification.reading import Evidence
+from simulator.cards import ROUTE_FOLLOWER
 
 CASES, SEED = 30, 3
 
@@ -97,6 +112,107 @@ def test_a_body_that_nobody_saw_did_not_stay_out(fault: str) -> None:
     drives = motion.drives(SEED, whole=False)
     cases = [one for one in motion.kept_out(Random(2), 260, drives) if one.fault == fault]
     assert cases and answers(cases, fault) <= {"ambiguous", "violated"}
+
+
+@pytest.fixture(scope="module")
+def drive() -> SimulatedExecution:
+    return driven(next(one.waypoints_m for one in site().routes if one.name == "B-A"), seed=SEED)
+
+
+def out_of(drive: SimulatedExecution, *, at_s: float, legs: dict[float, Trajectory]) -> str:
+    """The answer on whether the body stayed out of a square of 0.8 m around where it was, over legs by their begin."""
+    x, y, _ = drive.true_at(at_s)
+    square = tuple((x + dx, y + dy) for dx, dy in ((-0.4, -0.4), (0.4, -0.4), (0.4, 0.4), (-0.4, 0.4)))
+    effect = Relational(
+        predicate="stayed_out",
+        relation="stayed_out",
+        subject="body",
+        object="yard",
+        frame="map",
+        map_version="site-1",
+        region_m=square,
+    )
+    blobs: dict[Digest, bytes] = {}
+    nodes, packets, until_s = [], {}, 0.0
+    for index, (from_s, track) in enumerate(legs.items()):
+        node = stage(Temporal(predicate="static_body", interval_s=1.0, bound=0.02), node_id=NodeId(f"leg-{index}"))
+        until_s = track.odometry[-1].at_s
+        estimates = (reference_to(track, blobs),)
+        packet = packet_of(node, ROUTE_FOLLOWER, from_s=from_s, until_s=until_s, estimates=estimates)
+        nodes.append(node)
+        packets[node.node_id] = (packet, 4 + index)
+    recent = drive.between(until_s - 3.0, until_s)
+    shown = shown_goal(
+        (effect,), nodes, packets, blobs, at_s=until_s, recent=(*recent.poses, *recent.odometry, *recent.imu)
+    )
+    case = VerifierCase("stayed_out", "", False, shown, condition_id_of(effect, "goal"))
+    return CaseJudge().answer(case).verdict
+
+
+def test_a_visit_before_the_first_pose_of_an_execution_is_not_missed(drive: SimulatedExecution) -> None:
+    from_s = drive.from_s + 8.0
+    seen = drive.between(from_s, from_s + 10.0)
+    late = replace(seen, poses=tuple(one for one in seen.poses if one.at_s > from_s + 1.2))
+    assert out_of(drive, at_s=from_s + 0.2, legs={from_s: seen}) == "violated"
+    assert out_of(drive, at_s=from_s + 0.2, legs={from_s: late}) == "ambiguous"
+    assert out_of(drive, at_s=drive.from_s, legs={from_s: late}) == "satisfied"
+
+
+def test_a_short_execution_without_a_pose_is_not_covered_by_another_one(drive: SimulatedExecution) -> None:
+    first_s, then_s = drive.from_s + 8.0, drive.from_s + 14.0
+    blind = replace(drive.between(first_s, first_s + 2.3), poses=())
+    legs = {first_s: blind, then_s: drive.between(then_s, then_s + 6.0)}
+    assert out_of(drive, at_s=first_s + 1.0, legs=legs) == "ambiguous"
+
+
+def test_a_localiser_frozen_before_a_dispatch_in_motion_is_not_believed(drive: SimulatedExecution) -> None:
+    """The execution moves for a few centimetres only, too little for a comparison of its own."""
+    until_s = float(drive.terminal_s) + 2.0
+    end = drive.true_at(until_s)[:2]
+    from_s = max(float(one[0]) for one in drive.truth if math.dist(one[1:3], end) > 0.10)
+    track = drive.between(from_s - 1.0, until_s)
+    still = track.poses[0]
+    hung = replace(track, poses=tuple(replace(still, seq=one.seq, at_s=one.at_s) for one in track.poses))
+    answers = []
+    for samples in (track, hung):
+        last = samples.poses[-1]
+        effect = Metric(
+            predicate="arrival",
+            frame="map",
+            map_version="site-1",
+            target_m=(last.x_m, last.y_m),
+            tolerance_m=0.4,
+        )
+        blobs: dict[Digest, bytes] = {}
+        node = stage(effect, mandatory=("trajectory",))
+        parts = [
+            Trajectory(
+                poses=tuple(one for one in samples.poses if (one.at_s >= from_s) == since),
+                odometry=tuple(one for one in samples.odometry if (one.at_s >= from_s) == since),
+            )
+            for since in (False, True)
+        ]
+        packet = packet_of(
+            node,
+            ROUTE_FOLLOWER,
+            from_s=from_s,
+            until_s=until_s,
+            before=(reference_to(parts[0], blobs, kind="before"),),
+            estimates=(reference_to(parts[1], blobs),),
+        )
+        shown = shown_packet(node, packet, ROUTE_FOLLOWER, blobs)
+        answers.append(CaseJudge().answer(VerifierCase("arrival", "", None, shown, condition_id_of(effect))).verdict)
+    assert answers == ["satisfied", "ambiguous"]
+
+
+def test_a_sweep_from_elsewhere_does_not_confirm_an_analysis() -> None:
+    fault = "sweep of another scene, freshly stamped"
+    pool = passages.scenes(SEED, rendered=0, drawn=12)
+    cases = [one for one in passages.passages(Random(1), 200, pool) if one.fault == fault]
+    judge = CaseJudge()
+    found = [judge.answer(one) for one in cases]
+    assert any("sweep_from_elsewhere" in one.codes for one in found)
+    assert "satisfied" not in {one.verdict for one in found}
 
 
 def test_the_page_keeps_its_words_and_gets_its_tables_and_plots(tmp_path: Path, report: VerifierReport) -> None:

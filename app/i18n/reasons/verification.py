@@ -222,6 +222,9 @@ SENTENCES: Mapping[str, str] = {
     "request_recorded": N_("{requested_by} submitted it, channel {channel}"),
     "stored_images_of_elsewhere": N_("{images} stored images are not of the analysis"),
     "sweep_cut_short": N_("a lidar sweep is cut short: {points} points in {bytes} bytes"),
+    "sweep_from_elsewhere": N_(
+        "the lidar swept {apart_m:.2f} m from where the images were taken; bound {bound_m:.2f} m"
+    ),
     "sweep_of_another_map": N_("the lidar sweep is of map {map_version}"),
     "sweep_of_another_time": N_("{sweeps} lidar sweeps are of another time"),
     "too_few_images_stored": N_("the channel holds {images} of {wanted} images"),

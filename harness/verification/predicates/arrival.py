@@ -1,10 +1,13 @@
 """metric arrival (D18): the body is measured to be at its target. Never reads what the provider declares."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TypeVar
 
 from harness.contracts.effects import AnyEffect, Metric
 from harness.contracts.observations import Odometry, Pose
 from harness.contracts.reasons import Reason, because
+from harness.contracts.rules import LINEAGE
 from harness.contracts.verdicts import PredicateVerdict
 from harness.verification.body import LIMIT_M, current_track, static_body
 from harness.verification.finding import Finding, Undecidable, ambiguous, worst
@@ -13,6 +16,9 @@ from harness.verification.reading import AdmittedTrack, Evidence
 from harness.verification.sources import Agreement, Sources
 
 SAMPLES = 3
+APPROACH_S = 3.0
+"""So many seconds before its dispatch belong to the motion that an execution is compared in."""
+S = TypeVar("S", Pose, Odometry)
 Story = tuple[tuple[Pose, ...], tuple[Odometry, ...]]
 
 
@@ -84,7 +90,8 @@ def agreement_of(evidence: Evidence, effect: Metric) -> Agreement | None:
 
     In an execution that moved: over the 2 s before standstill, and since they last agreed in motion, for a body that
     creeps to its end hides a frozen localiser. In one that only looks, or did not move: from the latest instant in
-    the cited motion at which both still agreed, to now.
+    the cited motion at which both still agreed, to now. From the rules on that trace levels, what was recorded just
+    before the dispatch counts as well: a body that is dispatched while it moves may stop before it can be compared.
     """
     return evidence.once(("agreement", effect.frame, effect.map_version), lambda: _agreement(evidence, effect))
 
@@ -102,6 +109,8 @@ def _agreement(evidence: Evidence, effect: Metric) -> Agreement | None:
             return whole.since_agreement(departed_s=tracks[0].dispatched_s)
     if looked:
         return None
+    if evidence.policy.rules >= LINEAGE:
+        alone = Sources(*_with_approach(effect, evidence, current))
     direct, long = alone.before_standstill(), alone.since_agreement(departed_s=current.dispatched_s)
     return long if direct and direct.holds and long and not long.holds else direct
 
@@ -109,6 +118,21 @@ def _agreement(evidence: Evidence, effect: Metric) -> Agreement | None:
 def story(effect: Metric, evidence: Evidence) -> Story:
     """All executions in the context, and the seconds before them, as one: poses of the effect's map, and odometry."""
     return evidence.once(("story", effect.frame, effect.map_version), lambda: _story(effect, evidence))
+
+
+def _with_approach(effect: Metric, evidence: Evidence, track: AdmittedTrack) -> Story:
+    """The samples of an execution after those of the seconds before it, in order of sensor time."""
+    wanted, since_s = (effect.frame, effect.map_version), track.dispatched_s - APPROACH_S
+    least = evidence.policy.evidence.minimum_confidence
+    poses = [one for one in evidence.before.poses if since_s <= one.at_s < track.dispatched_s]
+    odometry = [one for one in evidence.before.odometry if since_s <= one.at_s < track.dispatched_s]
+    admitted = [one for one in poses if (one.frame, one.map_version) == wanted and one.confidence >= least]
+    return _by_time((*admitted, *poses_of(effect, track))), _by_time((*odometry, *track.odometry))
+
+
+def _by_time(samples: Iterable[S]) -> tuple[S, ...]:
+    found = {one.at_s: one for one in samples}
+    return tuple(found[at_s] for at_s in sorted(found))
 
 
 def _story(effect: Metric, evidence: Evidence) -> Story:

@@ -14,9 +14,11 @@ from harness.contracts.evidence import CommittedFact, EvidenceReference
 from harness.contracts.ids import Digest
 from harness.contracts.measurements import LidarLook
 from harness.contracts.reasons import Reason, because, several
+from harness.contracts.rules import LINEAGE
 from harness.contracts.values import Point
 from harness.verification import passage
 from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
+from harness.verification.geometry import distance
 from harness.verification.predicates.analysis import MOST_SHARES
 from harness.verification.reading import Evidence
 
@@ -26,6 +28,8 @@ OLDEST_SWEEP_S = 5.0
 OWN_DEPTH_M = 0.35
 """A thing on the floor is seen although its own front stands before the middle of its contact with the floor."""
 NEAR_REGION_M = 0.1
+MOVED_M = 0.1
+"""A sweep from further away than this from where the pictures were taken is of another look."""
 
 
 class _Thing(msgspec.Struct, frozen=True):
@@ -47,7 +51,8 @@ class _PassageReport(msgspec.Struct, frozen=True):
 
 def passage_checked(effect: AnyEffect, evidence: Evidence) -> Finding:
     """The report of `subject` covers exactly the accepted frames of `object`, which show `region_m`, and says of it
-    what the lidar says: clear or not, and the obstructed share within 0.10 of the passage's width.
+    what the lidar says: clear or not, and the obstructed share within 0.10 of the passage's width. From the rules on
+    that trace levels, the lidar must have swept from where the pictures were taken.
 
     `evidence` = the report, then its frames. measured: obstructions, blocked, share_<i> of the largest findings,
     seen_share (camera), lidar_seen_share, camera_share and lidar_share of the passage's width.
@@ -65,6 +70,7 @@ def passage_checked(effect: AnyEffect, evidence: Evidence) -> Finding:
     returns = passage.returns_of(look.trajectory, clouds)
     measured = _measured(report, panorama, returns, look, region=effect.region_m)
     doubts = _doubts(report, panorama, returns, look, measured=measured)
+    doubts += _moved(panorama, returns) if evidence.policy.rules >= LINEAGE else []
     return Finding(
         verdict="violated" if wrong else "ambiguous" if doubts else "satisfied",
         reason=several(wrong or doubts) or _agreed(measured),
@@ -175,6 +181,13 @@ def _doubts(
             because("camera_and_lidar_disagree", camera_share=camera_share, lidar_share=lidar_share, bound=SHARE_BOUND)
         )
     return doubts
+
+
+def _moved(panorama: CommittedFact, returns: passage.Returns) -> list[Reason]:
+    """Why what the lidar shows need not be what the pictures show: it was elsewhere, or was taken to be."""
+    x_m, y_m = panorama.arguments["position"]
+    apart_m = distance((x_m, y_m), returns.position)
+    return [because("sweep_from_elsewhere", apart_m=apart_m, bound_m=MOVED_M)] if apart_m > MOVED_M else []
 
 
 def _supported(one: _Thing, panorama: CommittedFact, returns: passage.Returns, look: LidarLook) -> bool:

@@ -92,17 +92,16 @@ def _gap_s(poses: tuple[Pose, ...], track: AdmittedTrack) -> float:
 
 
 def _visit_s(poses: tuple[Pose, ...], track: AdmittedTrack, region: Sequence[Point], *, speed_mps: float) -> float:
-    """The longest gap in which the body could have gone from the pose before it to the region, and to the one after."""
+    """The longest time without a pose in which the body could have gone from the pose before it to the region, and to
+    the one after. Before the first pose and after the last one there is only one of them, without any pose none.
+    """
+    seen = [(track.dispatched_s, None), *((pose.at_s, pose) for pose in poses), (_end_s(track), None)]
     longest_s = 0.0
-    for before, after in pairwise(poses):
-        gap_s = after.at_s - before.at_s
+    for (from_s, before), (until_s, after) in pairwise(seen):
+        gap_s = until_s - from_s
         if gap_s > max(BETWEEN_S, longest_s):
-            way_m = from_region(region, (before.x_m, before.y_m)) + from_region(region, (after.x_m, after.y_m))
+            way_m = sum(from_region(region, (pose.x_m, pose.y_m)) for pose in (before, after) if pose is not None)
             longest_s = gap_s if way_m <= speed_mps * gap_s else longest_s
-    left_s = _end_s(track) - poses[-1].at_s if poses else 0.0
-    if left_s > max(BETWEEN_S, longest_s):
-        last = (poses[-1].x_m, poses[-1].y_m)
-        return left_s if from_region(region, last) <= speed_mps * left_s else longest_s
     return longest_s
 
 
