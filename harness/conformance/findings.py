@@ -6,7 +6,7 @@ from typing import Literal
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import HarnessError, ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.ids import ProviderId
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import Reason, plain
 from harness.contracts.values import Value
 
 Outcome = Literal["met", "not met", "exempt"]
@@ -59,7 +59,10 @@ def unless(holds: bool, wrong: str) -> str:
 
 
 def refusal(act: Callable[[], object], *kinds: type[HarnessError]) -> str:
-    """What is wrong with the refusal that `act` must get; empty for a typed one that gives a remedy."""
+    """What is wrong with the refusal that `act` must get; empty for a typed one that gives a remedy.
+
+    A code with facts has its remedy in the catalogue; a refusal in words of its own must bring one.
+    """
     wanted = kinds or (ProviderFailed, UnknownName)
     try:
         act()
@@ -68,7 +71,8 @@ def refusal(act: Callable[[], object], *kinds: type[HarnessError]) -> str:
     except wanted as error:
         if isinstance(error.__cause__, ValueError):
             return f"the answer cannot be read ({plain(error.what)})"
-        return unless(bool(error.do), f"the refusal does not say what to do ({plain(error.what)})")
+        remedied = isinstance(error.what, Reason) or bool(error.do)
+        return unless(remedied, f"the refusal does not say what to do ({plain(error.what)})")
     except HarnessError as error:
         return f"it was refused as {error.code}, not as {wanted[0].code}"
     except UNTYPED as error:
