@@ -133,7 +133,8 @@ class Pace:
             self._asking += change
 
     def _runs_free(self) -> bool:
-        return (self._alone() or self.silent_s > FREE_RUN_AFTER_S) and not self.standing()
+        silent = self._orphaned_s is not None or self.silent_s > FREE_RUN_AFTER_S
+        return silent and not self.standing()
 
     def _alone(self) -> bool:
         """Whether the parent is gone and nobody has adopted the robot since; its last requests may still arrive."""
