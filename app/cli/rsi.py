@@ -126,7 +126,7 @@ def sheet_lines(answer: dict[str, Any]) -> list[str]:
     if answer["digest"]:
         lines.append(f"digest {answer['digest']}")
     lines += [f"{one['clause']}: {one['answer']}. {one['sentence']}" for one in answer["clauses"]]
-    for entry in answer["entry"]:
+    for entry in answer["said"]:
         lines.append(f"{entry['by']['actor']['name']}: {entry['what'].replace('_', ' ')}, “{entry['by']['reason']}”")
     lines += [
         f"canary {one['measured']['mission_id']}: {one['finding'] or 'not adjudicated'}" for one in answer["canary"]

@@ -1,7 +1,7 @@
 """Small foreign files that unpack to gigabytes are refused by their commands, with a reason, little memory and time."""
 
-import os
 import subprocess
+import sys
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,13 +25,21 @@ class Ended:
     cpu_s: float
 
 
+MEASURED = """
+import resource, subprocess, sys
+code = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(code, used.ru_maxrss, used.ru_utime + used.ru_stime)
+"""
+"""Runs a command from a small process: a child's peak counts what the process held that it was started from."""
+
+
 def ended(*words: object, folder: Path) -> Ended:
     with (folder / "stderr").open("wb") as errors:
-        child = subprocess.Popen(command(*words), cwd=ROOT, env=environment(), stdout=subprocess.DEVNULL, stderr=errors)
-        _, status, used = os.wait4(child.pid, 0)
-        child.returncode = os.waitstatus_to_exitcode(status)
-    said = (folder / "stderr").read_text()
-    return Ended(child.returncode, said, used.ru_maxrss / 1024, used.ru_utime + used.ru_stime)
+        asked = [sys.executable, "-c", MEASURED, *command(*words)]
+        done = subprocess.run(asked, cwd=ROOT, env=environment(), stdout=subprocess.PIPE, stderr=errors, check=True)
+    code, peak_kib, cpu_s = done.stdout.split()[-3:]
+    return Ended(int(code), (folder / "stderr").read_text(), int(peak_kib) / 1024, float(cpu_s))
 
 
 def refused(found: Ended, says: str) -> None:

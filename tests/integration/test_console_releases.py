@@ -376,7 +376,7 @@ def test_the_evaluation_page_draws_what_is_published_and_says_where_nothing_is(h
     with console_stand(settings=ConsoleSettings(port=8000, results=tmp_path)) as empty:
         nothing = empty.operator().get("/evaluation").text
     shows(nothing, "No evaluation is published yet", "No run of the recursion experiment is published yet")
-    assert "The arms under faults" not in nothing and "Commands and seeds" not in nothing
+    assert "Commands and seeds" not in nothing
 
 
 def test_the_watch_takes_the_pointer_up_and_ended_canary_missions_in(house: House) -> None:

@@ -9,9 +9,12 @@ from tests.integration.runs import answer, regen
 
 @pytest.mark.ledger("R124", "R133", entry="command line", symbol="harness.supervisor.revisions:Revisions._elsewhere")
 def test_what_is_not_found_is_looked_for_from_elsewhere_and_found(tmp_path: Path) -> None:
-    """A trolley stands before the lens and stays: the same look again changes nothing, another viewpoint does."""
+    """A trolley stands before the lens and stays: the same look again changes nothing, another viewpoint does.
+
+    Seed 2: with others the pictures from there and the lidar disagree on the width, and a person is asked.
+    """
     fast = ("--data", tmp_path, "--speed", "0", "--fidelity", "kinematic", "--json")
-    done = regen("mission", "run", "warehouse-inspection", *fast, "--fault", "hidden-passage:persistent")
+    done = regen("mission", "run", "warehouse-inspection", *fast, "--seed", "2", "--fault", "hidden-passage:persistent")
     assert done.returncode == 0, done.stderr
     outcome = answer(done)
     assert outcome["goal_verdict"] == "satisfied"

@@ -1,11 +1,10 @@
 """The hostile provider kit as a whole: its modes, and the counts that are published of a run."""
 
-import resource
 from collections.abc import Callable, Iterable, Sequence
 
 from harness.conformance.hostile.evidence_lies import IMAGES, RECEIPTS, SENSORS
 from harness.conformance.hostile.lies import BOUNDS, IDENTITIES, OUTCOMES, Mode
-from harness.conformance.hostile.missions import Met
+from harness.conformance.hostile.missions import Met, peak_memory_mib
 from harness.contracts.errors import UnknownName
 from harness.contracts.reasons import because
 from harness.contracts.values import Value
@@ -61,7 +60,7 @@ def fuzzed(modes: Iterable[Mode], meet: Callable[[Mode], Met], *, watch: Callabl
         hangs=sum(one.hang for one in found),
         tracebacks=sum(bool(one.traceback) for one in found),
         held=sum(bool(one.held) for one in found),
-        peak_mib=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10,
+        peak_mib=peak_memory_mib(),
         undetectable=tuple(mode.name for mode in MODES if mode.undetectable),
         met=tuple(found),
     )

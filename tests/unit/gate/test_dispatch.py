@@ -43,7 +43,7 @@ def test_a_second_attempt_needs_an_authorised_recovery() -> None:
     mission = after(mission, dispatch(mission))
     failed = after(mission, complete(mission, "violated"))
     assert refused(failed, dispatch(failed)) == "not_eligible"
-    assert refused(failed, recovery(failed, "retry")) == "wrong_order"
+    assert refused(failed, recovery(failed, "switch_skill")) == "wrong_order"
     assert refused(failed, recovery(failed, "human")) == "wrong_cost"
     paid = after(failed, recovery(failed, "re_perceive"))
     assert paid.of(GO).attempt == 2

@@ -96,7 +96,7 @@ def test_a_fleet_that_was_finished_is_not_run_again_and_one_of_other_terms_is_no
         (tmp_path / f"fleet-{n}-{digest(one.task)[:12]}.json").write_bytes(encode(one))
     told: list[int] = []
     found_again = outcomes(
-        wanted, simulator=SIMULATOR, folder=tmp_path, processes=1, told=lambda one, done, of: told.append(done)
+        wanted, simulator=SIMULATOR, folder=tmp_path, processes=1, report=lambda one, done, of: told.append(done)
     )
     assert [one.task.fleet for one in found_again] == [1, 2] and told == []
     other = [replace(task, terms=replace(task.terms, seed=2)) for task in wanted]
