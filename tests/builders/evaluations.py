@@ -36,6 +36,12 @@ def patient(wait_s: float = 60.0) -> Configuration:
     return msgspec.structs.replace(BASELINE, recovery=msgspec.structs.replace(BASELINE.recovery, wait_s=wait_s))
 
 
+def waiting_again() -> Configuration:
+    """H_0 that waits a second time in the place of another route; a person is asked no later."""
+    ladders = {**BASELINE.recovery.ladders, "resource_conflict": ("wait", "wait", "human")}
+    return msgspec.structs.replace(BASELINE, recovery=msgspec.structs.replace(BASELINE.recovery, ladders=ladders))
+
+
 def manifest(**given: Any) -> Manifest:
     """A manifest by which recovery cost is to fall by at least 0.1 per mission."""
     stated = Manifest(

@@ -21,7 +21,7 @@ from rsi_reviews.regression.on_ray import RayCluster
 from rsi_reviews.release_service import ReleaseService
 from rsi_reviews.trial import HeldOut, Means, Trial, carried_out, judged_on, prepared
 from simulator.in_process import SIMULATOR
-from tests.builders.evaluations import BASELINE, Saying, candidate, suite
+from tests.builders.evaluations import BASELINE, Saying, candidate, suite, waiting_again
 from tests.builders.releases import LAUNCHER, bench, say
 from tests.saying import raises_saying
 from tests.saying import said as said_by
@@ -30,7 +30,7 @@ from tests.saying import said as said_by
 @pytest.fixture
 def proposed(tmp_path: Path) -> Path:
     """A data folder in which a candidate was proposed."""
-    made, data = candidate(), tmp_path / "var"
+    made, data = candidate(waiting_again()), tmp_path / "var"
     (tmp_path / "c.json").write_bytes(msgspec_json.encode(made.configuration))
     (tmp_path / "m.json").write_bytes(msgspec_json.encode(made.manifest))
     files = ["--file", str(tmp_path / "c.json"), "--manifest", str(tmp_path / "m.json")]
@@ -48,7 +48,9 @@ def status(data: Path) -> str:
 
 
 def test_a_quick_look_runs_real_missions_and_decides_nothing(proposed: Path) -> None:
-    answered = said("evaluate", candidate().candidate_id[:12], "--cases", "3", "--processes", "0", data=proposed)
+    answered = said(
+        "evaluate", candidate(waiting_again()).candidate_id[:12], "--cases", "3", "--processes", "0", data=proposed
+    )
     report = json.loads(answered.stdout)
     assert (answered.exit_code, report["answer"], report["recorded"], report["results"]) == (
         1,
@@ -77,7 +79,7 @@ def test_a_run_that_is_broken_off_keeps_what_is_finished(proposed: Path) -> None
         "app.cli.main",
         "rsi",
         "evaluate",
-        candidate().candidate_id[:12],
+        candidate(waiting_again()).candidate_id[:12],
         "--data",
         str(proposed),
     ]
@@ -112,7 +114,7 @@ def test_the_executor_is_what_was_asked_for() -> None:
 
 def trial() -> Trial:
     suites = (suite("regression", 20), suite("safety", 600, 10_000))
-    return prepared(candidate(), BASELINE, suites, launched_by=(LAUNCHER.name,), simulator=SIMULATOR)
+    return prepared(candidate(waiting_again()), BASELINE, suites, launched_by=(LAUNCHER.name,), simulator=SIMULATOR)
 
 
 @pytest.mark.ledger("R161", symbol="rsi_reviews.trial:judged_on")
@@ -122,7 +124,7 @@ def test_the_desk_takes_up_a_whole_evaluation_and_keeps_results_and_terms(tmp_pa
         executor=Saying(2.0), now_s=lambda: 0.0, held_out=HeldOut(secret=Secret(b"a" * 32), looks=Looks(tmp_path))
     )
     with bench() as room:
-        assert isinstance(room.releases.propose(candidate(), say(LAUNCHER)), Accepted)
+        assert isinstance(room.releases.propose(candidate(waiting_again()), say(LAUNCHER)), Accepted)
         assert isinstance(room.releases.begin(asked.terms, say(LAUNCHER)), Accepted)
         outcome = carried_out(asked, means)
         taken = ReleaseService(room.harness.runtime).submit_results(judged_on(asked, outcome.results), say(LAUNCHER))
@@ -136,7 +138,7 @@ def test_results_before_their_terms_are_refused(tmp_path: Path) -> None:
     asked = trial()
     outcome = carried_out(asked, Means(executor=Saying(2.0), now_s=lambda: 0.0))
     with bench() as room:
-        room.releases.propose(candidate(), say(LAUNCHER))
+        room.releases.propose(candidate(waiting_again()), say(LAUNCHER))
         taken = room.releases.submit_results(judged_on(asked, outcome.results), say(LAUNCHER))
     assert isinstance(taken, Refused)
     assert taken.rule == "not_evaluating"

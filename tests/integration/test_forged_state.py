@@ -156,7 +156,7 @@ def test_anchors_are_written_outside_the_folder_while_missions_run(
 
 
 def renamed(event: StoredEvent) -> StoredEvent:
-    return replace(event, body=event.body.replace(b'"role":"operator"', b'"role":"governor"'))
+    return replace(event, body=event.body.replace(b'"role":"host"', b'"role":"admin"'))
 
 
 def rewrite(data: Path, change: Callable[[list[StoredEvent]], list[StoredEvent]]) -> None:
