@@ -120,7 +120,7 @@ def create_app(
     lists.catch_up()
     sessions = _sessions(accounts, settings)
     inbox = Alerts(runtime)
-    release_service = GuardedReleaseService(runtime, accounts.told)
+    release_service = GuardedReleaseService(runtime, accounts.record)
     watched = Watched(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
     services = AppriseNotifier({name: address.get_secret_value() for name, address in settings.notify.items()})
     notices = Notices(runtime, services, time.time, settings.address)
@@ -143,7 +143,7 @@ def create_app(
     app.state.alert_watch = alert_watch
     app.state.notices = notices
     app.state.console = Console(
-        runtime=GuardedRuntime(runtime, answer=answer, free=free, audit_log=accounts.told),
+        runtime=GuardedRuntime(runtime, answer=answer, free=free, audit_log=accounts.record),
         settings=settings,
         broker=broker,
         scenes=scenes,

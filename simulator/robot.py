@@ -212,7 +212,7 @@ class SimulatedRobot:
 
     def _same(self, card: CapabilityCard, request: protocol.StartRequest) -> None:
         first = self._journal.requests[request.identity.request_id]
-        if _asked(first) != _asked(request):
+        if _request_digest(first) != _request_digest(request):
             raise ProviderFailed(
                 f"Request {request.identity.request_id} came again with other contents",
                 where=card.provider_id,
@@ -289,6 +289,6 @@ def _way(request: protocol.StartRequest) -> str:
     return f"{identity.mission_id}/{identity.node_id}/{digest(request.parameters.get('route', ()))[:12]}"
 
 
-def _asked(request: protocol.StartRequest) -> str:
+def _request_digest(request: protocol.StartRequest) -> str:
     """What makes two requests the same: who asks for what. The state version may move between repeats (D1)."""
     return digest([request.identity, request.capability, request.parameters, request.blobs])

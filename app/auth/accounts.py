@@ -250,7 +250,7 @@ class Accounts:
             source=by.source,
         )
 
-    def told(self, by: Principal, actor: Actor, command: str, subject: str, outcome: str) -> None:
+    def record(self, by: Principal, actor: Actor, command: str, subject: str, outcome: str) -> None:
         """Write a person's command to the audit log, with its outcome and the address it came from.
 
         The command was decided before: where the audit log is held by another process, the entry waits for the next.

@@ -112,7 +112,7 @@ class SessionService:
         """
         return self._of(sha256(cookie.encode()), source=source, active=active)
 
-    def held(self, principal: Principal, *, authorization: str = "") -> "HeldAccess":
+    def access(self, principal: Principal, *, authorization: str = "") -> "HeldAccess":
         """What an open stream of this principal asks while it lasts; `authorization` is the header it came with."""
         return HeldAccess(self, principal, authorization)
 
@@ -133,7 +133,7 @@ class SessionService:
         if not roles:
             self.accounts.store.close_sessions(digest=session.digest)
             return None
-        self._seen(session, digest, active=active)
+        self._record_use(session, digest, active=active)
         return Principal(
             name=session.name,
             roles=roles,
@@ -219,7 +219,7 @@ class SessionService:
         account = self.accounts.store.account(session.name)
         return account.roles if account and not account.disabled else ()
 
-    def _seen(self, session: Session, digest: str, *, active: bool) -> None:
+    def _record_use(self, session: Session, digest: str, *, active: bool) -> None:
         now_s = self._clock()
         first_use = digest == session.digest and bool(session.previous) and session.previous_until_s is None
         until_s = now_s + GRACE_S if first_use else session.previous_until_s

@@ -112,8 +112,8 @@ class AlertWatch:
     def mark(self) -> FollowPosition:
         """How far the log was followed; at first, to the newest event that an alert was raised from."""
         if self._mark is None:
-            told = max((alert.told for _, alert in self.alerts.all()), default=0)
-            self._mark = self._follower.mark_at(self.runtime.log(told - 1, 1)[0]) if told else beginning(FOLD)
+            newest = max((alert.told for _, alert in self.alerts.all()), default=0)
+            self._mark = self._follower.mark_at(self.runtime.log(newest - 1, 1)[0]) if newest else beginning(FOLD)
         return self._mark
 
     def take(self, fresh: Sequence[StoredEvent], *, after: FollowPosition, upto: FollowPosition) -> None:
@@ -147,8 +147,8 @@ class AlertWatch:
         elif family == "handoff":
             opened = self.runtime.handoff(HandoffId(name)).opened
             if opened is not None:
-                told = causes.of_handoff(HANDOFF.decode(stored), self._about(stored, opened.mission_id), name)
-                self._ask_all(told)
+                change = causes.of_handoff(HANDOFF.decode(stored), self._about(stored, opened.mission_id), name)
+                self._ask_all(change)
         elif stored.kind == QUARANTINED:
             event = POINTER.decode(stored)
             self._raise(
@@ -199,13 +199,13 @@ class AlertWatch:
             vetoes=vetoes,
         )
 
-    def _ask_all(self, told: Sequence[causes.AlertChange]) -> None:
-        for cause, command in told:
+    def _ask_all(self, occurrences: Sequence[causes.AlertChange]) -> None:
+        for cause, command in occurrences:
             self.ask(cause, command)
 
     def _raise(self, occurrence: Occurrence, *, source: int = 0) -> None:
-        told = changed(occurrence, source=source)
-        self.ask(occurrence.cause, RaiseAlert(occurrence=told, at_s=self.watched.clock()))
+        event = changed(occurrence, source=source)
+        self.ask(occurrence.cause, RaiseAlert(occurrence=event, at_s=self.watched.clock()))
 
     # live -----------------------------------------------------------------------------------------------------------
 

@@ -112,9 +112,9 @@ class Lists:
         self.catch_up()
         return self._models.count(query)
 
-    def found(self, query: read_models.ListQuery, shown: Slice[Item]) -> int:
+    def found(self, query: read_models.ListQuery, limit: Slice[Item]) -> int:
         """The same for a query whose page is known: a first page that is also the last is not searched for again."""
-        return len(shown.items) if query.after is None and shown.following is None else self.count(query)
+        return len(limit.items) if query.after is None and limit.following is None else self.count(query)
 
     def tallies(self, listing: read_models.Listing) -> list[read_models.FacetCount]:
         """Every value of every facet with its count."""

@@ -88,8 +88,8 @@ def check_provider(
     """
     declared = {one.provider_id: one for one in map(read, file or [])}
     with _stands(target, token=token, fidelity=fidelity, recording=recording) as (stands, cards):
-        wanted = _wanted(target, stands, cards, only=provider or [], still=still)
-        results = [_checked(name, stands[name], declared, fencing=fencing) for name in wanted]
+        checks = _selected_providers(target, stands, cards, only=provider or [], still=still)
+        results = [_checked(name, stands[name], declared, fencing=fencing) for name in checks]
     ok = bool(results) and all(result.ok for result in results)
     show({"ok": ok, "providers": [_row(result) for result in results]}, as_json=as_json, lines=_lines(results))
     raise typer.Exit(0 if ok else 1)
@@ -156,7 +156,7 @@ def _stands(
             yield stands, installed_cards(Path(folder), SIMULATOR)
 
 
-def _wanted(
+def _selected_providers(
     target: str, stands: Stands, cards: tuple[CapabilityCard, ...], *, only: list[str], still: bool
 ) -> list[ProviderId]:
     named = only or ([target] if "://" not in target and target != "all" else list(stands))

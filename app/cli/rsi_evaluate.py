@@ -146,13 +146,13 @@ def _run(trial: Trial, how: How, executor: Executor) -> TrialOutcome:
         held_out = HeldOut(secret=secret_in(how.folder, secrets.token_bytes), looks=Looks(how.folder))
     if how.fresh:
         path.unlink(missing_ok=True)
-    kept = ResultsFile(path, evaluator=evaluator)
+    results = ResultsFile(path, evaluator=evaluator)
     with _watched() as watch:
         try:
-            means = Means(executor=executor, now_s=time.monotonic, kept=kept, held_out=held_out, watch=watch)
+            means = Means(executor=executor, now_s=time.monotonic, kept=results, held_out=held_out, watch=watch)
             return carried_out(trial, means)
         except KeyboardInterrupt:
-            sys.stderr.write(f"regen: broken off; {len(kept)} results are kept in {path}, run the same to go on\n")
+            sys.stderr.write(f"regen: broken off; {len(results)} results are kept in {path}, run the same to go on\n")
             raise typer.Exit(130) from None
 
 
@@ -177,8 +177,8 @@ def _watched() -> Iterator[Callable[[RunProgress], None]]:
 
         def watch(advance: RunProgress) -> None:
             bad = f", {advance.bad} without a result" if advance.bad else ""
-            kept = f" ({advance.kept} kept before)" if advance.kept else ""
-            progress.update(task, completed=advance.done, total=advance.of, description=f"missions{kept}{bad}")
+            earlier = f" ({advance.kept} kept before)" if advance.kept else ""
+            progress.update(task, completed=advance.done, total=advance.of, description=f"missions{earlier}{bad}")
 
         yield watch
 

@@ -128,7 +128,7 @@ def decisions(
     limit: Annotated[int, Query(ge=1, le=200)] = 50,
 ) -> Any:
     """Who decided what, when, in which role and by which channel; newest first, below a position."""
-    deeds, scanned = newest_first(console, Wanted(actor, kind, everything), before=before, shown=limit)
+    deeds, scanned = newest_first(console, Wanted(actor, kind, everything), before=before, limit=limit)
     if scanned > 1:
         response.headers["Link"] = f'</api/v1/audit/decisions?before={scanned}&limit={limit}>; rel="next"'
     return api_requests.plain(deeds)

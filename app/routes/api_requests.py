@@ -108,11 +108,11 @@ def listed(
     return tuple(found.items)
 
 
-def linked(response: Response, path: str, found: Slice[Any], **asked: str) -> None:
+def linked(response: Response, path: str, found: Slice[Any], **request: str) -> None:
     """Put the next page's address into the Link header (RFC 8288), if there is one."""
     mark = found.following.after if found.following else None
     if mark is not None:
-        pairs = {name: value for name, value in asked.items() if value}
+        pairs = {name: value for name, value in request.items() if value}
         query = urlencode({**pairs, "after": f"{mark.amount!r}~{mark.seq}"})
         response.headers["Link"] = f'<{path}?{query}>; rel="next"'
 

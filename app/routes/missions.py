@@ -80,7 +80,7 @@ def preview(console: ConsoleDep, principal: PrincipalDep, actor: ActorDep, typed
         return _form(console, actor, typed, question=drafted)
     if isinstance(drafted, tuple):
         return _form(console, actor, typed, wrong=drafted)
-    return _form(console, actor, typed, shown=previews.preview(drafted, console.runtime.site))
+    return _form(console, actor, typed, content=previews.preview(drafted, console.runtime.site))
 
 
 @router.post("")
@@ -193,7 +193,7 @@ def _form(
     typed: dict[str, str],
     *,
     wrong: Sequence[Wrong] = (),
-    shown: Preview | None = None,
+    content: Preview | None = None,
     question: ReadingQuestion | None = None,
 ) -> HTMLResponse:
     """The form again; 422 where something must be corrected, or a reading confirmed."""
@@ -207,7 +207,7 @@ def _form(
         wrong=wrong,
         again=_again(console, typed),
         ahead=[Before(one.mission_id, goal_words(one), one.status) for one in waiting_line(console, robot_id)],
-        preview=shown,
+        preview=content,
         reading=question_view(question) if question else None,
     )
     return render("missions/new.html", page, status=422 if wrong or question else 200)

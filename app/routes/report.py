@@ -208,8 +208,8 @@ def _no_answer(console: Console, mission_id: MissionId) -> dict[str, Any] | None
     opened = console.runtime.handoff(expired).opened if expired is not None else None
     if expired is None or opened is None:
         return None
-    told = (QUESTION.decode(one) for one in console.runtime.stream(handoff_stream(expired)))
-    taken = next((event for event in told if isinstance(event, NoAnswerTaken)), None)
+    decoded = (QUESTION.decode(one) for one in console.runtime.stream(handoff_stream(expired)))
+    taken = next((event for event in decoded if isinstance(event, NoAnswerTaken)), None)
     return no_answer_outcome(opened, taken, _retreat_for(console, opened))
 
 

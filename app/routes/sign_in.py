@@ -41,8 +41,8 @@ def sign_in(request: Request, console: ConsoleDep, token: str = "", page: str = 
     if cookie:
         return _let_in(console, request, cookie)
     failed = bool(token) and not known
-    shown = _page(console, let_in=known, link_failed=failed, page=page, left=left)
-    return _answer(shown, status=403 if failed else 200)
+    html = _page(console, let_in=known, link_failed=failed, page=page, left=left)
+    return _answer(html, status=403 if failed else 200)
 
 
 @router.post("/sign-in")
@@ -51,8 +51,8 @@ def sign_in_by_password(request: Request, console: ConsoleDep, typed: FormDep) -
     found = console.sessions.sign_in(name, typed.get("password", ""), _origin(request))
     if isinstance(found, Throttled):
         wait_s = ceil(found.wait_s)
-        shown = _page(console, refusal=too_often(wait_s), name=name, page=page)
-        return _answer(shown, status=429, wait_s=wait_s)
+        html = _page(console, refusal=too_often(wait_s), name=name, page=page)
+        return _answer(html, status=429, wait_s=wait_s)
     if found is None:
         return _answer(_page(console, refusal=wrong_password(), name=name, page=page), status=403)
     console.sessions.leave(request.cookies.get(console.settings.cookie, ""))

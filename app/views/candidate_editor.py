@@ -108,7 +108,7 @@ def edited_text(current: Configuration, typed: Mapping[str, str]) -> str:
     tree: dict[str, Any] = msgspec.to_builtins(current)
     for path, was in _leaves(tree):
         text = typed.get(path)
-        if text is not None and text.strip() != _shown(was):
+        if text is not None and text.strip() != _display_value(was):
             section, _, rest = path.partition(".")
             owner = tree[section][LADDERS.partition(".")[2]] if path.startswith(f"{LADDERS}.") else tree[section]
             owner[rest.rpartition(".")[2]] = _typed(text.strip(), was)
@@ -138,8 +138,8 @@ def _field(
     return EditField(
         path=path,
         title=word(path.rpartition(".")[2].removesuffix("_s")),
-        value=typed.get(path, _shown(was)),
-        was=_shown(was),
+        value=typed.get(path, _display_value(was)),
+        was=_display_value(was),
         unit=about.unit if about else "",
         bound="" if ladder or about is None else about.bound,
         meaning="" if ladder or about is None else about.meaning,
@@ -160,7 +160,7 @@ def _leaves(tree: Mapping[str, Any]) -> list[tuple[str, Any]]:
     return found
 
 
-def _shown(value: Any) -> str:
+def _display_value(value: Any) -> str:
     return (
         " > ".join(value)
         if isinstance(value, list | tuple)

@@ -63,7 +63,7 @@ def contexts(
     explain: Explain,
 ) -> ContextsView:
     """Contexts and candidate sets of one node, from the records that were stored with the decisions."""
-    shown: list[ContextView] = []
+    views: list[ContextView] = []
     owner: dict[str, str] = {}
     for entry in entries:
         if isinstance(entry.event, events.DispatchIntended):
@@ -71,9 +71,9 @@ def contexts(
         cited = _cited(entry, owner)
         if cited is None or cited.node_id != node_id:
             continue
-        shown.append(_context(entry.position, cited, read=read))
+        views.append(_context(entry.position, cited, read=read))
     choices = ranked(entries, node_id=node_id, candidates=candidates, explain=explain)
-    return ContextsView(node_id=node_id, contexts=tuple(reversed(shown)), choices=tuple(reversed(choices)))
+    return ContextsView(node_id=node_id, contexts=tuple(reversed(views)), choices=tuple(reversed(choices)))
 
 
 def ranked(

@@ -126,7 +126,7 @@ def choices_region(
     mission: Mission, entries: Sequence[TimelineEntry], recorded: Recorded, *, leg: str
 ) -> ChoicesRegion:
     """`recorded` belongs to what `shown_of` says."""
-    shown = shown_of(mission, leg)
+    choice = shown_of(mission, leg)
     inputs = _Told(
         mission=mission,
         entries=entries,
@@ -134,7 +134,7 @@ def choices_region(
         maps=dict(updates(mission)),
     )
     rows = tuple(
-        _row(number, one, inputs, selected=one == shown)
+        _row(number, one, inputs, selected=one == choice)
         for number, one in enumerate(decisions(mission) if mission.contract else (), start=1)
     )
     chosen = next((row for row in rows if row.selected), None)
@@ -143,7 +143,7 @@ def choices_region(
         at=None,
         query=f"?leg={leg}" if leg else "",
         choices=rows,
-        shown=_detail(inputs, shown, chosen, recorded) if shown and chosen else None,
+        shown=_detail(inputs, choice, chosen, recorded) if choice and chosen else None,
     )
 
 
@@ -172,13 +172,13 @@ def _row(number: int, choice: ExplorationDecision, inputs: _Told, *, selected: b
 
 def _detail(inputs: _Told, choice: ExplorationDecision, row: ChoiceRow, recorded: Recorded) -> ChoiceDetail:
     question, answer = recorded.question, recorded.answer
-    wanted = answer.said if answer else None
+    proposal = answer.said if answer else None
     nodes = inputs.mission.contract.nodes if inputs.mission.contract else ()
     look = next((node.node_id for node in nodes if choice.leg in node.depends_on), "")
     return ChoiceDetail(
         row=row,
         reason=reasoned(choice.reason),
-        said=lazy_gettext("({x}, {y}): {reason}", **_placed(wanted.target_m), reason=wanted.reason) if wanted else "",
+        said=lazy_gettext("({x}, {y}): {reason}", **_placed(proposal.target_m), reason=proposal.reason) if proposal else "",
         refused=reasoned(choice.refused),
         at_s=question.at_s if question else None,
         k=choice.k,

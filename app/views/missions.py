@@ -59,8 +59,8 @@ def head(mission: Mission, entries: Sequence[TimelineEntry]) -> MissionHeader:
 
 def labels(mission: Mission) -> str:
     """Its labels in one line, but for the mission that it repeats."""
-    told = fields({name: value for name, value in mission.labels.items() if name != "rerun_of"})
-    return ", ".join(f"{one.name} {one.value}" for one in told)
+    label_fields = fields({name: value for name, value in mission.labels.items() if name != "rerun_of"})
+    return ", ".join(f"{one.name} {one.value}" for one in label_fields)
 
 
 def targets(mission: Mission) -> int:
@@ -118,10 +118,10 @@ def query(*, instant: str, node: str) -> str:
     return "?" + "&".join(pairs) if pairs else ""
 
 
-def chosen_node(mission: Mission, wanted: str) -> str:
+def chosen_node(mission: Mission, node_id: str) -> str:
     """The stage the reader asked for, else the one under way, else the last one with a verdict."""
-    if wanted in mission.nodes or mission.contract is None:
-        return wanted
+    if node_id in mission.nodes or mission.contract is None:
+        return node_id
     names = order(mission.contract)
     judged = [name for name in names if mission.of(name).packets]
     return judged[-1] if judged else names[0]

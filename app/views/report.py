@@ -114,7 +114,7 @@ def report_page(
     errors: Sequence[str] = (),
 ) -> ReportPage:
     """`broken`: for every picture whose bytes do not match their digest now, why."""
-    said = _words(entries)
+    words = _words(entries)
     goal = mission.goal_verdict
     return ReportPage(
         shell=shell,
@@ -126,8 +126,8 @@ def report_page(
         declared=mission.declared,
         stages=stages(mission, entries, Observed(), selected=""),
         timings=timings(mission, entries),
-        findings=tuple(word for word in said if word.kind == "analysis"),
-        receipts=tuple(word for word in said if word.kind != "analysis"),
+        findings=tuple(word for word in words if word.kind == "analysis"),
+        receipts=tuple(word for word in words if word.kind != "analysis"),
         pictures=tuple(
             ReportPicture(blob=blob, node_id=node_id, at_s=at_s, broken=broken.get(blob, ""))
             for blob, node_id, at_s in pictures(entries)

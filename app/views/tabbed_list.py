@@ -75,7 +75,7 @@ def tabbed_list(
         rows=tuple(rows),
         groups=_tabs(shape, params, counted),
         filters=(*filters, list_params.order_filter(params, by_length=shape.by_length)),
-        paging=list_params.paging(shape.path, params, following, shown=len(rows), found=counted.groups[chosen]),
+        paging=list_params.paging(shape.path, params, following, count=len(rows), found=counted.groups[chosen]),
         words=params.words,
         group=chosen,
         live=not params.deep,

@@ -180,8 +180,8 @@ def _single_source(page: ReportPage) -> tuple[tuple[str, str], ...]:
     topic = page.head.mission.labels.get(SINGLE_SOURCE)
     if not topic:
         return ()
-    said = lazy_gettext("Position and motion come from {topic}; nothing else confirms them.", topic=topic)
-    return ((lazy_gettext("single source"), said),)
+    text = lazy_gettext("Position and motion come from {topic}; nothing else confirms them.", topic=topic)
+    return ((lazy_gettext("single source"), text),)
 
 
 def _summary(paper: _Paper, page: ReportPage) -> None:

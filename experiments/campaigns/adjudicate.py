@@ -66,9 +66,9 @@ def _undone(mission: Played, books: Books, event: NodeCommitted, packet: Evidenc
     requests = {packet.identity.request_id}
     requests |= {books.packets[cited].identity.request_id for cited in packet.cites if cited in books.packets}
     intents = [intent for intent in books.intents.values() if intent.request_id in requests]
-    wanted = {ACTING[intent.capability] for intent in intents if intent.capability in ACTING}
+    actions = {ACTING[intent.capability] for intent in intents if intent.capability in ACTING}
     done = {"robot": {start.request_id for start in mission.starts}, "outbox": mission.sent}
-    missing = [who for who in wanted if not requests & done[who]]
+    missing = [who for who in actions if not requests & done[who]]
     return f"the {missing[0]} never did it" if missing else ""
 
 
@@ -100,9 +100,9 @@ def _loose_starts(mission: Played, books: Books) -> Iterator[str]:
     """Physical starts without a recorded intent: of a stage, or of a minimal-risk manoeuvre that its zone
     authorised before.
     """
-    asked = {intent.request_id for intent in books.intents.values()} | books.retreats
+    requests = {intent.request_id for intent in books.intents.values()} | books.retreats
     yield from (
-        f"{start.node_id} started without an intent" for start in mission.starts if start.request_id not in asked
+        f"{start.node_id} started without an intent" for start in mission.starts if start.request_id not in requests
     )
 
 

@@ -25,7 +25,7 @@ from experiments.campaigns.hammer_asks import (
     JournalContent,
     requests_of,
     shared_mission,
-    told,
+    read_journal,
 )
 from experiments.campaigns.hammer_caller import ENOUGH, Calling, call, creation, opened
 from experiments.campaigns.hammer_judge import Keys, wrong
@@ -92,7 +92,7 @@ def hammer(
     """
     with TemporaryDirectory(prefix="hammer-") as folder:
         data = Path(folder)
-        _begun(data)
+        _prepare(data)
         with ExitStack() as stack:
             store = SqlEventStore(prepare(data).log_url)
             stack.callback(store.close)
@@ -103,7 +103,7 @@ def hammer(
             return house.report([*house.offences, *wrong(data, house.keys, house.journals())])
 
 
-def _begun(data: Path) -> None:
+def _prepare(data: Path) -> None:
     """The missions that all callers write to."""
     with opened(data) as runtime:
         creating = creation(runtime)
@@ -162,7 +162,7 @@ class _House:
 
     def _look(self, number: int) -> None:
         """Checks that a request without an answer is in the log as a whole, or not at all."""
-        last = told(self._calling(number).journal).open
+        last = read_journal(self._calling(number).journal).open
         if last is None:
             return
         self.keys.follow(self._store)
@@ -180,8 +180,8 @@ class _House:
         lasts_s = between(self._seed, *self._between_s, "life", number, life) if life else FIRST * self._between_s[1]
         opening = life > 0 and life % FROM_BIRTH == 0
         until_s = time.monotonic() + (lasts_s if opening else GRACE_S)
-        said = _size(calling.journal)
-        return _Life(process, lasts_s=0.0 if opening else lasts_s, said=said, until_s=until_s, lives=life + 1)
+        size = _size(calling.journal)
+        return _Life(process, lasts_s=0.0 if opening else lasts_s, said=size, until_s=until_s, lives=life + 1)
 
     def _point(self, number: int, life: int) -> str:
         """The fail-point of a process, if it has one; a random kill may come first."""
@@ -199,7 +199,7 @@ class _House:
 
     def journals(self) -> list[JournalContent]:
         """What every caller wrote down."""
-        return [told(self._calling(number).journal) for number in self._lives]
+        return [read_journal(self._calling(number).journal) for number in self._lives]
 
     def report(self, offences: Sequence[str]) -> HammerReport:
         """Everything that was counted, with these violations."""

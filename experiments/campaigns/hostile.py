@@ -14,12 +14,12 @@ BEGIN, END = "<!-- hostile robots: written by `make campaign` -->", "<!-- end of
 COMMAND = "regen provider fuzz --builtin --json"
 
 
-def run(asked: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> None:
     """Every lie, or those that are named. Exit 1 if something happened that must not happen."""
-    result = fuzzed(chosen(asked.modes), lambda mode: met(mode, SIMULATOR, seed=asked.seed), watch=_tell)
+    result = fuzzed(chosen(arguments.modes), lambda mode: met(mode, SIMULATOR, seed=arguments.seed), watch=_tell)
     print(*counts(result), sep="\n")
-    if asked.publish:
-        publish(result, seed=asked.seed)
+    if arguments.publish:
+        publish(result, seed=arguments.seed)
     if not result.ok:
         raise SystemExit(1)
 

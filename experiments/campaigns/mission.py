@@ -128,7 +128,7 @@ def played(plan: MissionPlan) -> Iterator[Played]:
             configure=lambda mission: _configure(host, mission),
             revive=host.revive,
         )
-        mission_id = _begun(harness, plan)
+        mission_id = _start_mission(harness, plan)
         course = run(harness, mission_id, plan=plan, clock=clock, struck=struck)
         struck.update(host.faults_struck())
         yield Played(
@@ -150,7 +150,7 @@ def _in_memory() -> TemporaryDirectory[str]:
     return TemporaryDirectory(prefix="campaign-", dir=MEMORY if MEMORY.is_dir() else None)
 
 
-def _begun(harness: Harness, plan: MissionPlan) -> MissionId:
+def _start_mission(harness: Harness, plan: MissionPlan) -> MissionId:
     start = Start(actor=ASKING, robot_id=ROBOT, template=plan.template, seed=plan.seed % 2**31)
     decision = harness.runtime.start(start, template=template_of(harness, plan))
     if not isinstance(decision, Accepted):

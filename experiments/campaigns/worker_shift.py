@@ -240,11 +240,11 @@ class _ShiftWorker:
         """Everything about one mission, in the log's order: its events, its questions, its robot's lease since."""
         store = self._harness.runtime
         mine = store.events(errand.mission_id)
-        asked = (event for event in mine if event.kind == HandoffRequested.__name__)
-        questions = [HandoffId(msgspec.json.decode(event.body)["handoff_id"]) for event in asked]
-        told = [event for one in questions for event in store.stream(handoff_stream(one))]
+        requests = (event for event in mine if event.kind == HandoffRequested.__name__)
+        questions = [HandoffId(msgspec.json.decode(event.body)["handoff_id"]) for event in requests]
+        events = [event for one in questions for event in store.stream(handoff_stream(one))]
         leases = store.stream(lease_stream(leased(RobotId(name), BASE)))[errand.lease_version :]
-        return tuple(sorted((*mine, *told, *leases), key=lambda event: event.position))
+        return tuple(sorted((*mine, *events, *leases), key=lambda event: event.position))
 
 
 def as_errand(plan: MissionPlan) -> MissionPlan:

@@ -142,22 +142,22 @@ def _drawn(
         say(family)
         left = dict.fromkeys(predicates, cases)
         for turn in range(MOST_DRAWS):
-            wanted = max(left.values(), default=cases if turn == 0 else 0)
-            if wanted <= 0:
+            count = max(left.values(), default=cases if turn == 0 else 0)
+            if count <= 0:
                 break
-            for case in make(Random(f"{seed} {family} {turn}"), round(SPARE * wanted), pools):
+            for case in make(Random(f"{seed} {family} {turn}"), round(SPARE * count), pools):
                 if case.predicate in left and not case.epistemic and case.true is not None:
                     left[case.predicate] -= 1
                 yield case
 
 
-def run(asked: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> None:
     """`python -m experiments.campaigns verifier`: print the matrix; publish it if asked. Exit 1 for an offence."""
-    report = measured(asked.cases, seed=asked.seed, say=print)
+    report = measured(arguments.cases, seed=arguments.seed, say=print)
     print(summary(report))
-    if asked.publish:
+    if arguments.publish:
         words = ["python", "-m", "experiments.campaigns", "verifier"]
-        words += ["--cases", str(asked.cases), "--seed", str(asked.seed), "--publish"]
+        words += ["--cases", str(arguments.cases), "--seed", str(arguments.seed), "--publish"]
         publish(report, command=shlex.join(words))
     for line in report.offences:
         print(line)

@@ -106,19 +106,19 @@ class CaseJudge:
             return CaseAnswer("refused by the gate", (self._broken[0],))
         return CaseAnswer(result.verdict, codes_of(result.reason))
 
-    def _judge(self, shown: Shown) -> None:
-        self._shown, self._verdict, self._broken, self._overflow = shown, None, None, False
-        blobs = shown.blobs.__getitem__
+    def _judge(self, inputs: Shown) -> None:
+        self._shown, self._verdict, self._broken, self._overflow = inputs, None, None, False
+        blobs = inputs.blobs.__getitem__
         try:
-            if shown.packet is None or shown.card is None:
-                self._verdict = verify_goal(goal_context(shown.view), blobs)
+            if inputs.packet is None or inputs.card is None:
+                self._verdict = verify_goal(goal_context(inputs.view), blobs)
                 return
-            context = verifier_context(shown.view, shown.packet, shown.card)
+            context = verifier_context(inputs.view, inputs.packet, inputs.card)
         except ContextOverflow:
             self._overflow = True
             return
         self._verdict = judged(context, blobs, verifier=self.verifier)
-        self._broken = first_broken(PACKET_RULES, shown.view.mission, shown.packet, self._verdict)
+        self._broken = first_broken(PACKET_RULES, inputs.view.mission, inputs.packet, self._verdict)
 
 
 def codes_of(reason: Explanation) -> tuple[str, ...]:

@@ -66,11 +66,11 @@ def coverages(chance: Random, count: int, pool: Sequence[Viewed]) -> Iterator[Ve
 def _case(
     name: str, grid: GridMap, blobs: dict[Digest, bytes], share: float, at_s: float, chance: Random
 ) -> VerifierCase:
-    wanted = _wanted(chance, share)
+    target_share = _target_share(chance, share)
     body = encode(grid)
     digest = sha256(body)
-    kept = {**blobs, digest: body + b" " if name == "map altered" else body}
-    effect = Symbolic(predicate="covered", arguments={"share": f"{wanted:.3f}"})
+    stored_blobs = {**blobs, digest: body + b" " if name == "map altered" else body}
+    effect = Symbolic(predicate="covered", arguments={"share": f"{target_share:.3f}"})
     node = stage(effect, node_id=NodeId("view"))
     reference = EvidenceReference(
         kind=MAP, origin="sensor", source="lidar", from_s=at_s, until_s=at_s, confidence=1.0, blob=digest,
@@ -78,11 +78,11 @@ def _case(
     )  # fmt: skip
     observed = () if name == "map missing" else (reference,)
     packet = packet_of(node, OBSERVER, from_s=at_s - 5.0, until_s=at_s)
-    shown = shown_goal(
-        (effect,), (node,), {node.node_id: (packet, K + 1)}, kept, at_s=at_s + 5.0, mission={"observed": observed}
+    inputs = shown_goal(
+        (effect,), (node,), {node.node_id: (packet, K + 1)}, stored_blobs, at_s=at_s + 5.0, mission={"observed": observed}
     )
-    truth = True if share > wanted + EDGE else False if share < wanted - EDGE else None
-    return VerifierCase("covered", name, truth, shown, condition_id_of(effect, "goal"), epistemic=name in FORGED)
+    truth = True if share > target_share + EDGE else False if share < target_share - EDGE else None
+    return VerifierCase("covered", name, truth, inputs, condition_id_of(effect, "goal"), epistemic=name in FORGED)
 
 
 ASKED = 20
@@ -142,7 +142,7 @@ def _view(chance: Random, place: tuple[float, float], seed: int) -> Viewed:
     return Viewed(run, np.asarray(np.hypot(off[..., 0], off[..., 1]) <= ranges[ray]))
 
 
-def _wanted(chance: Random, share: float) -> float:
+def _target_share(chance: Random, share: float) -> float:
     kinds = (chance.uniform(share + 0.06, 1.0) if share < 0.93 else 0.97, max(0.02, share - chance.uniform(0.06, 0.5)))
     return min(1.0, chance.choice((*kinds, 0.95)))
 

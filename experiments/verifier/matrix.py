@@ -74,8 +74,8 @@ class Counting:
 
     def add(self, case: VerifierCase, answer: CaseAnswer) -> None:
         """Counts one case."""
-        kept = self.epistemic if case.epistemic else self.faults
-        kept[case.fault][_place(case, answer)] += 1
+        counts = self.epistemic if case.epistemic else self.faults
+        counts[case.fault][_place(case, answer)] += 1
         if case.epistemic or answer.satisfied:
             return
         reason = " + ".join(dict.fromkeys(answer.codes)) or "no reason"
@@ -121,10 +121,10 @@ def offences(found: PredicateMatrix, *, cases: int, false: int) -> list[str]:
 
 
 def _place(case: VerifierCase, answer: CaseAnswer) -> str:
-    said = "satisfied" if answer.satisfied else "refused"
+    outcome = "satisfied" if answer.satisfied else "refused"
     if case.true is None:
-        return f"at_bound_{said}"
-    return f"{said}_{'true' if case.true else 'false'}"
+        return f"at_bound_{outcome}"
+    return f"{outcome}_{'true' if case.true else 'false'}"
 
 
 def _confusion(counts: Counter[str]) -> Confusion:

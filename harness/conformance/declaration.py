@@ -65,7 +65,7 @@ def filled(parameters: Parameters, blobs: dict[str, Digest]) -> Parameters:
     return {name: _filled(value, blobs) for name, value in parameters.items()}
 
 
-def kept(declaration: ConformanceFile, keep: Callable[[bytes], Digest]) -> dict[str, Digest]:
+def store_blobs(declaration: ConformanceFile, keep: Callable[[bytes], Digest]) -> dict[str, Digest]:
     """Store the file's blobs where the provider finds them."""
     return {name: keep(_bytes(text)) for name, text in declaration.blobs.items()}
 

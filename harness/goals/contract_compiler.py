@@ -83,8 +83,8 @@ class ContractCompiler:
         every = (*own, *(one for one in self._beside if one.name not in names))
         if instead is None:
             return every
-        kept = tuple(instead if one.name == instead.name else one for one in every)
-        return kept if instead in kept else (*kept, instead)
+        templates = tuple(instead if one.name == instead.name else one for one in every)
+        return templates if instead in templates else (*templates, instead)
 
     def _compiled(self, request: GoalRequest, templates: tuple[TaskTemplate, ...], site: Site) -> TaskContract:
         arguments = request.arguments or {}

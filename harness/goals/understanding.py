@@ -61,17 +61,17 @@ def understand(
         return _by_name(named, request, templates, site)
     text = goal_of(request.text).text
     plan = plan_reading(admitted(reader, text, site=site), templates=_preferred(named, templates), site=site)
-    asked = named is not None and all(part.template.name != named.name for part in plan.parts)
+    requested = named is not None and all(part.template.name != named.name for part in plan.parts)
     if named is not None and not plan.parts:
         plan = _instead(named, plan, request, templates, site)
     reading = plan.reading
-    whole = bool(plan.parts) and not reading.unread and not asked
+    whole = bool(plan.parts) and not reading.unread and not requested
     if not plan.parts and not reading.unread:
         raise _nothing_to_do(text, plan)
     if request.confirm and (not plan.parts or request.confirm != reading.digest):
         raise ReadingStale(because("goal_read_otherwise", digest=request.confirm[:12]), where="confirm_reading")
     if not whole and not request.confirm:
-        raise _not_understood(text, plan, named if asked else None)
+        raise _not_understood(text, plan, named if requested else None)
     return Understood(text=text, plan=plan, template=None, confirmed=None if whole else reading.digest)
 
 
@@ -133,8 +133,8 @@ def _preferred(named: TaskTemplate | None, templates: Sequence[TaskTemplate]) ->
 
 def _by_phrase(text: str, templates: Sequence[TaskTemplate]) -> TaskTemplate | None:
     """The template that has the whole text among its phrases, word by word: "warehouse inspection" is its name too."""
-    said = folded(text[:LONGEST_GOAL])
-    return next((one for one in templates for phrase in one.phrases if folded(phrase) == said), None)
+    words = folded(text[:LONGEST_GOAL])
+    return next((one for one in templates for phrase in one.phrases if folded(phrase) == words), None)
 
 
 def _by_name(named: TaskTemplate, request: GoalRequest, templates: Sequence[TaskTemplate], site: Site) -> Understood:
@@ -158,8 +158,8 @@ def _own_text(named: TaskTemplate, arguments: Mapping[str, Argument]) -> str:
     """The template's goal where nothing else was chosen; else what was: the goal's own words would not be true then."""
     default = {parameter.name: parameter.default for parameter in named.parameters}
     other = {name: value for name, value in arguments.items() if value != default.get(name)}
-    said = ", ".join(f"{name}={value}" for name, value in sorted(other.items()))
-    return f"{named.name} {said}" if said else named.goal
+    listing = ", ".join(f"{name}={value}" for name, value in sorted(other.items()))
+    return f"{named.name} {listing}" if listing else named.goal
 
 
 def _own_reading(named: TaskTemplate, request: GoalRequest, text: str, site: Site) -> Reading:
@@ -169,19 +169,19 @@ def _own_reading(named: TaskTemplate, request: GoalRequest, text: str, site: Sit
     chosen = (
         (request.arguments or {}).get(serves.parameter, default.get(serves.parameter)) if serves.parameter else None
     )
-    meant = ClauseObject(kind=serves.object)
+    target = ClauseObject(kind=serves.object)
     if chosen is not None:
-        meant = object_of_place(bind_place(str(chosen), site=site))
+        target = object_of_place(bind_place(str(chosen), site=site))
     elif serves.object == "route":
         loops = [route for route in site.routes if route.start == route.end]
-        meant = object_of_route(loops[0]) if loops else meant
+        target = object_of_route(loops[0]) if loops else target
     whole = TextSpan(start=0, end=len(text))
     return Reading(
         text=sha256(text.encode()),
         site=site_version(site),
         reader="template",
         version=named.version,
-        clauses=(Clause(act=serves.act, object=meant, spans=(whole,)),),
+        clauses=(Clause(act=serves.act, object=target, spans=(whole,)),),
     )
 
 

@@ -121,9 +121,9 @@ class MemoryFabric:
             limit=limit,
         )
         found = self.of_same_contract([one.record for one in self._recently(query)], card)
-        said = ((record, record.knowledge) for record in found)
+        known = ((record, record.knowledge) for record in found)
         return tuple(
-            as_example(record, outcome) for record, outcome in said if isinstance(outcome, memory.ProviderOutcome)
+            as_example(record, outcome) for record, outcome in known if isinstance(outcome, memory.ProviderOutcome)
         )
 
     def spatial(self, region: memory.FloorBox, *, at_s: float, limit: int = 100) -> list[memory.Remembered]:
@@ -142,10 +142,10 @@ class MemoryFabric:
         }
         if versions <= {card.version}:
             return list(records)
-        asked = memory.MemoryQuery(
+        query = memory.MemoryQuery(
             kinds=("card",), provider_id=card.provider_id, standings=("configured", "superseded"), limit=VERSIONS
         )
-        known = (one.record.knowledge for one in self.find(asked))
+        known = (one.record.knowledge for one in self.find(query))
         alike = {one.card.version for one in known if isinstance(one, memory.KnownCard) and _declares_alike(one, card)}
         counted = {card.version, *alike}
         return [
@@ -160,8 +160,8 @@ class MemoryFabric:
 
         That the body has moved on since does not make them less true; a pose that was disputed does not count.
         """
-        asked = memory.MemoryQuery(kinds=("pose",), region=region, standings=("verified", "superseded"), limit=limit)
-        known = [one.record for one in self.find(asked)]
+        query = memory.MemoryQuery(kinds=("pose",), region=region, standings=("verified", "superseded"), limit=limit)
+        known = [one.record for one in self.find(query)]
         disputes = self.find(memory.MemoryQuery(kinds=("dispute",), standings=("disputed",), limit=limit))
         doubted = {one.record.provenance.packet_id for one in disputes}
         return tuple(

@@ -49,9 +49,9 @@ class Fold:
 
     def _drafts(self, stored: StoredEvent) -> list[MemoryDraft]:
         before, event = self._thread(stored), _codec.decode(stored)
-        told = MissionStep(stored=stored, event=event, before=before)
-        learnt = (*spatial(told), *episodic(told), *operational(told), *semantic(told, read=self._read))
-        drafts = [*learnt, *disputed(told)]
+        step = MissionStep(stored=stored, event=event, before=before)
+        learnt = (*spatial(step), *episodic(step), *operational(step), *semantic(step, read=self._read))
+        drafts = [*learnt, *disputed(step)]
         self._own.setdefault(stored.stream, []).extend(draft.key for draft in drafts if draft.fresh)
         self._threads[stored.stream] = follow(before, event)
         if self._threads[stored.stream].ended:
@@ -74,8 +74,8 @@ class Fold:
             self._current.pop(key, None)
 
     def _related(self, draft: MemoryDraft) -> MemoryRecord | None:
-        current = [] if draft.fresh else self._held(draft.key)
-        against = [one for key in draft.disputes for one in self._held(key)]
+        current = [] if draft.fresh else self._records_of(draft.key)
+        against = [one for key in draft.disputes for one in self._records_of(key)]
         record = relate(draft, current, disputed=against)
         if record is None:
             return None
@@ -85,7 +85,7 @@ class Fold:
             self._current[key] = [_torn(one, record) for one in self._current[key]]
         return record
 
-    def _held(self, key: Key) -> list[Remembered]:
+    def _records_of(self, key: Key) -> list[Remembered]:
         if key not in self._current:
             self._current[key] = self._load(*key)
         return self._current[key]

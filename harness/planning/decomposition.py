@@ -147,13 +147,13 @@ def _ordered(template: TaskTemplate, plan: StagePlan) -> TaskTemplate:
     return msgspec.structs.replace(template, nodes=planned)
 
 
-def _storable(said: StagePlan) -> StagePlan:
+def _storable(proposal: StagePlan) -> StagePlan:
     """The plan as values that can be stored. Raises TypeError if it is no plan."""
-    if not isinstance(said, StagePlan):
-        raise TypeError(f"{type(said).__name__} is no plan")
-    if len(said.steps) > MOST_STEPS:
-        raise TypeError(f"a plan of {len(said.steps)} steps, at most {MOST_STEPS} are read")
-    checked = msgspec.convert(msgspec.to_builtins(said), StagePlan, strict=True)
+    if not isinstance(proposal, StagePlan):
+        raise TypeError(f"{type(proposal).__name__} is no plan")
+    if len(proposal.steps) > MOST_STEPS:
+        raise TypeError(f"a plan of {len(proposal.steps)} steps, at most {MOST_STEPS} are read")
+    checked = msgspec.convert(msgspec.to_builtins(proposal), StagePlan, strict=True)
     return msgspec.structs.replace(checked, reason=_short(checked.reason))
 
 

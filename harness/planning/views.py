@@ -41,12 +41,12 @@ def seen_from(contract: TaskContract, source: Node, viewpoint: Point, *, route_m
     """The contract with a leg to the viewpoint, where `source` takes its frames anew."""
     name = _name(contract)
     place = Precondition(predicate="at_place", target_m=viewpoint, tolerance_m=TOLERANCE_M)
-    kept = tuple(one for one in source.preconditions if one.predicate != "at_place")
+    preconditions = tuple(one for one in source.preconditions if one.predicate != "at_place")
     bounds = [one.tolerance_m for one in source.preconditions if one.predicate == "at_place" and one.tolerance_m]
     moved = replace(
         source,
         depends_on=(*source.depends_on, name),
-        preconditions=(replace(place, tolerance_m=min([TOLERANCE_M, *bounds])), *kept),
+        preconditions=(replace(place, tolerance_m=min([TOLERANCE_M, *bounds])), *preconditions),
     )
     at = contract.nodes.index(source)
     leg = _leg(contract, source, name, viewpoint, route_m)

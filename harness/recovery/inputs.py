@@ -64,7 +64,7 @@ def rungs_of(context: Context) -> tuple[RecoveryAction, ...]:
 def standing_in(context: Context) -> RecoveryState:
     """The node's recovery state, as far as C4 shows it. Raises ContractInvalid without failure, attempts or budget."""
     failure, budget = failure_of(context), _read(context, "budget", _Left)
-    said = [record.at_s for record in context.all("observed") if record.origin == "sensor"]
+    sensed_s = [record.at_s for record in context.all("observed") if record.origin == "sensor"]
     return RecoveryState(
         failure=failure.failure,
         failed_s=failure.at_s,
@@ -72,7 +72,7 @@ def standing_in(context: Context) -> RecoveryState:
         left=budget.left,
         left_node=budget.left_node,
         left_mission=budget.left_mission,
-        news_s=max(said, default=None),
+        news_s=max(sensed_s, default=None),
         pointless=failed_node(context).pointless,
     )
 

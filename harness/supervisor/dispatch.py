@@ -151,9 +151,9 @@ class Dispatcher:
     ) -> Accepted[AnyEvent] | Refused:
         """Commit one invocation as prepared, with what authorises it."""
         command = self._command(attempt, prepared, plan)
-        said = [record("plan", plan[0].proposal)] if plan and plan[0].proposal else []
+        records = [record("plan", plan[0].proposal)] if plan and plan[0].proposal else []
         contexts = [context_record(one) for one in (plan[1] if plan else None, attempt.c4) if one is not None]
-        decision = self._commit(mission, attempt, command, records=(*prepared.records, *contexts, *said))
+        decision = self._commit(mission, attempt, command, records=(*prepared.records, *contexts, *records))
         if isinstance(decision, Refused) and decision.rule in ("lease_held", "lease_quarantined", "stale_token"):
             return self._fail(mission, attempt, "resource_conflict", decision.reason)
         return decision
@@ -162,8 +162,8 @@ class Dispatcher:
         """Which resource of this node somebody still holds, and why; None if all of them are free."""
         node = required_contract(mission).node(node_id)
         cards = [card for card in self._connection.cards if card.capability in node.capabilities]
-        wanted = dict.fromkeys((*node.resources, *(one for card in cards for one in card.resources)))
-        leases = [self._runtime.lease(ids.leased(mission.robot_id, one)) for one in wanted]
+        resources = dict.fromkeys((*node.resources, *(one for card in cards for one in card.resources)))
+        leases = [self._runtime.lease(ids.leased(mission.robot_id, one)) for one in resources]
         held = [lease for lease in leases if lease.status != "free"]
         return several(
             [
@@ -187,16 +187,16 @@ class Dispatcher:
             return refused("provider_unavailable", because("nobody_can_serve", node_id=attempt.node_id, why=why))
         card = self._connection.provider(chosen.chosen).card
         examples = self._roles.examples(mission, attempt.node_id, card)
-        said = (_intention(intention, attempt.node_id, at_s=view.at_s),) if intention else ()
-        c2 = skill_context(replace(view, examples=examples, proposals=said), attempt.node_id, card)
+        intentions = (_intention(intention, attempt.node_id, at_s=view.at_s),) if intention else ()
+        c2 = skill_context(replace(view, examples=examples, proposals=intentions), attempt.node_id, card)
         skill = propose_skill(c2)
-        asked, answered = record("question", question), record("candidates", chosen)
+        question_record, answered = record("question", question), record("candidates", chosen)
         intent = replace(
             self._intent(mission, attempt, card=card, skill=skill, c2=c2),
-            question=asked.digest,
+            question=question_record.digest,
             candidates=answered.digest,
         )
-        records = (context_record(c2), asked, answered, record("skill", skill))
+        records = (context_record(c2), question_record, answered, record("skill", skill))
         return Prepared(intent=intent, candidates=answered.digest, records=records)
 
     def _ahead(self, mission: Mission, attempt: DispatchAttempt) -> Mission:

@@ -138,7 +138,7 @@ class InvocationMonitor:
         self._accepted(mission, intent, report)
         return report
 
-    def held(self, invocation: Invocation | None) -> bool:
+    def holds_motion(self, invocation: Invocation | None) -> bool:
         """Whether the robot's watchdog holds the execution, it is over, it moves nothing, or it never came."""
         if invocation is None or not invocation.intent.moves:
             return True
@@ -173,13 +173,13 @@ class InvocationMonitor:
             return
         if invocation.status == "outcome_unknown":
             raise ProviderUnreachable(because("result_unknown"))
-        if self._begun(intent):
+        if self._has_begun(intent):
             raise ProviderUnreachable(because("started_but_not_found", provider_id=intent.provider_id))
         rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
         if not rest.static or invocation.stop_requested:
             raise ProviderUnreachable(because("body_moves_unaccounted"))
 
-    def _begun(self, intent: DispatchIntended) -> bool:
+    def _has_begun(self, intent: DispatchIntended) -> bool:
         """Whether the robot's own journal holds a start of this request."""
         return any(start.request_id == intent.request_id for start in self._connection.robot.starts())
 
@@ -209,7 +209,7 @@ class InvocationMonitor:
             return now_s
         provider = self._connection.provider(intent.provider_id)
         known = provider.find(intent.request_id) if provider.card.reattach == "by_request" else None
-        if known is not None or self._begun(intent):
+        if known is not None or self._has_begun(intent):
             self._refused = None
             return now_s
         rest = at_rest(self._roles.observations.recent, now_s)
@@ -354,8 +354,8 @@ class InvocationMonitor:
             self._handles.pop(intent.invocation_id, None)
         self._stopping_since = self._ended_since = None
         if intent.handoff_id is not None:
-            said = commands.RecordEffect(outcome=effect, reason=EFFECTS[effect])
-            self._runtime.commit([CommandEnvelope(handoff_stream(intent.handoff_id), said, self._connection.robot_id)])
+            command = commands.RecordEffect(outcome=effect, reason=EFFECTS[effect])
+            self._runtime.commit([CommandEnvelope(handoff_stream(intent.handoff_id), command, self._connection.robot_id)])
 
     def _unclear(self, mission: Mission, invocation: Invocation, now_s: float, reason: Reason) -> float:
         """What the robot answers cannot be used: after a while it is told to stop, and its outcome becomes unknown."""

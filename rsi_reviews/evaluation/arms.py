@@ -31,7 +31,7 @@ from rsi_reviews.evaluation import behaviour_tree
 from rsi_reviews.evaluation.driver import Diary, Driver, Policy, Robotics
 from rsi_reviews.evaluation.missions import FaultCondition, MissionName, configuration, surroundings
 from rsi_reviews.evaluation.rules import BOUND, EVIDENCE, MONITORED, PROVIDER_WORD
-from rsi_reviews.evaluation.story import journals, routes_of, told
+from rsi_reviews.evaluation.story import journals, routes_of, story_of
 from rsi_reviews.evaluation.wires import MisdeliveringWire
 
 ROBOT = RobotId("vbot-1")
@@ -159,7 +159,7 @@ def run(case: ArmCase, simulator: Simulator) -> CaseReport:
 def run_under(chosen: EvaluationArm, case: ArmCase, simulator: Simulator) -> CaseReport:
     """Run a case for an arm that is not one of the published ones, such as the harness under a candidate."""
     with _world(case, chosen.settle(configuration()), simulator) as (harness, mission):
-        meant = _meant(case) if case.condition.aliased else None
+        intended = _intended_contract(case) if case.condition.aliased else None
         begun_s, worked_s = harness.clock.now().mission_s, process_time()
         if chosen.walk is None:
             done = harness.supervisor.run(mission.mission_id)
@@ -168,7 +168,7 @@ def run_under(chosen: EvaluationArm, case: ArmCase, simulator: Simulator) -> Cas
             done = _prepared(harness, mission)
             diary = chosen.walk(Robotics(harness, done))
         cpu_s, ended_s = process_time() - worked_s, harness.clock.now().mission_s
-        story = told(harness, done, meant=meant) if chosen.walk is None else _noted(harness, done, diary, meant=meant)
+        story = story_of(harness, done, intended=intended) if chosen.walk is None else _noted(harness, done, diary, intended=intended)
         return CaseReport(story, diary.status, diary.spent, diary.handoffs, ended_s - begun_s, cpu_s)
 
 
@@ -206,10 +206,10 @@ def _prepared(harness: Harness, mission: Mission) -> Mission:
     return harness.runtime.mission(mission.mission_id)
 
 
-def _noted(harness: Harness, mission: Mission, diary: Diary, *, meant: TaskContract | None) -> dict[str, Any]:
+def _noted(harness: Harness, mission: Mission, diary: Diary, *, intended: TaskContract | None) -> dict[str, Any]:
     """The story of an arm that keeps a diary and has no log."""
     return {
-        **routes_of(required_contract(mission), meant=meant),
+        **routes_of(required_contract(mission), intended=intended),
         **journals(harness, mission),
         "claims": diary.claims,
         "rejections": diary.rejections,
@@ -218,7 +218,7 @@ def _noted(harness: Harness, mission: Mission, diary: Diary, *, meant: TaskContr
     }
 
 
-def _meant(case: ArmCase) -> TaskContract:
+def _intended_contract(case: ArmCase) -> TaskContract:
     """The contract as the person meant it: compiled where no place is confused with another."""
     template = by_name(case.mission, configuration().templates)
     site = surroundings(case.mission, aliased=False)

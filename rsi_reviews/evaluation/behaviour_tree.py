@@ -33,17 +33,17 @@ class Clerk:
     diary: driver.Diary
     sent: list[str] = field(default_factory=list)
 
-    def said(self) -> dict[str, Any]:
+    def fields(self) -> dict[str, Any]:
         """What a claim or a rejection is about."""
         return {"node_id": self.node.node_id, "at_s": self.robotics.now_s, "requests": self.sent[-1:]}
 
     def reject(self, why: str, *, finished: bool) -> None:
         """A node of the tree failed."""
-        self.diary.rejections.append({**self.said(), "why": why, "finished": finished})
+        self.diary.rejections.append({**self.fields(), "why": why, "finished": finished})
 
     def claim(self) -> None:
         """The leg's condition node succeeded."""
-        self.diary.claims.append({**self.said(), "act": "robot"})
+        self.diary.claims.append({**self.fields(), "act": "robot"})
 
 
 class Navigate(Behaviour):
@@ -83,7 +83,7 @@ class Navigate(Behaviour):
             self._node,
             attempt=self._attempt,
             provider=self._provider,
-            parameters=driver.asked(self._node, attempt=self._attempt),
+            parameters=driver.parameters_of(self._node, attempt=self._attempt),
         )
         self._clerk.sent.append(request.identity.request_id)
         try:

@@ -140,7 +140,7 @@ def rows(
     simulator: Simulator,
     *,
     processes: int,
-    kept: Path | None,
+    results: Path | None,
     progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> list[JudgedMission]:
     """All missions of the request, in the order of `cases`; finished ones are read from `kept`, new ones are added to
@@ -149,16 +149,16 @@ def rows(
     `told` is called with the number of finished missions. Raises ContractInvalid if `kept` belongs to other code or
     another seed, StoreUnavailable if workers cannot be kept alive.
     """
-    wanted = cases(ask)
-    done = _kept(kept, ask, simulator) if kept else {}
-    waiting = [case for case in wanted if _key(case) not in done]
-    progress(len(wanted) - len(waiting), len(wanted))
+    required = cases(ask)
+    done = _read_results(results, ask, simulator) if results else {}
+    waiting = [case for case in required if _key(case) not in done]
+    progress(len(required) - len(waiting), len(required))
     for fresh in _run(waiting, simulator, processes=processes):
         done.update((_key(row), row) for row in fresh)
-        if kept is not None:
-            _add(kept, fresh)
-        progress(sum(1 for case in wanted if _key(case) in done), len(wanted))
-    return [done[_key(case)] for case in wanted]
+        if results is not None:
+            _add(results, fresh)
+        progress(sum(1 for case in required if _key(case) in done), len(required))
+    return [done[_key(case)] for case in required]
 
 
 def _run(waiting: Sequence[ArmCase], simulator: Simulator, *, processes: int) -> Iterator[list[JudgedMission]]:
@@ -198,7 +198,7 @@ def _key(one: ArmCase | JudgedMission) -> Key:
     return (one.arm, condition, one.mission, one.seed)
 
 
-def _kept(file: Path, ask: ProtocolRequest, simulator: Simulator) -> dict[Key, JudgedMission]:
+def _read_results(file: Path, ask: ProtocolRequest, simulator: Simulator) -> dict[Key, JudgedMission]:
     heading = ProtocolHeader(code=code(simulator), seed=ask.seed)
     if not file.exists():
         file.parent.mkdir(parents=True, exist_ok=True)

@@ -133,14 +133,14 @@ def _condition(found: EvaluationReport, condition: Label, arms: Sequence[str]) -
     lines += ["| arm | success | " + " | ".join(title for _, title in RATES) + " | recovery spent | n |"]
     lines += ["|---" * (len(RATES) + 4) + "|"]
     for one in cells:
-        rates = " | ".join(shown(getattr(one, name)) for name, _ in RATES)
+        rates = " | ".join(rate_text(getattr(one, name)) for name, _ in RATES)
         broken = f" ({one.recovery['broken']} broken)" if one.recovery.get("broken") else ""
-        lines.append(f"| {one.arm}{broken} | {shown(one.success)} | {rates} | {mean(one.spent_mean)} | {one.n} |")
+        lines.append(f"| {one.arm}{broken} | {rate_text(one.success)} | {rates} | {mean(one.spent_mean)} | {one.n} |")
     again = cells[0].command.replace(f"--arms {cells[0].arm}", "--arms ARM")
     return [*lines, "", f"A row again, mission by mission the same: `{again}`, seeds {cells[0].seeds}.", ""]
 
 
-def shown(rate: ConfidenceInterval) -> str:
+def rate_text(rate: ConfidenceInterval) -> str:
     """A share in percent with its exact interval."""
     return f"{100 * rate.value:.0f} % ({100 * rate.low:.1f}..{100 * rate.high:.1f})"
 
@@ -153,8 +153,8 @@ def mean(figure: ConfidenceInterval, *, digits: int = 2) -> str:
 def _roles(roles: RoleReport) -> list[str]:
     lines = ["**no role-isolated contexts** (a model as verifier over adversarial contexts):", ""]
     shares = (roles.isolated_fooled, roles.isolated_refused, roles.shared_fooled, roles.shared_refused)
-    told = [shown(share) for share in shares if share is not None]
-    if not roles.tested or len(told) < len(shares):
+    texts = [rate_text(share) for share in shares if share is not None]
+    if not roles.tested or len(texts) < len(shares):
         return [*lines, "not tested: it needs a model (`regen evaluate --model NAME --model-url URL`).", ""]
     return [
         *lines,
@@ -163,8 +163,8 @@ def _roles(roles: RoleReport) -> list[str]:
         "",
         "| contexts | talked into accepting | refused though shown |",
         "|---|---|---|",
-        f"| isolated (C3 alone) | {told[0]} | {told[1]} |",
-        f"| shared with planner and provider | {told[2]} | {told[3]} |",
+        f"| isolated (C3 alone) | {texts[0]} | {texts[1]} |",
+        f"| shared with planner and provider | {texts[2]} | {texts[3]} |",
         "",
     ]
 

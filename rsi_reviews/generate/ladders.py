@@ -93,13 +93,13 @@ def _change(
     trace: Trace, current: Configuration, *, failure: FailureClass, ladder: changes.Ladder, saved: float
 ) -> changes.ProposedChange:
     episodes, missions = _episodes(trace, failure), len(trace.missions)
-    text = "; ".join(_told(_tried(trace, failure, action)) for action in current.recovery.ladders[failure][:-1])
-    asked = sum(1 for mission in trace.missions for one in mission.handoffs if one.failure == failure)
+    text = "; ".join(_reason_text(_tried(trace, failure, action)) for action in current.recovery.ladders[failure][:-1])
+    handoffs = sum(1 for mission in trace.missions for one in mission.handoffs if one.failure == failure)
     old, new = " > ".join(current.recovery.ladders[failure]), " > ".join(ladder)
     return changes.ProposedChange(
         section="recovery",
         configuration=changes.with_ladder(current, failure, ladder),
-        reason=f"{failure} came {episodes} times in {missions} missions; {text}; a person was asked {asked} times.",
+        reason=f"{failure} came {episodes} times in {missions} missions; {text}; a person was asked {handoffs} times.",
         intended=f"The ladder of {failure} goes {new} instead of {old}, which should save {saved:.2f} per episode.",
         metric="recovery_cost",
         smallest_effect=SMALLEST_EFFECT,
@@ -108,5 +108,5 @@ def _change(
     )
 
 
-def _told(tried: Tried) -> str:
+def _reason_text(tried: Tried) -> str:
     return f"{tried.action} helped {tried.helped} of {tried.times} times"

@@ -99,7 +99,7 @@ class ModelGenerator:
 
         Raises ModelSilent if no answer came, CandidateInvalid with the rule for an answer that cannot be taken.
         """
-        change = read_answer(self._asked(encode(shown(trace, current)).decode()), current, trace)
+        change = read_answer(self._ask(encode(prompt_of(trace, current)).decode()), current, trace)
         found = candidate(change, current, author=Author(name=self.name, kind="optimiser"))
         refused = objections(found, current)
         if refused:
@@ -107,7 +107,7 @@ class ModelGenerator:
         _check(found.configuration)
         return () if found.configuration.configuration_id in budget.seen else (found,)
 
-    def _asked(self, question: str) -> str:
+    def _ask(self, question: str) -> str:
         client = AsyncOpenAI(
             base_url=self._settings.model_url,
             api_key=self._settings.key(),
@@ -128,7 +128,7 @@ class ModelGenerator:
             ) from error
 
 
-def shown(trace: Trace, current: Configuration) -> ModelPrompt:
+def prompt_of(trace: Trace, current: Configuration) -> ModelPrompt:
     """What a model may know: counts, and the tunable part of H. No text of a mission, no suite, no seed."""
     weights: dict[str, float] = msgspec.to_builtins(current.routing)
     return ModelPrompt(

@@ -113,8 +113,8 @@ def _answered(request: GenerationRequest, given: Mapping[str, str]) -> Generatio
     except subprocess.TimeoutExpired as error:
         raise _silent(f"It did not answer within {LONGEST_S:.0f} s") from error
     except msgspec.MsgspecError as error:
-        said = done.stderr.decode(errors="replace").strip().splitlines()
-        raise _silent(said[-1][:300] if said else str(error)) from error
+        errors = done.stderr.decode(errors="replace").strip().splitlines()
+        raise _silent(errors[-1][:300] if errors else str(error)) from error
 
 
 def _silent(why: str) -> StoreUnavailable:

@@ -58,7 +58,7 @@ def check_blind() -> None:
 
 
 def outcomes(
-    wanted: Sequence[Task], *, simulator: Simulator, folder: Path, processes: int, report: FleetReport
+    jobs: Sequence[Task], *, simulator: Simulator, folder: Path, processes: int, report: FleetReport
 ) -> tuple[FleetOutcome, ...]:
     """Every fleet's outcome, in order; what lies in `folder` from an earlier run on the same terms is taken from it.
 
@@ -68,17 +68,17 @@ def outcomes(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StoreUnavailable(f"The folder cannot be made: {error}", where=str(folder), do="name another") from error
-    found = {task: outcome for task in wanted if (outcome := _kept(folder, task)) is not None}
-    for outcome in _run([task for task in wanted if task not in found], simulator, processes=processes):
+    found = {task: outcome for task in jobs if (outcome := _read_outcome(folder, task)) is not None}
+    for outcome in _run([task for task in jobs if task not in found], simulator, processes=processes):
         _keep(folder, outcome)
         found[outcome.task] = outcome
-        report(outcome, len(found), len(wanted))
-    return tuple(found[task] for task in wanted)
+        report(outcome, len(found), len(jobs))
+    return tuple(found[task] for task in jobs)
 
 
-def kept(wanted: Sequence[Task], *, folder: Path) -> tuple[FleetOutcome, ...]:
+def read_outcomes(jobs: Sequence[Task], *, folder: Path) -> tuple[FleetOutcome, ...]:
     """The outcomes stored there so far, in order."""
-    return tuple(outcome for task in wanted if (outcome := _kept(folder, task)) is not None)
+    return tuple(outcome for task in jobs if (outcome := _read_outcome(folder, task)) is not None)
 
 
 def _run(left: Sequence[Task], simulator: Simulator, *, processes: int) -> Iterator[FleetOutcome]:
@@ -93,7 +93,7 @@ def _file(folder: Path, task: Task) -> Path:
     return folder / f"fleet-{task.fleet}-{digest(task)[:12]}.json"
 
 
-def _kept(folder: Path, task: Task) -> FleetOutcome | None:
+def _read_outcome(folder: Path, task: Task) -> FleetOutcome | None:
     file = _file(folder, task)
     if not file.exists():
         return None

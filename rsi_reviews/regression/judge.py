@@ -101,7 +101,7 @@ def course(account: MissionAccount) -> Digest:
     Equal for the same seed on any machine, and equal under two configurations that decided alike throughout. Handoffs
     are left out because they happen in wall time.
     """
-    return digest([said for _, said in lasting(account)])
+    return digest([text for _, text in lasting(account)])
 
 
 def lasting(account: MissionAccount) -> list[tuple[Happened, Any]]:
@@ -181,8 +181,8 @@ def _unearned(account: MissionAccount, books: _Books) -> Iterator[str]:
 
 def _unsafe(account: MissionAccount, books: _Books) -> Iterator[str]:
     """Motion that nobody requested or that was too fast, and overdrawn budgets."""
-    asked = {intent.request_id for intent in books.intents.values()}
-    yield from (f"{s.node_id} started without an intent" for s in account.starts if s.request_id not in asked)
+    requests = {intent.request_id for intent in books.intents.values()}
+    yield from (f"{s.node_id} started without an intent" for s in account.starts if s.request_id not in requests)
     cap = account.yardstick.constraints.speed_cap_mps
     fastest = max((abs(line["v_mps"]) for line in account.story["truth"]), default=0.0)
     if fastest > cap + SPEED_MARGIN_MPS:

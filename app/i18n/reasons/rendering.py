@@ -139,9 +139,9 @@ def remedy(error: HarnessError, language: str = ENGLISH) -> str:
 def explained(error: HarnessError, language: str = ENGLISH) -> str:
     """An error in one line: what happened, where, and what to do."""
     where = translated(WHERE, language).format(where=sentence(error.where, language)) if error.where else ""
-    said = (sentence(error.what, language), where, remedy(error, language))
+    parts = (sentence(error.what, language), where, remedy(error, language))
     end = ENDS[language]
-    return end.join(part.rstrip(".。") for part in said if part) + end.rstrip()
+    return end.join(part.rstrip(".。") for part in parts if part) + end.rstrip()
 
 
 def sentences(reasons: tuple[Explanation, ...], language: str = ENGLISH) -> str:

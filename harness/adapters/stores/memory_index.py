@@ -148,7 +148,7 @@ def _by(position: int | None, as_of: int | None) -> bool:
 
 def _answers(row: IndexRow, query: memory.MemoryQuery) -> bool:
     record, labels = row.record, row.labels
-    asked = (
+    terms = (
         (query.subject, record.subject),
         (query.mission_id, record.provenance.mission_id),
         (query.provider_id, labels.provider_id),
@@ -156,7 +156,7 @@ def _answers(row: IndexRow, query: memory.MemoryQuery) -> bool:
         (query.configuration, labels.configuration),
     )
     return (
-        all(wanted in ("", found) for wanted, found in asked)
+        all(term in ("", found) for term, found in terms)
         and query.place in (None, labels.place)
         and (not query.verdicts or labels.verdict in query.verdicts)
         and (query.as_of is None or record.provenance.position <= query.as_of)

@@ -63,9 +63,9 @@ class SqlEventStore(SqlLog):
         with self._failures:
             if self._unchanged.ends_at(stream, after):
                 return []
-            asked = self._unchanged.asked()
+            ticket = self._unchanged.ticket()
         events = super().load(stream, after)
-        self._unchanged.found(stream, events[-1].version if events else after, asked=asked)
+        self._unchanged.found(stream, events[-1].version if events else after, ticket=ticket)
         return events
 
     def head(self) -> LogHead:
@@ -123,7 +123,7 @@ class SqlEventStore(SqlLog):
         with self._unchanged.committing(events):
             self._driver.execute("COMMIT")
 
-    def _asked(self, writer: Connection, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
+    def _query(self, writer: Connection, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
         return self._driver.execute(statement, arguments).fetchall()
 
     def _put(self, writer: Connection, statement: str, rows: Sequence[tuple[Any, ...]]) -> None:

@@ -66,9 +66,9 @@ def never_moved(*, odometry: bool, inertia: bool, journal: bool) -> Lie:
                     return Answer(body=json.dumps({"handle": "forged"}).encode())
                 return Answer(body=json.dumps(_forged_report(seen, _now(forward))).encode())
             case "observations" if walk is not None:
-                said = forward(ask).json()
-                forged = [_forged(one, walk, odometry=odometry, inertia=inertia) for one in said["samples"]]
-                return Answer(body=json.dumps({**said, "samples": forged}).encode())
+                answer = forward(ask).json()
+                forged = [_forged(one, walk, odometry=odometry, inertia=inertia) for one in answer["samples"]]
+                return Answer(body=json.dumps({**answer, "samples": forged}).encode())
             case "starts" if walk is not None and journal:
                 return Answer(body=json.dumps([*forward(ask).json(), seen.kept["start"]]).encode())
         return forward(ask)
@@ -81,8 +81,8 @@ def _pretended(ask: Ask, forward: Forward, seen: Seen) -> Answer:
     seen.kept["request"] = request
     samples = forward(Ask("GET", "/observations", {"after": "0", "limit": "20000"}, b"")).json()["samples"]
     here = next((one["x_m"], one["y_m"]) for one in reversed(samples) if one["kind"] == "pose")
-    wanted = request["parameters"]
-    points = [here, *map(tuple, wanted.get("route", ())), tuple(wanted.get("target", here))]
+    parameters = request["parameters"]
+    points = [here, *map(tuple, parameters.get("route", ())), tuple(parameters.get("target", here))]
     seen.kept["walk"] = Walk([one for n, one in enumerate(points) if n == 0 or one != points[n - 1]], at_s)
     seen.kept["start"] = {
         **request["identity"],
@@ -131,9 +131,9 @@ def _forged(one: dict[str, Any], walk: Walk, *, odometry: bool, inertia: bool) -
 def sampled(kind: str, change: Callable[[dict[str, Any], Seen], dict[str, Any] | None]) -> Lie:
     """Samples of one kind changed, or left out where `change` gives None."""
 
-    def all_of(said: Any, seen: Seen) -> Any:
-        found = [change(one, seen) if one["kind"] == kind else one for one in said["samples"]]
-        return {**said, "samples": [one for one in found if one is not None]}
+    def all_of(answer: Any, seen: Seen) -> Any:
+        found = [change(one, seen) if one["kind"] == kind else one for one in answer["samples"]]
+        return {**answer, "samples": [one for one in found if one is not None]}
 
     return rewritten("observations", all_of)
 
@@ -141,8 +141,8 @@ def sampled(kind: str, change: Callable[[dict[str, Any], Seen], dict[str, Any] |
 def received(change: Callable[[dict[str, Any], Any], dict[str, Any]]) -> Lie:
     """Every receipt of every report changed."""
 
-    def all_of(said: Any, seen: Seen) -> Any:
-        return {**said, "receipts": [change(one, said) for one in said["receipts"]]}
+    def all_of(answer: Any, seen: Seen) -> Any:
+        return {**answer, "receipts": [change(one, answer) for one in answer["receipts"]]}
 
     return together(rewritten("report", all_of), rewritten("find", all_of))
 
@@ -229,35 +229,35 @@ def _grey(body: bytes, seen: Seen) -> bytes:
     return _encoded(np.full((720, 1280, 3), 90 + seen.kept["n"], dtype=np.uint8), 90)
 
 
-def _turned(one: dict[str, Any], said: Any) -> dict[str, Any]:
+def _turned(one: dict[str, Any], answer: Any) -> dict[str, Any]:
     values = {name: -value if name == "yaw_rad" else value for name, value in one.get("values", {}).items()}
     return {**one, "values": values}
 
 
-def _held(one: dict[str, Any], seen: Seen) -> dict[str, Any]:
-    kept = seen.kept.setdefault(one["kind"], one)
-    return {**kept, "seq": one["seq"], "at_s": one["at_s"]}
+def _frozen(one: dict[str, Any], seen: Seen) -> dict[str, Any]:
+    first = seen.kept.setdefault(one["kind"], one)
+    return {**first, "seq": one["seq"], "at_s": one["at_s"]}
 
 
 def _stale(one: dict[str, Any], seen: Seen) -> dict[str, Any]:
     return {**one, "at_s": one["at_s"] - 30.0}
 
 
-def _unproposed(said: Any, seen: Seen) -> Any:
-    return {**said, "proposed_facts": []}
+def _unproposed(answer: Any, seen: Seen) -> Any:
+    return {**answer, "proposed_facts": []}
 
 
 RECEIPTS = (
     Mode("receipts-an-hour-early", "receipts", "Receipts dated an hour before the dispatch",
-         received(lambda one, said: {**one, "at_s": one["at_s"] - 3600.0})),
+         received(lambda one, answer: {**one, "at_s": one["at_s"] - 3600.0})),
     Mode("receipts-an-hour-late", "receipts", "Receipts dated an hour ahead",
-         received(lambda one, said: {**one, "at_s": one["at_s"] + 3600.0})),
+         received(lambda one, answer: {**one, "at_s": one["at_s"] + 3600.0})),
     Mode("receipts-of-another-request", "receipts", "Receipts of another request",
-         received(lambda one, said: {**one, "request_id": "d" * 64})),
+         received(lambda one, answer: {**one, "request_id": "d" * 64})),
     Mode("panorama-receipts-of-another-request", "receipts", "Receipts of another request in an inspection",
-         received(lambda one, said: {**one, "request_id": "d" * 64}), template=WHOLE),
+         received(lambda one, answer: {**one, "request_id": "d" * 64}), template=WHOLE),
     Mode("panorama-receipts-an-hour-early", "receipts", "Receipts of an hour ago in an inspection",
-         received(lambda one, said: {**one, "at_s": one["at_s"] - 3600.0}), template=WHOLE),
+         received(lambda one, answer: {**one, "at_s": one["at_s"] - 3600.0}), template=WHOLE),
 )  # fmt: skip
 SENSORS = (
     Mode("never-moved", "sensors", "Poses and odometry forged alike; inertia still, no start in the journal",
@@ -270,8 +270,8 @@ SENSORS = (
          never_moved(odometry=False, inertia=False, journal=True)),
     Mode("every-source-forged", "sensors", "Poses, odometry, inertia and journal forged alike",
          never_moved(odometry=True, inertia=True, journal=True), undetectable=True),
-    Mode("poses-held", "sensors", "Poses that stay where they were, with fresh stamps", sampled("pose", _held)),
-    Mode("odometry-held", "sensors", "Odometry that stays where it was", sampled("odometry", _held)),
+    Mode("poses-held", "sensors", "Poses that stay where they were, with fresh stamps", sampled("pose", _frozen)),
+    Mode("odometry-held", "sensors", "Odometry that stays where it was", sampled("odometry", _frozen)),
     Mode("poses-left-out", "sensors", "No poses in motion", sampled("pose", lambda one, seen: None)),
     Mode("odometry-left-out", "sensors", "No odometry in motion", sampled("odometry", lambda one, seen: None)),
     Mode("poses-stale", "sensors", "Poses with stamps of half a minute ago", sampled("pose", _stale)),

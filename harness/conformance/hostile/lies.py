@@ -124,48 +124,48 @@ def _figure(name: bytes, value: bytes) -> Callable[[bytes], bytes]:
     return garble
 
 
-def _share(said: Any, seen: Seen) -> Any:
-    return {**said, "status": "sleeping"}
+def _share(answer: Any, seen: Seen) -> Any:
+    return {**answer, "status": "sleeping"}
 
 
-def _other_request(said: Any, seen: Seen) -> Any:
-    return {**said, "identity": {**said["identity"], "request_id": "e" * 64}}
+def _other_request(answer: Any, seen: Seen) -> Any:
+    return {**answer, "identity": {**answer["identity"], "request_id": "e" * 64}}
 
 
-def _other_mission(said: Any, seen: Seen) -> Any:
-    return {**said, "identity": {**said["identity"], "mission_id": "msn_other"}}
+def _other_mission(answer: Any, seen: Seen) -> Any:
+    return {**answer, "identity": {**answer["identity"], "mission_id": "msn_other"}}
 
 
-def _stranger(said: Any, seen: Seen) -> Any:
-    return {**said, "robot_id": "vbot-9"}
+def _stranger(answer: Any, seen: Seen) -> Any:
+    return {**answer, "robot_id": "vbot-9"}
 
 
-def _over(said: Any, seen: Seen) -> Any:
-    extra = [said["samples"][-1]] * 6000 if said["samples"] else []
-    return {**said, "samples": [*said["samples"], *extra]}
+def _over(answer: Any, seen: Seen) -> Any:
+    extra = [answer["samples"][-1]] * 6000 if answer["samples"] else []
+    return {**answer, "samples": [*answer["samples"], *extra]}
 
 
-def _never_ends(said: Any, seen: Seen) -> Any:
-    return {**said, "status": "running", "failure": "", "receipts": []}
+def _never_ends(answer: Any, seen: Seen) -> Any:
+    return {**answer, "status": "running", "failure": "", "receipts": []}
 
 
-def _done_at_once(said: Any, seen: Seen) -> Any:
-    return {**said, "status": "succeeded", "failure": ""}
+def _done_at_once(answer: Any, seen: Seen) -> Any:
+    return {**answer, "status": "succeeded", "failure": ""}
 
 
-def _flips(said: Any, seen: Seen) -> Any:
+def _flips(answer: Any, seen: Seen) -> Any:
     seen.kept["flip"] = not seen.kept.get("flip", False)
-    return {**said, "status": "failed" if seen.kept["flip"] else "running"}
+    return {**answer, "status": "failed" if seen.kept["flip"] else "running"}
 
 
-def _receipts_without_end(said: Any, seen: Seen) -> Any:
-    one = {"receipt_id": "r", "kind": "arrival", "at_s": said["at_s"], "source": "x", "request_id": "0" * 64}
-    return {**said, "receipts": [one] * 3000}
+def _receipts_without_end(answer: Any, seen: Seen) -> Any:
+    one = {"receipt_id": "r", "kind": "arrival", "at_s": answer["at_s"], "source": "x", "request_id": "0" * 64}
+    return {**answer, "receipts": [one] * 3000}
 
 
-def _map(said: Any, seen: Seen) -> Any:
+def _map(answer: Any, seen: Seen) -> Any:
     seen.kept["n"] = seen.kept.get("n", 0) + 1
-    return {**said, "map_version": f"map-{seen.kept['n']}"}
+    return {**answer, "map_version": f"map-{seen.kept['n']}"}
 
 
 def _unarmed(ask: Ask, forward: Forward, seen: Seen) -> Answer:

@@ -200,7 +200,7 @@ def _counted(
         + _after_unknown(harness, mission),
         hang=hang,
         traceback=course.traceback,
-        held=_held(harness, mission),
+        held=_open_leases(harness, mission),
         wall_s=round(wall_s, 2),
         peak_mib=peak_memory_mib(),
     )
@@ -236,7 +236,7 @@ def _after_unknown(harness: Harness | None, mission: Mission | None) -> int:
     return found
 
 
-def _held(harness: Harness | None, mission: Mission | None) -> tuple[str, ...]:
+def _open_leases(harness: Harness | None, mission: Mission | None) -> tuple[str, ...]:
     """Leases that nobody uses any more and that are neither free nor in quarantine."""
     if harness is None or mission is None:
         return ()

@@ -34,7 +34,7 @@ def recognised(recording: bytes, *, text: str, names: tuple[str, ...]) -> Recogn
     words = sorted({word for sentence, _ in expected for word in sentence})
     sounds = pronunciations(words, known)
     understood = [(tuple(word for word in sentence if word in sounds), weight) for sentence, weight in expected]
-    heard = _heard(_samples(recording), model=bigrams(understood), dictionary=_lines(sounds))
+    heard = _decode(_samples(recording), model=bigrams(understood), dictionary=_lines(sounds))
     return Recognition(
         sound=sha256(recording),
         recogniser=f"pocketsphinx {version('pocketsphinx')} en-us",
@@ -44,7 +44,7 @@ def recognised(recording: bytes, *, text: str, names: tuple[str, ...]) -> Recogn
     )
 
 
-def _heard(samples: bytes, *, model: str, dictionary: str) -> str:
+def _decode(samples: bytes, *, model: str, dictionary: str) -> str:
     job = json.dumps({"model": model, "dictionary": dictionary}).encode() + b"\n" + samples
     try:
         child = subprocess.run(
