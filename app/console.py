@@ -15,7 +15,7 @@ from app.auth.guarded_runtime import GuardedRuntime
 from app.auth.oidc_login import OidcLogin
 from app.auth.sessions import SessionService
 from app.background.alerts import Alerts
-from app.background.evaluations import Evaluated
+from app.background.evaluations import EvaluationCache
 from app.background.lists import Lists
 from app.background.mission_history import Histories
 from app.background.presence import Presence
@@ -109,7 +109,7 @@ class Console:
     measurements: Measurements
     alerts: Alerts
     releases: GuardedReleaseService
-    evaluated: Evaluated
+    evaluated: EvaluationCache
     clock: Callable[[], float]
     starts: Starts = no_journal
     cards: Cards = no_cards

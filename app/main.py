@@ -20,9 +20,9 @@ from app.auth.guarded_runtime import GuardedRuntime
 from app.auth.oidc_settings import oidc_login
 from app.auth.rate_limits import Buckets
 from app.auth.sessions import SessionService
-from app.background.alert_watch import AlertWatch, Watched
+from app.background.alert_watch import AlertSources, AlertWatch
 from app.background.alerts import Alerts
-from app.background.evaluations import Evaluated, evaluator_folder
+from app.background.evaluations import EvaluationCache, evaluator_folder
 from app.background.lists import Lists
 from app.background.mission_history import Histories
 from app.background.notifications import Notices
@@ -121,7 +121,7 @@ def create_app(
     sessions = _sessions(accounts, settings)
     inbox = Alerts(runtime)
     release_service = GuardedReleaseService(runtime, accounts.record)
-    watched = Watched(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
+    watched = AlertSources(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
     services = AppriseNotifier({name: address.get_secret_value() for name, address in settings.notify.items()})
     notices = Notices(runtime, services, time.time, settings.address)
     alert_watch = AlertWatch(runtime, inbox, watched, tell=notices.offer)
@@ -153,7 +153,7 @@ def create_app(
         measurements=Measurements(runtime),
         alerts=inbox,
         releases=release_service,
-        evaluated=Evaluated(release_service, evaluator_folder(folder) if folder else None),
+        evaluated=EvaluationCache(release_service, evaluator_folder(folder) if folder else None),
         clock=time.time,
         starts=starts,
         cards=cards,

@@ -17,10 +17,10 @@ from harness.adapters.stores.anchors import anchor_key, anchoring
 from harness.adapters.stores.blobs import FileBlobStore, owned_blobs
 from harness.adapters.stores.folder import DataFolder, existing, prepare
 from harness.adapters.stores.installation_key import installation_key
+from harness.adapters.stores.log_address import is_server, open_log
+from harness.adapters.stores.log_transfer import move_log as moved
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
-from harness.adapters.stores.moving import move_log as moved
-from harness.adapters.stores.opening import is_server, open_log
 from harness.adapters.stores.owner import Owner, OwnerLock, read_owner
 from harness.adapters.stores.postgres_listener import Listener
 from harness.adapters.stores.read_models import SqlReadModels

@@ -15,12 +15,12 @@ from harness.adapters.providers.recording.reader import Recording, open_recordin
 from harness.adapters.providers.recording.robot import RecordedRobot
 from harness.adapters.providers.recording.segments import Segment
 from harness.adapters.providers.recording.topics import TopicSettings
-from harness.adapters.providers.recording.writer import RecordedLeg, Written, record_mission
+from harness.adapters.providers.recording.writer import RecordedLeg, WriteSummary, record_mission
 from harness.adapters.providers.recording.writer import RecordedMission as Recorded
 from harness.adapters.stores.blobs import owned_blobs
 from harness.adapters.stores.folder import prepare
+from harness.adapters.stores.log_address import open_log
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
-from harness.adapters.stores.opening import open_log
 from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.spool import FileSpool
 from harness.baseline.load import site as shipped_site
@@ -315,7 +315,7 @@ def _leg_node(pattern: dict[str, Any], name: str, segment: Segment, *, after: li
     }
 
 
-def write_recording(runtime: Runtime, mission_id: MissionId, path: Path) -> Written:
+def write_recording(runtime: Runtime, mission_id: MissionId, path: Path) -> WriteSummary:
     """Write a mission as MCAP with the paper's topics (4 MiB at most). Raises RecordingInvalid."""
     mission = runtime.mission(mission_id)
     contract = required_contract(mission)

@@ -12,7 +12,7 @@ from harness.contracts import configuration
 from harness.contracts.reasons import Fact, because
 from harness.contracts.tasks import TaskTemplate
 from rsi_reviews.contracts import RestrictionViolation
-from rsi_reviews.template_restrictions import loosened_template, display_value
+from rsi_reviews.template_restrictions import display_value, loosened_template
 
 ITEM_CEILINGS: dict[str, int] = {"c1_items": 48, "c2_items": 24, "c2_examples": 6, "c4_items": 40}
 """Twice the context budgets of D22, in records. C3's is the verifier's and may not change at all."""

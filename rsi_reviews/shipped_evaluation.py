@@ -22,7 +22,7 @@ from rsi_reviews.regression.suite import shipped
 SUMS = "SHA256SUMS"
 
 
-class Shipped(Value):
+class ShippedEvaluation(Value):
     """One evaluation with the UTC instants between which it ran; `note` gives further facts for the reader.
 
     `looks`: the held-out looks that its evaluator took up to this one, oldest first; they stay counted.
@@ -56,7 +56,7 @@ class Shipped(Value):
         )
 
 
-def shipped_evaluation(folder: Traversable | None = None) -> Shipped:
+def shipped_evaluation(folder: Traversable | None = None) -> ShippedEvaluation:
     """The newest shipped evaluation. Raises ContractInvalid if it is missing, damaged or cannot be read."""
     place = folder or files("rsi_reviews").joinpath("evaluated")
     try:
@@ -69,6 +69,6 @@ def shipped_evaluation(folder: Traversable | None = None) -> Shipped:
     if sha256(body) != digest:
         raise ContractInvalid("Its bytes are not those that were kept", where=name, do="restore it from the release")
     try:
-        return msgspec.json.decode(gzip.decompress(body), type=Shipped)
+        return msgspec.json.decode(gzip.decompress(body), type=ShippedEvaluation)
     except (OSError, EOFError, msgspec.MsgspecError) as error:
         raise ContractInvalid(f"It cannot be read: {error}", where=name, do="restore it from the release") from error

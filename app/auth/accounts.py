@@ -32,14 +32,14 @@ TOKEN_PREFIX = "regen_"
 
 
 @dataclass(frozen=True)
-class Throttled:
+class TooManyAttempts:
     """Too many wrong passwords: try again in `wait_s`."""
 
     wait_s: float
 
 
 @dataclass(frozen=True)
-class Issued:
+class NewToken:
     """A new token. `secret` is shown this once and kept nowhere."""
 
     token: Token
@@ -140,12 +140,12 @@ class Accounts:
             raise UnknownName(because("unknown_account", name=name[:40]))
         return account
 
-    def check(self, name: str, password: str, *, source: str) -> Account | Throttled | None:
+    def check(self, name: str, password: str, *, source: str) -> Account | TooManyAttempts | None:
         """The account if the password is right, None if not, Throttled after too many. Unknown names cost the same."""
         with self._one_at_a_time:
             wait_s = self._wait_s(name, source)
             if wait_s > 0:
-                return Throttled(wait_s)
+                return TooManyAttempts(wait_s)
             account = self.store.account(name[:200])
             right = self._matches(account, password) and account is not None and not account.disabled
             self.store.record(
@@ -184,7 +184,7 @@ class Accounts:
 
     def issue(
         self, name: str, *, scopes: Collection[str], by: Principal, robot_id: str = "", days: float | None = None
-    ) -> Issued:
+    ) -> NewToken:
         """A new token. Raises ContractInvalid for a scope that only people may have."""
         by.acting("people")
         wrong = sorted(set(scopes) - SCOPES)
@@ -211,7 +211,7 @@ class Accounts:
         self.note(
             by, "token.issued", subject=token.token_id, detail=f"{name}: {' '.join(token.scopes)} {robot_id}".strip()
         )
-        return Issued(token, secret)
+        return NewToken(token, secret)
 
     def revoke(self, token_id: str, *, by: Principal) -> Token:
         """Ends a token at once. Raises UnknownName."""

@@ -21,7 +21,7 @@ from harness.contracts.places import Place, Site
 from harness.contracts.ports import LogHead, Record, SnapshotFindings, StoredEvent
 from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskContract, TaskTemplate
-from harness.goals.understanding import Understood
+from harness.goals.understanding import UnderstoodGoal
 from harness.memory.fabric import MemoryFabric
 from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
@@ -129,7 +129,7 @@ class GuardedRuntime:
         """The contract that `start` would create now; nothing is written."""
         return self._runtime.draft(start, template=template)
 
-    def understood(self, start: Start) -> Understood:
+    def understood(self, start: Start) -> UnderstoodGoal:
         """What the goal of a request means now; nothing is written."""
         return self._runtime.understood(start)
 

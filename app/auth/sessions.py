@@ -14,7 +14,7 @@ from threading import Lock
 
 from msgspec.structs import replace
 
-from app.auth.accounts import Accounts, Throttled
+from app.auth.accounts import Accounts, TooManyAttempts
 from app.auth.permissions import HOST_PREFIX, Principal
 from harness.adapters.stores.accounts_rows import Session
 from harness.contracts.errors import StoreUnavailable
@@ -90,12 +90,12 @@ class SessionService:
         self.accounts.note(principal, "sign_in.link", subject=self._operator)
         return self._open(self._operator, origin, invited=True)
 
-    def sign_in(self, name: str, password: str, origin: Origin) -> str | Throttled | None:
+    def sign_in(self, name: str, password: str, origin: Origin) -> str | TooManyAttempts | None:
         """A fresh cookie for the right password; None for a wrong one, Throttled after too many."""
         found = self.accounts.check(name, password, source=origin.source)
-        return found if found is None or isinstance(found, Throttled) else self._open(name, origin, invited=False)
+        return found if found is None or isinstance(found, TooManyAttempts) else self._open(name, origin, invited=False)
 
-    def terminal_sign_in(self, name: str, password: str, origin: Origin) -> str | Throttled | None:
+    def terminal_sign_in(self, name: str, password: str, origin: Origin) -> str | TooManyAttempts | None:
         """The same for a terminal: a token that is good as long as its session; it counts among the person's own."""
         cookie = self.sign_in(name, password, origin)
         return f"{LOGIN_PREFIX}{cookie}" if isinstance(cookie, str) else cookie

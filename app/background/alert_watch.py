@@ -51,7 +51,7 @@ def unheard(alert_id: str, alert: Alert) -> None:
 
 
 @dataclass(frozen=True)
-class Watched:
+class AlertSources:
     """What is watched besides the log. `starts` reads robots' journals; `free_bytes` is None for an unknown disk."""
 
     fleet: Fleet
@@ -61,7 +61,7 @@ class Watched:
 
 
 @dataclass
-class _Trouble:
+class _MissionTrouble:
     """The newest trouble of one mission: stage and failure class."""
 
     node: str = ""
@@ -74,10 +74,10 @@ class AlertWatch:
 
     runtime: Runtime
     alerts: Alerts
-    watched: Watched
+    watched: AlertSources
     tell: Raised = unheard
     _mark: FollowPosition | None = None
-    _troubles: dict[str, _Trouble] = field(default_factory=dict)
+    _troubles: dict[str, _MissionTrouble] = field(default_factory=dict)
     _unread: dict[MissionId, causes.About] = field(default_factory=dict)
     _worker: Worker = field(init=False)
     _follower: Follower = field(init=False)
@@ -162,7 +162,7 @@ class AlertWatch:
     def _mission(self, stored: StoredEvent, mission_id: MissionId) -> None:
         event = MISSION.decode(stored)
         about = self._about(stored, mission_id)
-        trouble = self._troubles.setdefault(mission_id, _Trouble())
+        trouble = self._troubles.setdefault(mission_id, _MissionTrouble())
         trouble.node, trouble.failure = causes.troubled(event, about)
         about = replace(about, node=trouble.node, failure=trouble.failure)
         self._ask_all(causes.of_mission(event, about))
@@ -185,7 +185,7 @@ class AlertWatch:
             robot_id, goal, vetoes = mission.robot_id, mission.goal, tuple(mission.vetoes)
         except UnknownName:
             robot_id, goal, vetoes = RobotId(""), "", ()
-        trouble = self._troubles.get(mission_id, _Trouble())
+        trouble = self._troubles.get(mission_id, _MissionTrouble())
         link: Alert = self.runtime.fold(alert_stream(alert_id(causes.link_cause(robot_id))))
         return causes.About(
             mission_id=mission_id,

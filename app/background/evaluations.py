@@ -19,7 +19,7 @@ from rsi_reviews.regression.suite import shipped
 KEPT = 4
 
 
-class Evaluated:
+class EvaluationCache:
     """Safe between threads; the newest KEPT result sets stay in memory."""
 
     def __init__(self, queries: CandidateQueries, folder: Path | None = None) -> None:

@@ -51,7 +51,7 @@ class Slice(Generic[Item]):
 
 
 @dataclass(frozen=True)
-class _Followed:
+class _FollowedMission:
     """A mission as far as it was followed: its state, when it began and ended, its events about evidence."""
 
     mission: Mission = field(default_factory=Mission)
@@ -67,7 +67,7 @@ class Lists:
     def __init__(self, runtime: Runtime, models: ReadModels) -> None:
         self._runtime, self._models = runtime, models
         self._codec: Codec[MissionEvent] = Codec(MissionEvent)
-        self._followed: LRUCache[MissionId, _Followed] = LRUCache(KEPT)
+        self._followed: LRUCache[MissionId, _FollowedMission] = LRUCache(KEPT)
         self._follower = Follower(self, head=runtime.head, read=runtime.log, fold=FOLD, batch=BATCH)
         self._lock = Lock()
 
@@ -147,7 +147,7 @@ class Lists:
     def _mission_rows(self, mission_id: MissionId, fresh: Sequence[StoredEvent]) -> Iterator[read_models.ListRow]:
         before = self._followed.get(mission_id)
         if before is None or before.mission.version + 1 != fresh[0].version:
-            before = _Followed()
+            before = _FollowedMission()
             earlier = [one for one in self._runtime.events(mission_id) if one.version < fresh[0].version]
             fresh = [*earlier, *fresh]
         decoded = [(stored, self._codec.decode(stored)) for stored in fresh]
@@ -176,7 +176,7 @@ class Lists:
             return Mission()
 
 
-def _follow(before: _Followed, decoded: Sequence[tuple[StoredEvent, MissionEvent]]) -> _Followed:
+def _follow(before: _FollowedMission, decoded: Sequence[tuple[StoredEvent, MissionEvent]]) -> _FollowedMission:
     first = decoded[0][0]
     ended = next((stored.recorded_s for stored, event in decoded if isinstance(event, MissionEnded)), before.ended_s)
     telling = tuple((stored.position, event) for stored, event in decoded if isinstance(event, TELLING))

@@ -10,7 +10,7 @@ from typing import Annotated
 import msgspec
 import typer
 
-from app.auth.accounts import Accounts, Throttled
+from app.auth.accounts import Accounts, TooManyAttempts
 from app.auth.permissions import Principal
 from app.auth.sessions import Origin, SessionService
 from app.cli import output
@@ -50,7 +50,7 @@ def login(
         if not accounts.store.any_account():
             raise ContractInvalid(because("no_account_yet"), where=str(data))
         token = _sessions(accounts).terminal_sign_in(name, _password(from_stdin=password_stdin), TERMINAL)
-        if isinstance(token, Throttled):
+        if isinstance(token, TooManyAttempts):
             raise ContractInvalid(because("sign_in_throttled", wait_s=token.wait_s), where=name)
         if token is None:
             raise ContractInvalid(because("sign_in_refused"), where=name)

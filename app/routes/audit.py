@@ -36,7 +36,7 @@ def show(
     anchor: Annotated[str, Query(max_length=LONGEST_ANCHOR)] = "",
     anchor_key: Annotated[str, Query(max_length=200)] = "",
 ) -> HTMLResponse:
-    filters = audit.Wanted(actor=actor.strip(), kind=kind.strip(), everything=everything)
+    filters = audit.AuditFilter(actor=actor.strip(), kind=kind.strip(), everything=everything)
     given = audit.GivenAnchor(text=anchor.strip(), key=anchor_key.strip())
     deeds, scanned_from = newest_first(console, filters, before=before)
     shell = console.shell("Audit", "audit", principal.actor)
@@ -80,7 +80,7 @@ def access(
         rows=tuple(
             audit.AuditRow(e.number, e.at_s, e.kind, e.actor, e.role, e.subject, e.detail, e.source) for e in entries
         ),
-        wanted=audit.Wanted(actor=actor, kind=kind),
+        wanted=audit.AuditFilter(actor=actor, kind=kind),
         older=entries[-1].number if len(entries) == SHOWN else 0,
         found=_trail_sum(console) if verify else audit.Sum(),
     )
@@ -88,7 +88,7 @@ def access(
 
 
 def newest_first(
-    console: Console, filters: audit.Wanted, *, before: int, limit: int = SHOWN
+    console: Console, filters: audit.AuditFilter, *, before: int, limit: int = SHOWN
 ) -> tuple[list[audit.AuditEvent], int]:
     """Matching entries below a position (0: from the head), and the lowest position read. Reads at most SCANNED."""
     upto = before - 1 if before else console.head().position

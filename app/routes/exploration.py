@@ -46,12 +46,12 @@ def _region(console: Console, mission_id: MissionId, leg: str) -> exploration.Ch
     )
 
 
-def _recorded(console: Console, mission: Mission, leg: str) -> exploration.Recorded:
+def _recorded(console: Console, mission: Mission, leg: str) -> exploration.ChoiceRecords:
     """The records and maps of the choice that is shown, as far as they are kept and verify."""
     choice = exploration.shown_of(mission, leg)
     if choice is None:
-        return exploration.Recorded()
-    return exploration.Recorded(
+        return exploration.ChoiceRecords()
+    return exploration.ChoiceRecords(
         question=console.target_question(choice.question),
         answer=console.target_answer(choice.answer),
         before=_grid(console, choice.map_before),

@@ -16,7 +16,7 @@ from app.routes.handoff_page import word_of
 from app.routes.listing import listed_page, searching
 from app.views import events, forms, missions
 from app.views import preview as previews
-from app.views.forms import Again, Before, FormOptions, StopPage, Wrong
+from app.views.forms import Before, FormOptions, RepeatedMission, StopPage, Wrong
 from app.views.list_params import ListParams
 from app.views.preview import Preview
 from app.views.readings import goal_words, question_view
@@ -174,12 +174,12 @@ def _as_before(console: Console, mission_id: MissionId) -> dict[str, str]:
     return typed | forms.chosen_before(mission.contract, template)
 
 
-def _again(console: Console, typed: dict[str, str]) -> Again | None:
+def _again(console: Console, typed: dict[str, str]) -> RepeatedMission | None:
     if not typed.get("rerun_of"):
         return None
     mission = console.runtime.mission(MissionId(typed["rerun_of"]))
     done = ("committed", "superseded")
-    return Again(
+    return RepeatedMission(
         mission_id=mission.mission_id,
         goal=goal_words(mission),
         status=mission.status,

@@ -36,7 +36,7 @@ from harness.contracts.observations import SINGLE_SOURCE
 from harness.contracts.reasons import because
 from harness.contracts.retreat_events import RetreatEnded, RetreatEvent, RetreatIntended, RetreatStopping
 from harness.contracts.revision_commands import DisputeCompletion
-from harness.projections.handoffs import Unanswered
+from harness.projections.handoffs import NoAnswerAction
 from harness.projections.starts import repeated_starts
 from rsi_reviews.release_service import SignedBy
 
@@ -196,7 +196,7 @@ def _journal(console: Console, mission_id: MissionId) -> ReportSources:
     return ReportSources(starts=len(starts), duplicates=repeated_starts(starts), is_case=is_case, unanswered=unanswered)
 
 
-def _unanswered(console: Console, mission_id: MissionId) -> Unanswered | None:
+def _unanswered(console: Console, mission_id: MissionId) -> NoAnswerAction | None:
     """What the robot did where the mission's last question expired."""
     expired = _expired(console, mission_id)
     return console.runtime.handoff(expired).unanswered if expired is not None else None

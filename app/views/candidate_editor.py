@@ -47,7 +47,7 @@ class EditSection:
 
 
 @dataclass(frozen=True)
-class Found:
+class EditResult:
     """The result of checking an edit: errors, broken rules and, for a valid edit, what it changes."""
 
     errors: Sequence[str] = ()
@@ -75,7 +75,7 @@ class EditorPage:
 
 
 def editor_page(
-    shell: Shell, current: Configuration, typed: Mapping[str, str], *, by_text: bool, found: Found
+    shell: Shell, current: Configuration, typed: Mapping[str, str], *, by_text: bool, found: EditResult
 ) -> EditorPage:
     chosen = typed.get("metric", "recovery_cost")
     wrong = {_field_path(one.path): reasoned(one.reason) for one in found.refusals}

@@ -24,7 +24,7 @@ from harness.projections.mission import Mission, NodeState
 
 
 @dataclass(frozen=True)
-class Recorded:
+class ChoiceRecords:
     """What was stored of one choice: both records, and the maps before and after the way there; None: not there."""
 
     question: exploration.TargetQuestion | None = None
@@ -104,7 +104,7 @@ class ExplorationPage(ChoicesRegion):
 
 
 @dataclass(frozen=True)
-class _Told:
+class _ChoiceHistory:
     """What a mission's own history says of its choices: every stage by name, every map by the leg it follows."""
 
     mission: Mission
@@ -123,11 +123,11 @@ def shown_of(mission: Mission, leg: str) -> ExplorationDecision | None:
 
 
 def choices_region(
-    mission: Mission, entries: Sequence[TimelineEntry], recorded: Recorded, *, leg: str
+    mission: Mission, entries: Sequence[TimelineEntry], recorded: ChoiceRecords, *, leg: str
 ) -> ChoicesRegion:
     """`recorded` belongs to what `shown_of` says."""
     choice = shown_of(mission, leg)
-    inputs = _Told(
+    inputs = _ChoiceHistory(
         mission=mission,
         entries=entries,
         stages={stage.node_id: stage for stage in stages(mission, entries, Observed(), selected="")},
@@ -153,7 +153,7 @@ def exploration_page(
     return ExplorationPage(**vars(region), shell=shell, head=head(mission, entries))
 
 
-def _row(number: int, choice: ExplorationDecision, inputs: _Told, *, selected: bool) -> ChoiceRow:
+def _row(number: int, choice: ExplorationDecision, inputs: _ChoiceHistory, *, selected: bool) -> ChoiceRow:
     change = inputs.maps.get(choice.leg)
     return ChoiceRow(
         number=number,
@@ -170,7 +170,7 @@ def _row(number: int, choice: ExplorationDecision, inputs: _Told, *, selected: b
     )
 
 
-def _detail(inputs: _Told, choice: ExplorationDecision, row: ChoiceRow, recorded: Recorded) -> ChoiceDetail:
+def _detail(inputs: _ChoiceHistory, choice: ExplorationDecision, row: ChoiceRow, recorded: ChoiceRecords) -> ChoiceDetail:
     question, answer = recorded.question, recorded.answer
     proposal = answer.said if answer else None
     nodes = inputs.mission.contract.nodes if inputs.mission.contract else ()

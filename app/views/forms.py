@@ -45,7 +45,7 @@ class ParameterField:
 
 
 @dataclass(frozen=True)
-class Again:
+class RepeatedMission:
     """The mission that a new one repeats, and the stages it did not get accepted."""
 
     mission_id: str
@@ -88,7 +88,7 @@ class StartPage:
     robot_wrong: str
     key: str
     errors: tuple[str, ...]
-    again: Again | None
+    again: RepeatedMission | None
     ahead: tuple[Before, ...]
     preview: Preview | None
     reading: ReadingView | None = None
@@ -124,7 +124,7 @@ def start_page(
     *,
     key: str,
     wrong: Sequence[Wrong] = (),
-    again: Again | None = None,
+    again: RepeatedMission | None = None,
     ahead: Sequence[Before] = (),
     preview: Preview | None = None,
     reading: ReadingView | None = None,

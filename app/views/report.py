@@ -16,7 +16,7 @@ from harness.contracts.evidence import DeclaredEffect
 from harness.contracts.ids import NodeId
 from harness.contracts.protocol import Receipt
 from harness.contracts.revision_events import AttestationRecorded, CompletionDisputed
-from harness.projections.handoffs import Unanswered
+from harness.projections.handoffs import NoAnswerAction
 from harness.projections.mission import Mission
 
 
@@ -101,7 +101,7 @@ class ReportSources:
     starts: int | None
     duplicates: int | None
     is_case: bool = False
-    unanswered: Unanswered | None = None
+    unanswered: NoAnswerAction | None = None
 
 
 def report_page(
@@ -207,7 +207,7 @@ def _word(receipt: Receipt, node_id: str) -> DeclaredResult:
     )
 
 
-def _deeds(entries: Sequence[TimelineEntry], unanswered: Unanswered | None) -> tuple[ReportAction, ...]:
+def _deeds(entries: Sequence[TimelineEntry], unanswered: NoAnswerAction | None) -> tuple[ReportAction, ...]:
     found: list[ReportAction] = []
     for entry in entries:
         match entry.event:
@@ -247,7 +247,7 @@ def _deeds(entries: Sequence[TimelineEntry], unanswered: Unanswered | None) -> t
     return tuple(found)
 
 
-def no_answer_taken(unanswered: Unanswered) -> str:
+def no_answer_taken(unanswered: NoAnswerAction) -> str:
     """What the robot did because nobody answered: shown to be done or not, and never an accepted result."""
     action, reason = NO_ANSWER_ACTIONS[unanswered.action], unanswered.reason
     if unanswered.done:

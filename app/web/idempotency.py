@@ -82,7 +82,7 @@ class Idempotency:
             return
         done = self._under_way[name] = asyncio.Event()
         writes = RequestWrites()
-        mark, answer = WRITES.set(writes), _Overheard(send)
+        mark, answer = WRITES.set(writes), _RecordingSend(send)
         try:
             await self._app(scope, _told_again(body, receive), answer)
         finally:
@@ -105,7 +105,7 @@ class Idempotency:
             return known
         return self._unkept[name]
 
-    async def _end(self, begun: StoredAnswer, answer: "_Overheard", writes: RequestWrites, *, secret: bool) -> None:
+    async def _end(self, begun: StoredAnswer, answer: "_RecordingSend", writes: RequestWrites, *, secret: bool) -> None:
         """Keep the answer, or free the key where nothing was done; by memory where the store is held right now."""
         name = (begun.caller, begun.key)
         if answer.status < 400 or answer.status == 409:
@@ -123,7 +123,7 @@ class Idempotency:
                 self._unkept[name] = None
 
 
-class _Overheard:
+class _RecordingSend:
     """Passes a response on and records it."""
 
     def __init__(self, send: Send) -> None:

@@ -17,13 +17,13 @@ import msgspec
 from experiments.campaigns import fuzz, hostile, recovery_steps, seeds
 from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.damage import DamageReport, damages
-from experiments.campaigns.declared import declared_offences
+from experiments.campaigns.declared_effects import declared_offences
 from experiments.campaigns.hammer import HammerReport, hammer
 from experiments.campaigns.hard_faults import HardFaultReport, hard_faults
 from experiments.campaigns.kills import KillReport, kill_campaign
 from experiments.campaigns.mission import played
 from experiments.campaigns.plan import mission_plan
-from experiments.campaigns.planted import RED, Check, PlantedReport, planted_bugs
+from experiments.campaigns.planted_bugs import RED, Check, PlantedReport, planted_bugs
 from experiments.campaigns.publish import publish
 from experiments.campaigns.races import RaceReport, races
 from experiments.campaigns.random_kills import RandomKillReport, random_kills
@@ -31,7 +31,7 @@ from experiments.campaigns.regen import ROOT
 from experiments.campaigns.release_races import release_races
 from experiments.campaigns.rivals import rival_rounds
 from experiments.campaigns.simulate import one_mission, seeds_of, simulated_campaign
-from experiments.campaigns.suspended import SuspensionReport, suspensions
+from experiments.campaigns.suspended_holders import SuspensionReport, suspensions
 from experiments.campaigns.tally import summary
 from experiments.campaigns.workers import WorkersReport, worked_missions
 from experiments.verifier import campaign as verifier

@@ -13,10 +13,10 @@ from experiments.campaigns.hammer_asks import (
     Kind,
     own_resource,
     question_id,
+    read_journal,
     requests_of,
     shared_mission,
     shared_resource,
-    read_journal,
 )
 from experiments.campaigns.races import NOW_S
 from harness.adapters.clock import LockstepClock
@@ -50,7 +50,7 @@ FOLLOWING = 25
 TURNS: tuple[Kind, ...] = ("mission", "veto", "veto", "question", "answer", "answer", "lease", "lease")
 
 
-class Calling(Value):
+class CallerIdentity(Value):
     """Identity of a caller: its number, the shared folder, the campaign's seed, and its fail-point, if it has one."""
 
     data: str
@@ -105,7 +105,7 @@ def creation(runtime: Runtime) -> CreateMission:
     )
 
 
-def call(calling: Calling) -> None:
+def call(calling: CallerIdentity) -> None:
     """Continue where the journal ends, until the campaign says that it is enough."""
     data = Path(calling.data)
     before = read_journal(calling.journal)
@@ -124,7 +124,7 @@ def call(calling: Calling) -> None:
 class _Caller:
     """Draws each request by the seed and the present state, and writes down the result."""
 
-    def __init__(self, calling: Calling, runtime: Runtime, journal: CallerJournal) -> None:
+    def __init__(self, calling: CallerIdentity, runtime: Runtime, journal: CallerJournal) -> None:
         self._calling, self._runtime, self._journal = calling, runtime, journal
         self._creating = creation(runtime)
         self._question = max((ask.slot for ask in read_journal(calling.journal).asks if ask.kind == "question"), default=0)

@@ -64,7 +64,7 @@ class VerifierReport(Value):
 
 
 @dataclass
-class Counting:
+class PredicateCounts:
     """Counts the answers on one predicate."""
 
     faults: dict[str, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
@@ -84,15 +84,15 @@ class Counting:
             self.refusals[f"{answer.verdict}: {reason}"] += 1
 
 
-def counted(cases: Iterable[VerifierCase], *, verifier: Verifier = verify) -> dict[str, Counting]:
+def counted(cases: Iterable[VerifierCase], *, verifier: Verifier = verify) -> dict[str, PredicateCounts]:
     """Every case judged, and counted by its predicate."""
-    judge, found = CaseJudge(verifier), defaultdict[str, Counting](Counting)
+    judge, found = CaseJudge(verifier), defaultdict[str, PredicateCounts](PredicateCounts)
     for case in cases:
         found[case.predicate].add(case, judge.answer(case))
     return dict(found)
 
 
-def matrix(predicate: str, counting: Counting) -> PredicateMatrix:
+def matrix(predicate: str, counting: PredicateCounts) -> PredicateMatrix:
     """The matrix of one predicate."""
     total = _confusion(sum(counting.faults.values(), Counter()))
     return PredicateMatrix(

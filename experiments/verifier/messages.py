@@ -55,7 +55,7 @@ GOALS = (
 
 
 @dataclass
-class Stored(MemoryOutbox):
+class UnreliableOutbox(MemoryOutbox):
     """A channel whose messages are lost or changed after they were acknowledged. `failing`: it cannot be read."""
 
     change: Callable[[StoredMessage], StoredMessage | None] = field(default=lambda message: message)
@@ -182,7 +182,7 @@ def _message(chance: Random, number: int, *, of_goal: bool) -> VerifierCase:
     sent = tuple(chance.sample(frames, chance.choice((4, 4, 4, 5, 6))))
     text = chance.choice(TEXTS)
     name = chance.choice(tuple(CHANGES) + READS + ("none", "none", "none") + (() if of_goal else STAGE_ONLY))
-    outbox = Stored()
+    outbox = UnreliableOutbox()
     request = identity_of(DELIVERY, NodeId("delivery")).request_id
     outbox.send(request, text, sent)
     blobs: dict[Digest, bytes] = {}
@@ -230,14 +230,14 @@ def _message(chance: Random, number: int, *, of_goal: bool) -> VerifierCase:
     return VerifierCase("message_stored", name, truth, inputs, condition_id_of(effect, "delivery"), epistemic=epistemic)
 
 
-def _holds(outbox: Stored, request: RequestId, text: str, frames: tuple[Digest, ...]) -> bool:
+def _holds(outbox: UnreliableOutbox, request: RequestId, text: str, frames: tuple[Digest, ...]) -> bool:
     """Whether the channel truly holds the text, and enough of the analysed images and no other."""
     held = outbox.held(request)
     return held is not None and held[0] == text and len(set(held[1])) >= WANTED and set(held[1]) <= set(frames)
 
 
 def _measured(
-    outbox: Stored, request: RequestId, text: str, at_s: float, keep: Callable[[bytes], Digest]
+    outbox: UnreliableOutbox, request: RequestId, text: str, at_s: float, keep: Callable[[bytes], Digest]
 ) -> tuple[EvidenceReference, ...]:
     """What the shipped read path measures of the channel."""
     measurement = Measurement(requests=(request,), text=text, from_s=at_s, until_s=at_s)
@@ -248,7 +248,7 @@ def _misread(
     name: str,
     found: tuple[EvidenceReference, ...],
     before: tuple[EvidenceReference, ...],
-    outbox: Stored,
+    outbox: UnreliableOutbox,
     keep: Callable[[bytes], Digest],
     text: str,
     at_s: float,

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from experiments.verifier import motion_faults
 from experiments.verifier.cases import (
-    Shown,
+    CaseInputs,
     VerifierCase,
     condition_id_of,
     packet_of,
@@ -349,7 +349,7 @@ def _inside(region: tuple[Point, ...], **changes: str) -> Relational:
     return replace(made, **changes)
 
 
-def _packet(effects: Sequence[AnyEffect], track: Trajectory, window: JudgedSpan, **parts: Any) -> Shown:
+def _packet(effects: Sequence[AnyEffect], track: Trajectory, window: JudgedSpan, **parts: Any) -> CaseInputs:
     blobs: dict[Digest, bytes] = {}
     node = stage(*effects, mandatory=("trajectory",))
     packet = replace(_sensed(node, track, window, blobs), **parts)
@@ -404,7 +404,7 @@ def _recent(run: SimulatedExecution, window: JudgedSpan) -> tuple[AnySample, ...
     return (*track.poses, *track.odometry, *track.imu)
 
 
-def _case(effect: AnyEffect, fault: str, truth: Truth, inputs: Shown, *, epistemic: bool) -> VerifierCase:
+def _case(effect: AnyEffect, fault: str, truth: Truth, inputs: CaseInputs, *, epistemic: bool) -> VerifierCase:
     return VerifierCase(effect.predicate, fault, truth, inputs, condition_id_of(effect), epistemic=epistemic)
 
 

@@ -44,7 +44,7 @@ TOLD_AT = 0.62
 
 
 @dataclass(frozen=True)
-class Spoken:
+class SpokenReport:
     """One recording: what the harness asked to be said, and what truly was: which place, whether blocked, how much."""
 
     asked: str
@@ -59,13 +59,13 @@ class Spoken:
     until_s: float
 
 
-def recordings(seed: int, *, kinds: Sequence[str]) -> tuple[Spoken, ...]:
+def recordings(seed: int, *, kinds: Sequence[str]) -> tuple[SpokenReport, ...]:
     """One report of each kind, of which some are not said as they were asked, or not heard as they were said."""
     chance = Random(seed)
     return tuple(_recorded(chance, kind) for kind in kinds)
 
 
-def reports(chance: Random, count: int, pool: Sequence[Spoken]) -> Iterator[VerifierCase]:
+def reports(chance: Random, count: int, pool: Sequence[SpokenReport]) -> Iterator[VerifierCase]:
     """heard, at its stage and of the goal."""
     for _ in range(count):
         one = chance.choice(pool)
@@ -85,7 +85,7 @@ FAULTS = (
 )  # fmt: skip
 
 
-def _recorded(chance: Random, kind: str) -> Spoken:
+def _recorded(chance: Random, kind: str) -> SpokenReport:
     place, other = chance.sample(NAMES, 2)
     finding, blocked = _finding(chance)
     request = _text(place, finding, other)
@@ -126,7 +126,7 @@ def _recorded(chance: Random, kind: str) -> Spoken:
     evidence = RoomMicrophone(room, keep=keep, read=blobs.__getitem__).measure(asking)
     whole = wav(samples, rate_hz=rate_hz)
     silent = kind in ("says something else", "loudspeaker unplugged")
-    return Spoken(
+    return SpokenReport(
         asked=request,
         place="" if silent else true_place,
         blocked=None if silent else true_blocked,
@@ -154,7 +154,7 @@ def _text(place: str, finding: str, home: str) -> str:
     return f"Inspection report, {place}. {finding} 4 images and this finding were sent. I am back at {home}."
 
 
-def _case(name: str, one: Spoken, chance: Random, *, of_goal: bool) -> VerifierCase:
+def _case(name: str, one: SpokenReport, chance: Random, *, of_goal: bool) -> VerifierCase:
     place = one.place if one.place and chance.random() < 0.75 else chance.choice(NAMES)
     answer = one.blocked if one.blocked is not None else True
     blocked = answer if chance.random() < 0.75 else not answer
@@ -213,7 +213,7 @@ def _case(name: str, one: Spoken, chance: Random, *, of_goal: bool) -> VerifierC
     return VerifierCase("heard", name, truth, inputs, condition_id_of(stated, "report"), epistemic=epistemic)
 
 
-def _true_state(one: Spoken, place: str, blocked: bool) -> bool | None:
+def _true_state(one: SpokenReport, place: str, blocked: bool) -> bool | None:
     """Whether what was truly spoken names this place and tells this finding. None where it was drowned, or cut off
     only after the finding.
     """

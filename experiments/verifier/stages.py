@@ -15,8 +15,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from experiments.verifier.cases import (
+    CaseInputs,
     K,
-    Shown,
     VerifierCase,
     condition_id_of,
     fact,
@@ -170,7 +170,7 @@ def _ordered(nodes: Sequence[NodeId], journal: Journal) -> bool:
     return all(at[a][1] <= at[b][0] for a, b in itertools.pairwise(nodes))
 
 
-def _declared(inputs: Shown, node_id: NodeId, packets: dict[NodeId, Any]) -> Shown:
+def _declared(inputs: CaseInputs, node_id: NodeId, packets: dict[NodeId, Any]) -> CaseInputs:
     """The same goal, where one stage was only declared by its provider."""
     mission = inputs.view.mission
     state = mission.nodes[node_id]
@@ -189,9 +189,9 @@ def _declared(inputs: Shown, node_id: NodeId, packets: dict[NodeId, Any]) -> Sho
     return _of_state(inputs, mission)
 
 
-def _of_state(inputs: Shown, mission: Mission) -> Shown:
+def _of_state(inputs: CaseInputs, mission: Mission) -> CaseInputs:
     """What is shown, of another state."""
-    return Shown(view=replace(inputs.view, mission=mission), blobs=inputs.blobs, packet=inputs.packet, card=inputs.card)
+    return CaseInputs(view=replace(inputs.view, mission=mission), blobs=inputs.blobs, packet=inputs.packet, card=inputs.card)
 
 
 def _accepted(name: str, node_id: str, packet_id: PacketId, *, low: bool = False, **arguments: Any) -> CommittedFact:

@@ -156,7 +156,7 @@ def _mission(replay: _Replay, roles: RoleReplay, stored: Sequence[StoredEvent]) 
     return mission, decisions
 
 
-class _Written(msgspec.Struct):
+class _ContractBody(msgspec.Struct):
     contract: msgspec.Raw
 
 
@@ -164,7 +164,7 @@ def _as_written(derived: MissionEvent, stored: StoredEvent) -> MissionEvent:
     """A contract's digest covers the bytes as they were written: an earlier release may have written fewer fields."""
     if not isinstance(derived, ContractCompiled) or stored.kind != type(derived).__name__:
         return derived
-    written = ids.sha256(bytes(msgspec.json.decode(stored.body, type=_Written).contract))
+    written = ids.sha256(bytes(msgspec.json.decode(stored.body, type=_ContractBody).contract))
     return replace(derived, contract_digest=written)
 
 

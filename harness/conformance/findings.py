@@ -30,7 +30,7 @@ class ConformanceFinding(Value):
     text: str
 
 
-class Checked(Value):
+class ConformanceResult(Value):
     """The findings of one provider on all rows."""
 
     provider_id: ProviderId

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from harness.conformance.declaration import ConformanceFile
-from harness.conformance.findings import UNTYPED, Checked, ConformanceFinding
+from harness.conformance.findings import UNTYPED, ConformanceFinding, ConformanceResult
 from harness.conformance.rows import NAMES, ROWS, ConformanceRule
 from harness.conformance.subject import Stand
 from harness.conformance.test_bench import Bench, Log
@@ -22,7 +22,7 @@ def check(
     fencing: int = FIRST_TOKEN,
     rows: Sequence[ConformanceRule] = ROWS,
     watch: Callable[[ConformanceFinding], None] = lambda finding: None,
-) -> Checked:
+) -> ConformanceResult:
     """Try every row; a row that the file exempts is not tried, unless the card binds the provider to it.
 
     `mission_id` names this check and was never used before. Raises ContractInvalid for a file with unknown rows, and
@@ -47,7 +47,7 @@ def check(
             finding = _tried(row, stand, declaration, log=log, mission_id=mission_id, fencing=fencing)
         watch(finding)
         found.append(finding)
-    return Checked(provider_id=card.provider_id, version=card.version, card=card, findings=tuple(found))
+    return ConformanceResult(provider_id=card.provider_id, version=card.version, card=card, findings=tuple(found))
 
 
 def _tried(

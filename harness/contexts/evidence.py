@@ -6,7 +6,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from harness.contexts.observed import other_map, reference_states
+from harness.contexts.recent_observations import other_map, reference_states
 from harness.contexts.selection import SelectionItem, withhold
 from harness.contexts.view import StateView, plain, referenced
 from harness.contracts.contexts import ContextRecord

@@ -7,7 +7,7 @@ CommittedFact, one record per node); "place" (Place) and "map"; "robot" (RobotSt
 
 from collections import Counter
 
-from harness.contexts.observed import newest_samples, observed_references, robot_status
+from harness.contexts.recent_observations import newest_samples, observed_references, robot_status
 from harness.contexts.selection import Selection, SelectionItem, compile_context
 from harness.contexts.view import StateView, accepted, configured, plain
 from harness.contracts.capabilities import Capability, Risk

@@ -10,7 +10,7 @@ most three); "intention" (what a planner proposed: usable here, never evidence).
 
 from msgspec.structs import replace
 
-from harness.contexts.observed import newest_samples, observed_references, robot_status
+from harness.contexts.recent_observations import newest_samples, observed_references, robot_status
 from harness.contexts.selection import Selection, SelectionItem, budgeted, compile_context
 from harness.contexts.view import StateView, accepted, configured, forbidden_m
 from harness.contracts.capabilities import CapabilityCard

@@ -20,8 +20,8 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from harness.contexts import evidence
-from harness.contexts.observed import other_map, recent_window
 from harness.contexts.planner import goal_record
+from harness.contexts.recent_observations import other_map, recent_window
 from harness.contexts.selection import Selection, SelectionItem, compile_context
 from harness.contexts.skill import ancestors, relevant_facts
 from harness.contexts.view import StateView, accepted, configured, forbidden_m, plain, referenced

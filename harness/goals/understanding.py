@@ -37,7 +37,7 @@ class GoalRequest:
 
 
 @dataclass(frozen=True)
-class Understood:
+class UnderstoodGoal:
     """What will run: the plan of a reading, or a template that takes no goal in words; `text` is the goal's source."""
 
     text: str
@@ -48,7 +48,7 @@ class Understood:
 
 def understand(
     request: GoalRequest, *, templates: Sequence[TaskTemplate], site: Site, reader: GoalReader = GRAMMAR
-) -> Understood:
+) -> UnderstoodGoal:
     """What the request means under these templates and at this site.
 
     Raises GoalNotUnderstood with the nearest reading, ReadingStale for another reading than the one confirmed,
@@ -72,11 +72,11 @@ def understand(
         raise ReadingStale(because("goal_read_otherwise", digest=request.confirm[:12]), where="confirm_reading")
     if not whole and not request.confirm:
         raise _not_understood(text, plan, named if requested else None)
-    return Understood(text=text, plan=plan, template=None, confirmed=None if whole else reading.digest)
+    return UnderstoodGoal(text=text, plan=plan, template=None, confirmed=None if whole else reading.digest)
 
 
 def compiled(
-    found: Understood,
+    found: UnderstoodGoal,
     *,
     templates: Sequence[TaskTemplate],
     site: Site,
@@ -115,7 +115,7 @@ def read_again(
     if plan.reading.digest != reading.digest:
         raise ReadingStale(because("goal_not_doable_as_read"), where="reading")
     confirmed = contract.confirmed if isinstance(contract.confirmed, str) else None
-    found = Understood(text=contract.goal.text, plan=plan, template=None, confirmed=confirmed)
+    found = UnderstoodGoal(text=contract.goal.text, plan=plan, template=None, confirmed=confirmed)
     return compiled(found, templates=templates, site=site, arguments=_chosen(contract, plan), rules=rules)
 
 
@@ -137,12 +137,12 @@ def _by_phrase(text: str, templates: Sequence[TaskTemplate]) -> TaskTemplate | N
     return next((one for one in templates for phrase in one.phrases if folded(phrase) == words), None)
 
 
-def _by_name(named: TaskTemplate, request: GoalRequest, templates: Sequence[TaskTemplate], site: Site) -> Understood:
+def _by_name(named: TaskTemplate, request: GoalRequest, templates: Sequence[TaskTemplate], site: Site) -> UnderstoodGoal:
     """A template by its name alone means its own goal; one that serves no clause takes no other goal."""
     if not named.serves:
         if request.template and request.text not in ("", named.goal):
             raise ContractInvalid(because("template_without_words", title=named.title), where="goal")
-        return Understood(text=request.text or named.goal, plan=None, template=named)
+        return UnderstoodGoal(text=request.text or named.goal, plan=None, template=named)
     text = request.text or _own_text(named, request.arguments or {})
     plan = plan_reading(_own_reading(named, request, text, site), templates=_preferred(named, templates), site=site)
     if request.confirm and request.confirm != plan.reading.digest:
@@ -151,7 +151,7 @@ def _by_name(named: TaskTemplate, request: GoalRequest, templates: Sequence[Task
         raise ReadingStale(because("goal_read_otherwise", digest=request.confirm[:12]), where="confirm_reading")
     if plan.reading.unread:
         raise _not_understood(text, plan, None)
-    return Understood(text=text, plan=plan, template=None)
+    return UnderstoodGoal(text=text, plan=plan, template=None)
 
 
 def _own_text(named: TaskTemplate, arguments: Mapping[str, Argument]) -> str:

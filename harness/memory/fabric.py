@@ -32,7 +32,7 @@ VERSIONS = 100
 
 
 @dataclass
-class Behind:
+class UnindexedChanges:
     """What was folded between two marks and is not in the index yet."""
 
     after: memory.FollowPosition
@@ -57,7 +57,7 @@ class MemoryFabric:
         self._follower = Follower(self, head=store.head, read=store.read, fold=FOLD)
         self._recent = Recent()
         self._idle: list[tuple[memory.FollowPosition, Fold]] = []
-        self._behind: Behind | None = None
+        self._behind: UnindexedChanges | None = None
 
     def catch_up(self) -> memory.FollowPosition:
         """Follow the log to its head, index and all. Raises LogDamaged for an event that cannot be read."""
@@ -81,12 +81,12 @@ class MemoryFabric:
         self._behind = None
         self._index.clear()
 
-    def find(self, query: memory.MemoryQuery) -> list[memory.Remembered]:
+    def find(self, query: memory.MemoryQuery) -> list[memory.MemoryEntry]:
         """Records that answer the query, newest first."""
         self.catch_up()
         return self._index.find(query)
 
-    def get(self, record_id: str) -> memory.Remembered:
+    def get(self, record_id: str) -> memory.MemoryEntry:
         """One record and its standing; raises UnknownName."""
         self.catch_up()
         return self._index.get(record_id)
@@ -126,7 +126,7 @@ class MemoryFabric:
             as_example(record, outcome) for record, outcome in known if isinstance(outcome, memory.ProviderOutcome)
         )
 
-    def spatial(self, region: memory.FloorBox, *, at_s: float, limit: int = 100) -> list[memory.Remembered]:
+    def spatial(self, region: memory.FloorBox, *, at_s: float, limit: int = 100) -> list[memory.MemoryEntry]:
         """What is known of a region at one instant of mission time, conflicts and expired records withheld (R69)."""
         return self.find(memory.MemoryQuery(kinds=SPATIAL, region=region, valid_at_s=at_s, limit=limit))
 
@@ -172,11 +172,11 @@ class MemoryFabric:
             and one.provenance.packet_id not in doubted
         )
 
-    def semantic(self, *, limit: int = 100) -> list[memory.Remembered]:
+    def semantic(self, *, limit: int = 100) -> list[memory.MemoryEntry]:
         """The capability contracts and rules that hold now."""
         return self.find(memory.MemoryQuery(kinds=SEMANTIC, limit=limit))
 
-    def _recently(self, query: memory.MemoryQuery) -> list[memory.Remembered]:
+    def _recently(self, query: memory.MemoryQuery) -> list[memory.MemoryEntry]:
         """`find` for questions about outcomes, which are asked at every dispatch."""
         known = self._recent.answer(query, at=self._followed())
         if known is None:
@@ -189,7 +189,7 @@ class MemoryFabric:
         """Fold one stretch of the log. Raises ConcurrencyConflict if another process advanced the index."""
         fold = self._fold(after)
         records = list(fold.advance(fresh))
-        behind = self._behind or Behind(after=after, upto=after)
+        behind = self._behind or UnindexedChanges(after=after, upto=after)
         behind.upto = upto
         behind.records += records
         self._behind = behind
@@ -223,7 +223,7 @@ class MemoryFabric:
     def _new_fold(self) -> Fold:
         return Fold(stream=self._store.load, current=self._current, read=self._artefact)
 
-    def _current(self, kind: str, subject: str) -> list[memory.Remembered]:
+    def _current(self, kind: str, subject: str) -> list[memory.MemoryEntry]:
         """What is known of a subject. Raises ConcurrencyConflict if another process advanced the index."""
         if self._behind and self._behind.touches(kind, subject) and not self._written():
             raise ConcurrencyConflict(because("memory_index_taken"), where="memory index")

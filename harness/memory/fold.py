@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from harness.contracts.decider import Codec
 from harness.contracts.events import MissionEvent
 from harness.contracts.ids import StreamId
-from harness.contracts.memory import MemoryRecord, Remembered
+from harness.contracts.memory import MemoryEntry, MemoryRecord
 from harness.contracts.ports import StoredEvent
 from harness.memory.attempts import episodic, operational
 from harness.memory.disputes import disputed
@@ -20,7 +20,7 @@ from harness.projections.memory import MissionThread, follow
 FOLD = "1"
 """Raised whenever the same log would give other records: every index is then built again."""
 MISSIONS = "mission/"
-LoadCurrent = Callable[[str, str], list[Remembered]]
+LoadCurrent = Callable[[str, str], list[MemoryEntry]]
 LoadStream = Callable[[StreamId], list[StoredEvent]]
 _codec: Codec[MissionEvent] = Codec(MissionEvent)
 
@@ -37,7 +37,7 @@ class Fold:
         self._load = current
         self._read = read
         self._threads: dict[StreamId, MissionThread] = {}
-        self._current: dict[Key, list[Remembered]] = {}
+        self._current: dict[Key, list[MemoryEntry]] = {}
         self._own: dict[StreamId, list[Key]] = {}
 
     def advance(self, events: Iterable[StoredEvent]) -> Iterator[MemoryRecord]:
@@ -79,18 +79,18 @@ class Fold:
         record = relate(draft, current, disputed=against)
         if record is None:
             return None
-        newest = Remembered(record=record, standing=record.verification, until_s=record.valid_until_s)
+        newest = MemoryEntry(record=record, standing=record.verification, until_s=record.valid_until_s)
         self._current[draft.key] = [*(one for one in current if one.record.record_id not in record.supersedes), newest]
         for key in (draft.key, *draft.disputes) if record.conflicts else ():
             self._current[key] = [_torn(one, record) for one in self._current[key]]
         return record
 
-    def _records_of(self, key: Key) -> list[Remembered]:
+    def _records_of(self, key: Key) -> list[MemoryEntry]:
         if key not in self._current:
             self._current[key] = self._load(*key)
         return self._current[key]
 
 
-def _torn(one: Remembered, record: MemoryRecord) -> Remembered:
+def _torn(one: MemoryEntry, record: MemoryRecord) -> MemoryEntry:
     """Marks what the record contradicts as disputed."""
     return replace(one, standing="disputed") if one.record.record_id in record.conflicts else one

@@ -20,15 +20,15 @@ class Recent:
     def __init__(self) -> None:
         self._lock = Lock()
         self._at: memory.FollowPosition | None = None
-        self._answers: dict[memory.MemoryQuery, deque[memory.Remembered]] = {}
+        self._answers: dict[memory.MemoryQuery, deque[memory.MemoryEntry]] = {}
 
-    def answer(self, query: memory.MemoryQuery, *, at: memory.FollowPosition) -> list[memory.Remembered] | None:
+    def answer(self, query: memory.MemoryQuery, *, at: memory.FollowPosition) -> list[memory.MemoryEntry] | None:
         """The cached records, newest first; None where the index has to be read."""
         with self._lock:
             cached = self._answers.get(query) if self._at == at else None
             return None if cached is None else list(cached)
 
-    def keep(self, query: memory.MemoryQuery, found: Iterable[memory.Remembered], *, at: memory.FollowPosition) -> None:
+    def keep(self, query: memory.MemoryQuery, found: Iterable[memory.MemoryEntry], *, at: memory.FollowPosition) -> None:
         """Cache what the index answered at this mark, newest first."""
         with self._lock:
             if self._at != at or len(self._answers) >= MOST:
@@ -48,7 +48,7 @@ class Recent:
             for record in fresh:
                 for query, cached in self._answers.items():
                     if _answers(record, query):
-                        newest = memory.Remembered(
+                        newest = memory.MemoryEntry(
                             record=record, standing=record.verification, until_s=record.valid_until_s
                         )
                         cached.appendleft(newest)

@@ -19,13 +19,13 @@ class _Item(msgspec.Struct, frozen=True):
     value: msgspec.Raw
 
 
-class _Shown(msgspec.Struct, frozen=True):
+class _ContextPart(msgspec.Struct, frozen=True):
     """As much of a stored context as is read here."""
 
     records: tuple[_Item, ...]
 
 
-_shown = msgspec.json.Decoder(_Shown)
+_shown = msgspec.json.Decoder(_ContextPart)
 _card = msgspec.json.Decoder(CapabilityCard)
 
 

@@ -66,7 +66,7 @@ class ManualControl(Value):
     left_s: float
 
 
-class Unanswered(Value):
+class NoAnswerAction(Value):
     """What the robot did because nobody answered."""
 
     action: str
@@ -90,7 +90,7 @@ class Handoff(Value):
     extended_by: Actor | None = None
     escalated: tuple[handoff_events.EscalationLevel, ...] = ()
     control: ManualControl | None = None
-    unanswered: Unanswered | None = None
+    unanswered: NoAnswerAction | None = None
 
     @property
     def answerable(self) -> bool:
@@ -135,7 +135,7 @@ def apply(handoff: Handoff, event: handoff_events.HandoffEvent) -> Handoff:
         case handoff_events.HandoffExpired():
             return replace(h, status="expired", claim=None)
         case handoff_events.NoAnswerTaken():
-            done = Unanswered(action=event.action, done=event.done, reason=event.reason, at_s=event.at_s)
+            done = NoAnswerAction(action=event.action, done=event.done, reason=event.reason, at_s=event.at_s)
             return replace(h, unanswered=done)
         case handoff_events.HandoffSuperseded():
             return replace(h, status="superseded", outcome=event.reason, claim=None, control=None)

@@ -12,7 +12,7 @@ def revised(m: mission.Mission, event: GraphRevised) -> mission.Mission:
     remaining = {node.node_id for node in contract.nodes}
     closed = [node_id for node_id in m.nodes if node_id in event.reopened or node_id not in remaining]
     history = tuple(
-        mission.Superseded(
+        mission.SupersededResult(
             revision=event.revision,
             state=replace(m.of(node_id), status="superseded"),
             facts=tuple(fact for fact in m.facts if fact.node_id == node_id),

@@ -16,7 +16,7 @@ from harness.gate.commit import CommandEnvelope
 from harness.projections.mission import Invocation, Mission, required_contract
 from harness.runtime import Live
 from harness.supervisor.approvals import clear_to_send, withdraw
-from harness.supervisor.leases import Held, Sent, give_back, holds
+from harness.supervisor.leases import HeldLeases, MotionIntent, give_back, holds
 from harness.supervisor.measurements import IndependentMeasurements
 from harness.supervisor.packets import build_packet
 from harness.supervisor.roles import RoleContexts, context_record
@@ -334,7 +334,7 @@ class InvocationMonitor:
             ),
             *give_back(
                 self._runtime,
-                Held(self._connection.robot_id, intent),
+                HeldLeases(self._connection.robot_id, intent),
                 at_rest=rest.static,
                 reason=because(
                     "ended_at_rest", status=report.status, rest=rest.reason or because("at_rest_by_odometry")
@@ -415,7 +415,7 @@ class InvocationMonitor:
         self._runtime.commit(
             [
                 CommandEnvelope(mission_stream(mission.mission_id), ended, mission.robot_id),
-                *give_back(self._runtime, Held(self._connection.robot_id, intent), at_rest=settled, reason=reason),
+                *give_back(self._runtime, HeldLeases(self._connection.robot_id, intent), at_rest=settled, reason=reason),
             ]
         )
         self._close(intent, "unknown" if unknown else "failed")
@@ -431,7 +431,7 @@ class InvocationMonitor:
         self._runtime.publish(live)
 
 
-def own(report: protocol.InvocationReport, intent: Sent) -> protocol.InvocationReport:
+def own(report: protocol.InvocationReport, intent: MotionIntent) -> protocol.InvocationReport:
     """The report, if it is about this request. Raises ProviderUnreachable otherwise."""
     if report.identity.request_id != intent.request_id:
         raise ProviderUnreachable(

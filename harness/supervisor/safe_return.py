@@ -16,7 +16,7 @@ from harness.projections.control import Retreating, SiteControl
 from harness.runtime import Runtime
 from harness.supervisor import invocation_monitor
 from harness.supervisor.fallback_stop import settle
-from harness.supervisor.leases import SUPERVISOR, Held, give_back, holds
+from harness.supervisor.leases import SUPERVISOR, HeldLeases, give_back, holds
 from harness.supervisor.minimal_risk import hindrance
 from harness.supervisor.observations import ObservationBuffer
 from harness.supervisor.robot_connection import RobotConnection
@@ -229,7 +229,7 @@ class Returning:
             then_done=done is not None and done.done,
         )
         over = because("retreat_over", outcome=outcome)
-        freed = give_back(self._runtime, Held(self._connection.robot_id, intent), at_rest=free, reason=over)
+        freed = give_back(self._runtime, HeldLeases(self._connection.robot_id, intent), at_rest=free, reason=over)
         self._runtime.commit(
             [CommandEnvelope(CONTROL, retreat_events.EndRetreat(ended=ended), self._connection.robot_id), *freed]
         )

@@ -28,7 +28,7 @@ from harness.projections.mission import Mission, required_contract
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.evaluation import behaviour_tree
-from rsi_reviews.evaluation.driver import Diary, Driver, Policy, Robotics
+from rsi_reviews.evaluation.driver import ArmRecord, Driver, Policy, Robotics
 from rsi_reviews.evaluation.missions import FaultCondition, MissionName, configuration, surroundings
 from rsi_reviews.evaluation.rules import BOUND, EVIDENCE, MONITORED, PROVIDER_WORD
 from rsi_reviews.evaluation.story import journals, routes_of, story_of
@@ -63,7 +63,7 @@ class CaseReport:
     cpu_s: float
 
 
-Walk = Callable[[Robotics], Diary]
+Walk = Callable[[Robotics], ArmRecord]
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ def _driven(policy: Policy) -> Walk:
     return lambda robotics: Driver(robotics, policy).run()
 
 
-def _handed_off(robotics: Robotics) -> Diary:
-    diary = Diary()
+def _handed_off(robotics: Robotics) -> ArmRecord:
+    diary = ArmRecord()
     diary.give_up("a person is asked to do it", asks=True)
     return diary
 
@@ -163,7 +163,7 @@ def run_under(chosen: EvaluationArm, case: ArmCase, simulator: Simulator) -> Cas
         begun_s, worked_s = harness.clock.now().mission_s, process_time()
         if chosen.walk is None:
             done = harness.supervisor.run(mission.mission_id)
-            diary = Diary(status=done.status, spent=done.spent_total, handoffs=len(harness.runtime.handoffs()))
+            diary = ArmRecord(status=done.status, spent=done.spent_total, handoffs=len(harness.runtime.handoffs()))
         else:
             done = _prepared(harness, mission)
             diary = chosen.walk(Robotics(harness, done))
@@ -206,7 +206,7 @@ def _prepared(harness: Harness, mission: Mission) -> Mission:
     return harness.runtime.mission(mission.mission_id)
 
 
-def _noted(harness: Harness, mission: Mission, diary: Diary, *, intended: TaskContract | None) -> dict[str, Any]:
+def _noted(harness: Harness, mission: Mission, diary: ArmRecord, *, intended: TaskContract | None) -> dict[str, Any]:
     """The story of an arm that keeps a diary and has no log."""
     return {
         **routes_of(required_contract(mission), intended=intended),

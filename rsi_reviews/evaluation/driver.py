@@ -46,7 +46,7 @@ class Policy:
 
 
 @dataclass
-class Diary:
+class ArmRecord:
     """What an arm did and claimed, for the adjudicator and the measures."""
 
     claims: list[dict[str, Any]] = field(default_factory=list)
@@ -128,10 +128,10 @@ class Driver:
     def __init__(self, robotics: Robotics, policy: Policy) -> None:
         self._robot = robotics
         self._policy = policy
-        self.diary = Diary()
+        self.diary = ArmRecord()
         self._attempts: dict[NodeId, int] = {}
 
-    def run(self) -> Diary:
+    def run(self) -> ArmRecord:
         """Leg after leg until all are claimed or one is given up."""
         self._robot.wait(FIRST_S)
         for node in legs(self._robot.mission):

@@ -39,7 +39,7 @@ class _World(Protocol):
     truth: _TruthLog
 
 
-class _Witnessed(Protocol):
+class _RobotWithTruth(Protocol):
     """A simulated robot for the adjudicator: its truth journal is in this process."""
 
     @property
@@ -80,7 +80,7 @@ def journals(harness: Harness, mission: Mission) -> dict[str, Any]:
 
 def truth_of(robot: Robot) -> Sequence[Any]:
     """The truth journal of a robot that is simulated in this process."""
-    return cast(_Witnessed, robot).world.truth.records
+    return cast(_RobotWithTruth, robot).world.truth.records
 
 
 def _fixes(samples: Iterable[AnySample], kind: type[Pose] | type[Odometry]) -> list[tuple[float, float, float]]:

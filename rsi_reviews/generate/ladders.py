@@ -23,7 +23,7 @@ MOVED: tuple[FailureClass, ...] = ("no_progress", "violated", "interrupted", "ti
 """Failures of an execution: another provider can help."""
 
 
-class Tried(Value):
+class StepTrial(Value):
     """One step of one ladder: how often it was taken, and how often the stage was accepted right after it."""
 
     action: RecoveryAction
@@ -54,16 +54,16 @@ def _episodes(trace: Trace, failure: FailureClass) -> int:
     return sum(1 for mission in trace.missions for one in mission.failures if one.failure == failure)
 
 
-def _tried(trace: Trace, failure: FailureClass, action: RecoveryAction) -> Tried:
+def _tried(trace: Trace, failure: FailureClass, action: RecoveryAction) -> StepTrial:
     rungs = [one for one in _rungs(trace, failure) if one.action == action and one.came != "open"]
-    return Tried(action=action, times=len(rungs), helped=sum(1 for one in rungs if one.came == "committed"))
+    return StepTrial(action=action, times=len(rungs), helped=sum(1 for one in rungs if one.came == "committed"))
 
 
 def _rungs(trace: Trace, failure: FailureClass) -> list[TracedStep]:
     return [step for mission in trace.missions for step in mission.rungs if step.failure == failure]
 
 
-def _expected(ladder: changes.Ladder, tried: dict[RecoveryAction, Tried]) -> float:
+def _expected(ladder: changes.Ladder, tried: dict[RecoveryAction, StepTrial]) -> float:
     """Expected recovery cost of one episode on this ladder, with the steps taken as independent."""
     cost, left = 0.0, 1.0
     for action in ladder:
@@ -108,5 +108,5 @@ def _change(
     )
 
 
-def _reason_text(tried: Tried) -> str:
+def _reason_text(tried: StepTrial) -> str:
     return f"{tried.action} helped {tried.helped} of {tried.times} times"

@@ -40,7 +40,7 @@ EVERYTHING = 1_000_000
 _DECODER: msgspec.json.Decoder[AnyEvent] = msgspec.json.Decoder(AnyEvent)
 
 
-class Happened(Value):
+class LoggedEvent(Value):
     """One event of the log, of any stream, in order. `body` is its canonical JSON."""
 
     stream: ids.StreamId
@@ -65,7 +65,7 @@ class MissionAccount:
     configuration: ids.Digest
     mission: Mission
     yardstick: TaskContract
-    log: tuple[Happened, ...]
+    log: tuple[LoggedEvent, ...]
     starts: tuple[PhysicalStart, ...]
     story: Mapping[str, Any]
     begun_s: float
@@ -171,7 +171,7 @@ def account_of(
     runtime = harness.runtime
     mission = runtime.mission(mission_id)
     log = tuple(
-        Happened(stream=one.stream, kind=one.kind, mission_s=one.mission_s, body=without_command(one.body))
+        LoggedEvent(stream=one.stream, kind=one.kind, mission_s=one.mission_s, body=without_command(one.body))
         for one in runtime.log(after, limit=EVERYTHING)
     )
     return MissionAccount(

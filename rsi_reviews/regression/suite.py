@@ -16,7 +16,7 @@ from rsi_reviews.regression.errors import SuiteEdited, SuiteInvalid, SuiteShrunk
 REGISTER = "register.yaml"
 
 
-class Registered(Value):
+class RegisterEntry(Value):
     """One line of the register: a version of a suite and the digest it must have."""
 
     name: str
@@ -27,7 +27,7 @@ class Registered(Value):
 class Register(Value):
     """register.yaml: every version that was ever current, oldest first."""
 
-    versions: tuple[Registered, ...]
+    versions: tuple[RegisterEntry, ...]
 
 
 def shipped(name: str) -> Suite:
@@ -83,7 +83,7 @@ def file_name(suite: Suite) -> str:
     return f"{suite.name}-{suite.version}.yaml"
 
 
-def _read(folder: Traversable, line: Registered) -> Suite:
+def _read(folder: Traversable, line: RegisterEntry) -> Suite:
     name = f"{line.name}-{line.version}.yaml"
     suite = read_yaml(folder.joinpath(name).read_text(encoding="utf-8"), Suite, where=name)
     if (suite.name, suite.version) != (line.name, line.version):

@@ -30,11 +30,11 @@ class IndexRow:
             return "superseded"
         return "disputed" if _by(self.disputed_at, as_of) else self.record.verification
 
-    def remembered(self, as_of: int | None = None) -> memory.Remembered:
+    def remembered(self, as_of: int | None = None) -> memory.MemoryEntry:
         """The row as it is handed out."""
         cut = _by(self.superseded_at, as_of)
         until_s = self.until_s if cut else self.record.valid_until_s
-        return memory.Remembered(record=self.record, standing=self.standing(as_of), until_s=until_s)
+        return memory.MemoryEntry(record=self.record, standing=self.standing(as_of), until_s=until_s)
 
 
 class VolatileMemoryIndex:
@@ -71,7 +71,7 @@ class VolatileMemoryIndex:
             for held in (self._rows, self._by_id, self._current, self._by_provider):
                 held.clear()
 
-    def get(self, record_id: str) -> memory.Remembered:
+    def get(self, record_id: str) -> memory.MemoryEntry:
         """Raises UnknownName."""
         with self._lock:
             if record_id not in self._by_id:
@@ -80,14 +80,14 @@ class VolatileMemoryIndex:
                 )
             return self._by_id[record_id].remembered()
 
-    def current(self, kind: str, subject: str) -> list[memory.Remembered]:
+    def current(self, kind: str, subject: str) -> list[memory.MemoryEntry]:
         """What nothing has superseded, oldest first."""
         with self._lock:
             return [row.remembered() for row in self._current.get((kind, subject), ())]
 
-    def find(self, query: memory.MemoryQuery) -> list[memory.Remembered]:
+    def find(self, query: memory.MemoryQuery) -> list[memory.MemoryEntry]:
         """Newest first, at most `limit`."""
-        found: list[memory.Remembered] = []
+        found: list[memory.MemoryEntry] = []
         with self._lock:
             for row in self._candidates(query):
                 if len(found) == query.limit:
@@ -178,5 +178,5 @@ def _touches(where: memory.FloorBox | None, region: memory.FloorBox) -> bool:
     )
 
 
-def _speaks(one: memory.Remembered, at_s: float) -> bool:
+def _speaks(one: memory.MemoryEntry, at_s: float) -> bool:
     return one.record.valid_from_s <= at_s and (one.until_s is None or at_s < one.until_s)

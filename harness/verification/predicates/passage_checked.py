@@ -32,7 +32,7 @@ MOVED_M = 0.1
 """A sweep from further away than this from where the pictures were taken is of another look."""
 
 
-class _Thing(msgspec.Struct, frozen=True):
+class _FloorObject(msgspec.Struct, frozen=True):
     frame: Digest
     floor_point_m: Point
     width_m: float
@@ -44,7 +44,7 @@ class _PassageReport(msgspec.Struct, frozen=True):
 
     frames: tuple[Digest, ...]
     cited: tuple[Digest, ...]
-    findings: tuple[_Thing, ...]
+    findings: tuple[_FloorObject, ...]
     blocked: bool
     passage: tuple[Point, ...] = ()
 
@@ -190,7 +190,7 @@ def _moved(panorama: CommittedFact, returns: passage.Returns) -> list[Reason]:
     return [because("sweep_from_elsewhere", apart_m=apart_m, bound_m=MOVED_M)] if apart_m > MOVED_M else []
 
 
-def _supported(one: _Thing, panorama: CommittedFact, returns: passage.Returns, look: LidarLook) -> bool:
+def _supported(one: _FloorObject, panorama: CommittedFact, returns: passage.Returns, look: LidarLook) -> bool:
     """Whether its frame can show where it stands: in the picture, within range and in line of sight."""
     frames = tuple(panorama.arguments["frames"])
     if one.frame not in frames:

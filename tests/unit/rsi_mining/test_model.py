@@ -17,7 +17,7 @@ from rsi_reviews.errors import CandidateInvalid
 from rsi_reviews.generate.errors import ModelSilent
 from rsi_reviews.generate.interface import GenerationBudget
 from rsi_reviews.generate.model import ModelGenerator, ModelSettings, prompt_of
-from rsi_reviews.generate.trace import Failing, MissionTrace, Trace
+from rsi_reviews.generate.trace import MissionTrace, StageFailure, Trace
 from rsi_reviews.manifest import unfounded
 from rsi_reviews.restrictions import loosened
 from tests.saying import raises_saying
@@ -37,7 +37,7 @@ TRACE = Trace(
             mission_id=MissionId("mis_1"), template="circuit", configuration=H0.configuration_id, status="",
             seconds=40.0, rungs=(), executions=(), handoffs=(),
             failures=(
-                Failing(
+                StageFailure(
                     node_id=NodeId("circuit"), failure="stale_evidence", reason=SAID_BY_A_PERSON, position=9, at_s=1.0
                 ),
             ),

@@ -17,7 +17,7 @@ from rsi_reviews.recursion.gating import GateJudgement
 from rsi_reviews.recursion.plots import plot
 from rsi_reviews.recursion.publish import BEGIN, END, found, publish
 from rsi_reviews.recursion.report import answers, contrasts, rows
-from rsi_reviews.recursion.run import read_outcomes, outcomes, tasks
+from rsi_reviews.recursion.run import outcomes, read_outcomes, tasks
 from simulator.in_process import SIMULATOR
 from tests.saying import raises_saying
 

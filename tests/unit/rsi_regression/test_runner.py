@@ -14,7 +14,7 @@ from rsi_reviews.contracts import CaseResult
 from rsi_reviews.regression.cases import Case, Situation, cases_of, spread
 from rsi_reviews.regression.errors import ResultsDamaged, WorkersLost
 from rsi_reviews.regression.executors import Here, Job, Processes, Running, failed, run_job
-from rsi_reviews.regression.on_ray import RayCluster
+from rsi_reviews.regression.ray_cluster import RayCluster
 from rsi_reviews.regression.results import ResultsFile, evaluator_version
 from rsi_reviews.regression.runner import RunProgress, measured
 from rsi_reviews.regression.suite import shipped

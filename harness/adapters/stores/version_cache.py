@@ -14,7 +14,7 @@ from harness.contracts.ids import StreamId
 from harness.contracts.ports import LogHead, StoredEvent
 
 
-class Unchanged:
+class VersionCache:
     """The last version of streams and the head, as this process wrote or read them. Safe between threads.
 
     `writing` is held by whoever appends. Raises sqlite3.Error.
