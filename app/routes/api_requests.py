@@ -49,10 +49,9 @@ def known_parameters(request: Request) -> None:
     known = {one.alias for one in route.dependant.query_params}
     unknown = sorted(set(request.query_params) - known)
     if unknown:
-        raise ContractInvalid(
-            because("unknown_parameter", name=unknown[0][:40], known=", ".join(sorted(known)) or "none: it takes none"),
-            where=request.url.path,
-        )
+        name = unknown[0][:40]
+        reason = because("unknown_parameter", name=name, known=tuple(sorted(known)))
+        raise ContractInvalid(reason if known else because("no_parameters_here", name=name), where=request.url.path)
 
 
 CHECKED = [Depends(known_parameters)]

@@ -11,7 +11,7 @@ from app.views.timeline import TimelineEntry
 from harness.contracts.events import MissionEnded
 from harness.contracts.protocol import RobotStatus
 from harness.contracts.read_models import MissionItem
-from harness.contracts.reasons import because
+from harness.contracts.reasons import because, recorded
 from harness.contracts.tasks import order
 from harness.projections.exploration import choices
 from harness.projections.mission import Mission, declared_goals
@@ -90,7 +90,7 @@ def sentence(mission: Mission) -> str:
         case "paused":
             return lazy_gettext("Paused: {reason}", reason=mission.reason)
         case "cancelled" | "safe_stopped" | "failed" | "handed_off" | "partly_verified":
-            return reasoned(because("mission_over", reason=mission.reason))
+            return _over(mission)
         case "compiled":
             return lazy_gettext("Compiled; it begins when {robot_id} is free.", robot_id=mission.robot_id)
         case "succeeded":
@@ -143,11 +143,17 @@ def goal_conditions(mission: Mission) -> tuple[ConditionRow, ...]:
     )
 
 
+def _over(mission: Mission) -> str:
+    """Why a mission ended. What a person wrote, and what an older release stored, stays as it is."""
+    reason = recorded(mission.reason) if isinstance(mission.reason, str) else mission.reason
+    return reasoned(because("mission_over", reason=reason))
+
+
 def goal_reason(mission: Mission) -> str:
     """Why the goal counts as reached, in part or not, as far as it was tested."""
     verdict = mission.goal_verdict
     if verdict is None:
         return N_("Tested once every required stage is accepted, exactly as they were first stored.")
     if mission.status == "partly_verified":
-        return reasoned(because("mission_over", reason=mission.reason))
+        return _over(mission)
     return reasoned(verdict.reason) or N_("Every original condition was tested again.")

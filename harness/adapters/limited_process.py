@@ -154,7 +154,7 @@ class LimitedProcess:
         try:
             problem = decode(body, ParserProblem)
         except msgspec.MsgspecError:
-            return self._failure(because("parser_failed", error="its answer cannot be read"), where=where)
+            return self._failure(because("parser_answer_unreadable"), where=where)
         kind = getattr(errors, problem.kind, None)
         known = kind if isinstance(kind, type) and issubclass(kind, HarnessError) else self._failure
         return known(problem.what, where=problem.where or where, do=problem.do)

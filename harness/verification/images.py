@@ -116,7 +116,7 @@ def _check_png(body: bytes, digest: Digest, *, width: int, height: int) -> None:
     except (zlib.error, struct.error, ValueError) as error:
         raise Undecidable(because("image_not_whole", image=digest[:12], error=str(error)[:120])) from error
     if interlaced or colour not in CHANNELS or len(found) != expected:
-        raise Undecidable(because("image_not_whole", image=digest[:12], error="rows are missing"))
+        raise Undecidable(because("image_not_whole", image=digest[:12], error=because("image_rows_missing")))
 
 
 def _chunks(body: bytes) -> bytes:

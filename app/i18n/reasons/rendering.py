@@ -5,7 +5,6 @@ vocabulary, `{x:words}` several of them, `{x:or}` the same with "or" before the 
 `{x:instant}` is an instant with its date and `{x:clock}` its time of day.
 """
 
-import re
 import warnings
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -103,7 +102,7 @@ WHERE = N_("Where: {where}")
 INSTANTS: Mapping[str, str] = {"instant": "yyyy-MM-dd HH:mm:ss", "clock": "HH:mm:ss"}
 """How an instant, in seconds since the Unix epoch, is written: with its date, or by its time of day."""
 NONE = "none"
-_IDENTIFIER = re.compile(r"[a-z0-9]+(?:[_.:+-][a-z0-9]+)*")
+"""The fact that stands for an empty list; every other name is a name, whatever the catalogue holds."""
 WORDS = frozenset({"word", "words", "or", "capital"})
 """Format specifications that are ours."""
 
@@ -187,14 +186,6 @@ def word(slug: str, language: str = ENGLISH) -> str:
     return translated(slug.replace("_", " "), language)
 
 
-def is_identifier(value: str) -> bool:
-    """Whether a fact names a thing, such as a stage called `report`: no language has another word for it.
-
-    A term of the vocabulary is asked for by its hole (`{verdict:word}`); `none` stands for an empty list.
-    """
-    return value != NONE and _IDENTIFIER.fullmatch(value) is not None
-
-
 class _Formatter(Formatter):
     """Fills the holes of one message with facts."""
 
@@ -216,14 +207,14 @@ class _Formatter(Formatter):
                     return alternatives.join((commas.join(listed[:-1]), listed[-1]))
                 return commas.join(listed)
             case str() if format_spec == "capital":
-                text = word(value, self._language) if is_identifier(value) else translated(value, self._language)
+                text = word(value, self._language)
                 return f"{text[:1].upper()}{text[1:]}"
             case int() | float() if format_spec in INSTANTS:
                 at = datetime.fromtimestamp(value, UTC)
                 return format_datetime(at, INSTANTS[format_spec], locale=LOCALES[self._language]) + " UTC"
             case str() if format_spec in WORDS:
                 return word(value, self._language)
-            case str() if not format_spec and not is_identifier(value):
-                return translated(str(value), self._language)
+            case str() if value == NONE:
+                return word(value, self._language)
             case _:
                 return str(super().format_field(value, format_spec))
