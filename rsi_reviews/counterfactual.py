@@ -211,7 +211,9 @@ class _Again:
         if before != after:
             yield _difference(stored, "wait", node_id, before=f"{before:g} s", after=f"{after:g} s")
 
-    def _context_differences(self, stored: StoredEvent, name: Digest, *, node_id: NodeId | None) -> Iterator[DecisionDifference]:
+    def _context_differences(
+        self, stored: StoredEvent, name: Digest, *, node_id: NodeId | None
+    ) -> Iterator[DecisionDifference]:
         """The records that the role would have been shown; those withheld for the budget are known by kind only."""
         context = self._stored(name, Context)
         other = self._narrowed(context)

@@ -189,7 +189,9 @@ def _released(
         case events.CandidateReleased():
             return replace(review, status="current", ended_reason=event.reason)
         case events.CandidateRolledBack():
-            return _with_entry(replace(review, status="rolled_back", ended_reason=event.reason), "rolled_back", event.by)
+            return _with_entry(
+                replace(review, status="rolled_back", ended_reason=event.reason), "rolled_back", event.by
+            )
         case events.CandidateWithdrawn():
             return _with_entry(replace(review, status="withdrawn", ended_reason=event.reason), "withdrawn", event.by)
         case _:

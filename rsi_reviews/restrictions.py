@@ -154,4 +154,6 @@ def _ladder(
 
 
 def _refusal(rule: str, path: str, old: Any, new: Any, code: str, **facts: Fact) -> RestrictionViolation:
-    return RestrictionViolation(rule=rule, path=path, old=display_value(old), new=display_value(new), reason=because(code, **facts))
+    return RestrictionViolation(
+        rule=rule, path=path, old=display_value(old), new=display_value(new), reason=because(code, **facts)
+    )

@@ -252,7 +252,9 @@ def _number(value: Any) -> bool:
 
 
 def _refusal(rule: str, path: str, old: Any, new: Any, code: str, **facts: Fact) -> RestrictionViolation:
-    return RestrictionViolation(rule=rule, path=path, old=display_value(old), new=display_value(new), reason=because(code, **facts))
+    return RestrictionViolation(
+        rule=rule, path=path, old=display_value(old), new=display_value(new), reason=because(code, **facts)
+    )
 
 
 def display_value(value: Any) -> str:

@@ -108,7 +108,9 @@ def bill(lock: Mapping[str, Any], installed: Mapping[str, Any], files: tuple[Com
             needed = {refs[ref] for ref in one.get("dependsOn", ()) if ref in refs}
             needs[refs.get(one["ref"], OWN)] |= needed
     needs[OWN] |= {one["bom-ref"] for one in files}
-    components = [one | ({"licenses": licence_names} if (licence_names := licences.get(one["purl"])) else {}) for one in packages]
+    components = [
+        one | ({"licenses": licence_names} if (licence_names := licences.get(one["purl"])) else {}) for one in packages
+    ]
     return {
         **lock,
         "components": [*components, *files],

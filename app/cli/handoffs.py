@@ -152,7 +152,9 @@ def reject(
 
     def act_of(handoff: Handoff) -> Act:
         key = _key(handoff_id, "reject", reason)
-        return acts.RejectHandoffAct.of(decision="reject", reason=reason, key=key, claim=token, **_approval_fields(handoff))
+        return acts.RejectHandoffAct.of(
+            decision="reject", reason=reason, key=key, claim=token, **_approval_fields(handoff)
+        )
 
     _end(data, handoff_id, "decision", act_of, as_json=as_json, success="safe_stopped")
 

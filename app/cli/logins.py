@@ -74,8 +74,12 @@ def logout(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
 def whoami(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Who acts here: an account, or a user of this machine without one."""
     found = principal(data)
-    role_list = ", ".join(found.roles) if found.roles else "no account: may run, stop and administer, and decides nothing"
-    output.show({"name": found.name, "roles": list(found.roles)}, as_json=as_json, lines=[f"{found.name} ({role_list})"])
+    role_list = (
+        ", ".join(found.roles) if found.roles else "no account: may run, stop and administer, and decides nothing"
+    )
+    output.show(
+        {"name": found.name, "roles": list(found.roles)}, as_json=as_json, lines=[f"{found.name} ({role_list})"]
+    )
 
 
 def token_of(data: Path) -> str:

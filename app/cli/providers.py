@@ -169,7 +169,9 @@ def _selected_providers(
     return [ProviderId(name) for name in named if not (still and name in moving)]
 
 
-def _checked(name: ProviderId, stand: Stand, declared: dict[ProviderId, ConformanceFile], *, fencing: int) -> ConformanceResult:
+def _checked(
+    name: ProviderId, stand: Stand, declared: dict[ProviderId, ConformanceFile], *, fencing: int
+) -> ConformanceResult:
     declaration = declared[name] if name in declared else shipped(name)
     sys.stderr.write(f"{visible_at_terminal(name)}\n")
     return check(stand, declaration, mission_id=fresh_name(), fencing=fencing, watch=_tell)

@@ -96,7 +96,11 @@ def _post(kind: type[acts.CandidateAct], candidate: str, given: dict[str, str], 
     """Post the act, bound to what stands there now, and print the candidate after it."""
     with api_without_robots(data) as api:
         candidate_sheet: dict[str, Any] = api.get(f"/candidates/{candidate}")
-        bound = {"cycle": candidate_sheet["cycle"], "subject": candidate_sheet["digest"]} if "subject" in kind.model_fields else {}
+        bound = (
+            {"cycle": candidate_sheet["cycle"], "subject": candidate_sheet["digest"]}
+            if "subject" in kind.model_fields
+            else {}
+        )
         key = _key(kind.verb, candidate_sheet["candidate"], f"{candidate_sheet['cycle']}:{given}")
         act = kind.of(**bound | given, key=key)
         answer: dict[str, Any] = api.post(f"/candidates/{candidate_sheet['candidate']}/{kind.verb}", act.body())

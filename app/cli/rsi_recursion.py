@@ -54,9 +54,9 @@ def recursion(
     missions: Annotated[int, typer.Option(min=1, max=1000, help="Held-out missions per fleet and generation.")] = 10,
     seed: Annotated[int, typer.Option(min=0, max=1_000_000, help="Every number follows from it.")] = 1,
     processes: Annotated[int, typer.Option(min=1, max=256)] = 2,
-    results_folder: Annotated[Path, typer.Option("--kept", help="Finished fleets lie there; a run that was broken off goes on.")] = Path(
-        "var/recursion"
-    ),
+    results_folder: Annotated[
+        Path, typer.Option("--kept", help="Finished fleets lie there; a run that was broken off goes on.")
+    ] = Path("var/recursion"),
     blind: Annotated[
         bool, typer.Option("--blind", help="Then open the final test: sites hashed before the run.")
     ] = False,

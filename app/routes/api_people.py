@@ -49,7 +49,9 @@ def accounts(console: ConsoleDep, principal: PrincipalDep) -> Any:
 @router.post("/accounts", status_code=201, responses=api_requests.answers(schemas.AccountResource, status=201))
 def add(console: ConsoleDep, principal: PrincipalDep, body: AddAccountAct) -> Any:
     """Add somebody; admins only."""
-    return account_resource(console.sessions.accounts.add(body.name, roles=body.roles, password=body.password, by=principal))
+    return account_resource(
+        console.sessions.accounts.add(body.name, roles=body.roles, password=body.password, by=principal)
+    )
 
 
 @router.patch("/accounts/{name}", responses=api_requests.answers(schemas.AccountResource))

@@ -95,7 +95,9 @@ def newest_picture(console: ConsoleDep, robot_id: RobotPath) -> Response:
     """The newest picture. X-Taken-At is its mission time, X-Age-S how old it is in wall seconds."""
     frames = console.fleet.shots(robot_id)
     if not frames.kept:
-        raise UnknownName(because("no_picture", robot_id=robot_id, trouble=frames.trouble or because("nothing_came_yet")))
+        raise UnknownName(
+            because("no_picture", robot_id=robot_id, trouble=frames.trouble or because("nothing_came_yet"))
+        )
     shot = frames.kept[-1]
     age_s = max(console.clock() - shot.taken_s, 0.0)
     headers = {"X-Taken-At": f"{shot.picture.at_s:.3f}", "X-Age-S": f"{age_s:.1f}", "Cache-Control": "no-store"}

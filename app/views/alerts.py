@@ -203,7 +203,9 @@ def alerts_page(
         paging=Paging(
             shown=len(listed_later),
             found=str(len(found)),
-            following=address(PATH, params.params, before=repr(listed_later[-1].alert.last_s)) if len(later) > SHOWN else "",
+            following=address(PATH, params.params, before=repr(listed_later[-1].alert.last_s))
+            if len(later) > SHOWN
+            else "",
             first=address(PATH, params.params) if params.before_s is not None else "",
         ),
         total=len(alerts),

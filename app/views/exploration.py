@@ -170,7 +170,9 @@ def _row(number: int, choice: ExplorationDecision, inputs: _ChoiceHistory, *, se
     )
 
 
-def _detail(inputs: _ChoiceHistory, choice: ExplorationDecision, row: ChoiceRow, recorded: ChoiceRecords) -> ChoiceDetail:
+def _detail(
+    inputs: _ChoiceHistory, choice: ExplorationDecision, row: ChoiceRow, recorded: ChoiceRecords
+) -> ChoiceDetail:
     question, answer = recorded.question, recorded.answer
     proposal = answer.said if answer else None
     nodes = inputs.mission.contract.nodes if inputs.mission.contract else ()
@@ -178,7 +180,9 @@ def _detail(inputs: _ChoiceHistory, choice: ExplorationDecision, row: ChoiceRow,
     return ChoiceDetail(
         row=row,
         reason=reasoned(choice.reason),
-        said=lazy_gettext("({x}, {y}): {reason}", **_placed(proposal.target_m), reason=proposal.reason) if proposal else "",
+        said=lazy_gettext("({x}, {y}): {reason}", **_placed(proposal.target_m), reason=proposal.reason)
+        if proposal
+        else "",
         refused=reasoned(choice.refused),
         at_s=question.at_s if question else None,
         k=choice.k,

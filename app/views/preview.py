@@ -63,7 +63,9 @@ def allowed(limits: RecoveryLimits) -> str:
         N_("plan again"): limits.local_replan,
         N_("switch the skill"): limits.switch_skill,
     }
-    counts = listed(lazy_gettext("{action} {count}", action=name, count=count) for name, count in spends.items() if count)
+    counts = listed(
+        lazy_gettext("{action} {count}", action=name, count=count) for name, count in spends.items() if count
+    )
     return lazy_gettext("{total} in all: {allowed}", total=limits.total, allowed=counts) if limits.total else "none"
 
 

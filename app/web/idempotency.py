@@ -69,7 +69,13 @@ class Idempotency:
             return
         request_bytes = b"\n".join((scope["method"].encode(), scope["path"].encode(), scope["query_string"], body))
         begun = StoredAnswer(
-            caller=caller, key=key, request=sha256(request_bytes), begun_at_s=self._clock(), status=0, media_type="", body=b""
+            caller=caller,
+            key=key,
+            request=sha256(request_bytes),
+            begun_at_s=self._clock(),
+            status=0,
+            media_type="",
+            body=b"",
         )
         name = (caller, key)
         try:

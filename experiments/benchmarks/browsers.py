@@ -99,7 +99,10 @@ class BrowserPlan:
 def measure(*, readers: int, pages: int, events: int, per_s: float) -> list[Figure]:
     """Two rows: commit to changed DOM in the real pages, and the console's share of one core."""
     run = _run(readers=readers - pages, pages=pages, events=events, per_s=per_s)
-    environment = {"versions": versions((*PACKAGES, "fastapi", "uvicorn", "playwright")), "durability": {"ours": "in memory"}}
+    environment = {
+        "versions": versions((*PACKAGES, "fastapi", "uvicorn", "playwright")),
+        "durability": {"ours": "in memory"},
+    }
     detail = {
         "readers": readers, "of them Chromium pages": pages, "events": events, "events per second": per_s,
         "pages p50 ms": round(median(run.pages_ms), 1), "connections p50 ms": round(median(run.readers_ms), 1),
@@ -113,7 +116,8 @@ def measure(*, readers: int, pages: int, events: int, per_s: float) -> list[Figu
             environment=environment, targets=(Target(f"<= {TARGET_MS:g} ms", TARGET_MS, "lower"),), detail=detail,
         ),
         figure(
-            f"the console's share of one core, {title}", unit="cores", ours=round(run.cpu, 2), n=events, environment=environment,
+            f"the console's share of one core, {title}", unit="cores", ours=round(run.cpu, 2), n=events,
+            environment=environment,
             targets=(Target(f"< {TARGET_SHARE:g}", TARGET_SHARE, "lower"),), detail=detail,
         ),
     ]  # fmt: skip

@@ -79,7 +79,10 @@ PATHS = {"missions": MISSIONS, "evidence": FILTERED}
 def measure(*, missions: Sequence[int], count: int) -> list[Figure]:
     """A row for each list: the 95th percentile of server time at the largest size; the other sizes stand beside it."""
     found = _rows_found(missions, rounds=count)
-    environment = {"versions": versions((*PACKAGES, "fastapi", "jinja2")), "durability": {"ours": "read models in SQLite"}}
+    environment = {
+        "versions": versions((*PACKAGES, "fastapi", "jinja2")),
+        "durability": {"ours": "read models in SQLite"},
+    }
     figures = []
     for name, title, target_ms in LISTS:
         rows = [row for row in found if row["list"] == name]

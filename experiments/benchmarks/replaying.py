@@ -49,7 +49,10 @@ def measure(*, files: Sequence[Path], count: int) -> list[Figure]:
                 unit="x real time",
                 ours=length_s / wall_s,
                 n=count,
-                environment={"versions": versions((*PACKAGES, "mcap", "rosbags")), "durability": {"ours": "SQLite, FULL"}},
+                environment={
+                    "versions": versions((*PACKAGES, "mcap", "rosbags")),
+                    "durability": {"ours": "SQLite, FULL"},
+                },
                 targets=(Target(">= 50x real time, end to end", 50.0, "higher"),),
                 detail={
                     "length_s": round(length_s, 1),

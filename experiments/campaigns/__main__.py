@@ -178,7 +178,9 @@ def _found(arguments: argparse.Namespace, *, share: float) -> dict[str, tuple[di
     points = None if share >= 1.0 else max(4, round(40 * share))
     parts: dict[str, Callable[[], tuple[dict[str, Any], list[str]]]] = {
         "planted": lambda: _planted(planted_bugs(missions=sizes["planted"], seed=arguments.seed)),
-        "races": lambda: _plain("races", races(answers=sizes["answers"], appends=sizes["appends"], seed=arguments.seed)),
+        "races": lambda: _plain(
+            "races", races(answers=sizes["answers"], appends=sizes["appends"], seed=arguments.seed)
+        ),
         "rivals": lambda: _plain("rivals", rival_rounds(sizes["rivals"])),
         "releases": lambda: _plain("release_races", release_races(sizes["releases"])),
         "suspended": lambda: _plain("suspended_holders", suspensions(sizes["suspensions"])),
@@ -189,7 +191,9 @@ def _found(arguments: argparse.Namespace, *, share: float) -> dict[str, tuple[di
         ),
         "hard": lambda: _plain("hard_faults", hard_faults(sizes["hard"], seed=arguments.seed)),
         "hammer": lambda: _plain("hammer", hammer(sizes["hammer"], seed=arguments.seed)),
-        "workers": lambda: _plain("workers", worked_missions(sizes["workers"], seed=arguments.seed, minutes=arguments.minutes)),
+        "workers": lambda: _plain(
+            "workers", worked_missions(sizes["workers"], seed=arguments.seed, minutes=arguments.minutes)
+        ),
         "simulation": lambda: _simulated(arguments),
     }
     return {name: part() for name, part in parts.items() if arguments.only in ("", name)}
@@ -260,7 +264,12 @@ def _check(arguments: argparse.Namespace) -> None:
     match arguments.name:
         case "simulation":
             found = next(
-                (t.offences[0][1] for t in map(one_mission, seeds_of(arguments.seed, arguments.missions)) if t.offences), ""
+                (
+                    t.offences[0][1]
+                    for t in map(one_mission, seeds_of(arguments.seed, arguments.missions))
+                    if t.offences
+                ),
+                "",
             )
         case "races":
             found = next(iter(races(answers=2, appends=QUICK, seed=arguments.seed).offences), "")

@@ -127,7 +127,9 @@ class _Caller:
     def __init__(self, calling: CallerIdentity, runtime: Runtime, journal: CallerJournal) -> None:
         self._calling, self._runtime, self._journal = calling, runtime, journal
         self._creating = creation(runtime)
-        self._question = max((ask.slot for ask in read_journal(calling.journal).asks if ask.kind == "question"), default=0)
+        self._question = max(
+            (ask.slot for ask in read_journal(calling.journal).asks if ask.kind == "question"), default=0
+        )
 
     def ask(self, ask: HammerRequest) -> None:
         """Send the request to the gate and write the answer down."""

@@ -131,7 +131,9 @@ def _damage(damaged: dict[str, Any]) -> list[tuple[str, str]]:
 def _hammered(found: dict[str, Any]) -> list[tuple[str, str]]:
     decided = f"{found['decisions']:,} acknowledged by {found['callers']} callers, {found['refusals']:,} refused"
     kills = f"{found['kills']}, {found['in_question']} between question and answer, of which {found['stood']} stood"
-    summary = f"{found['lost']} lost, {found['doubled']} doubled, {found['streams']:,} states from zero{_offences(found)}"
+    summary = (
+        f"{found['lost']} lost, {found['doubled']} doubled, {found['streams']:,} states from zero{_offences(found)}"
+    )
     return [("gate decisions under random SIGKILL", decided), ("their kills", kills), ("those decisions", summary)]
 
 

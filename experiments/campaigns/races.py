@@ -174,7 +174,9 @@ def _appended(gates: Sequence[Gate], number: int) -> tuple[list[str], bool]:
     handoff = opening(handoff_id)
     gates[0].commit([CommandEnvelope(handoff_stream(handoff_id), handoff, None)])
     if number % 3 == 0:
-        again = RefreshHandoff(k=handoff.k, proposal=handoff.proposal, snapshot=handoff.snapshot, evidence=handoff.evidence)
+        again = RefreshHandoff(
+            k=handoff.k, proposal=handoff.proposal, snapshot=handoff.snapshot, evidence=handoff.evidence
+        )
         gates[1].commit([CommandEnvelope(handoff_stream(handoff_id), again, None)])
 
     def approve(responder: int) -> Any:

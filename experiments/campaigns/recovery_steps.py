@@ -156,7 +156,7 @@ def run(arguments: argparse.Namespace) -> None:
     report = recovery_steps(arguments.missions, seed=arguments.seed)
     print(table(report))
     if arguments.publish:
-        command = f"python -m experiments.campaigns recovery --missions {arguments.missions} --seed {arguments.seed} --publish"
-        publish(report, command=command)
+        sizes = f"--missions {arguments.missions} --seed {arguments.seed}"
+        publish(report, command=f"python -m experiments.campaigns recovery {sizes} --publish")
     if report.offences:
         raise SystemExit(1)

@@ -102,4 +102,6 @@ def _rival(kind: str, request: OpenHandoff, responder: int) -> HandoffCommand:
         case "claim":
             return TakeClaim(actor=person(responder), claim=f"t-{responder}")
         case _:
-            return RefreshHandoff(k=request.k, proposal=request.proposal, snapshot=request.snapshot, evidence=request.evidence)
+            return RefreshHandoff(
+                k=request.k, proposal=request.proposal, snapshot=request.snapshot, evidence=request.evidence
+            )

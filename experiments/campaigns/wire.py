@@ -133,7 +133,9 @@ class WiredProvider:
         if self._local and self._wire.strikes("provider-silent"):
             raise ProviderUnreachable("The provider does not answer", where=self._card.provider_id)
 
-    def _report(self, call: Callable[[], InvocationReport], *, handle: str = "", acts: bool = False) -> InvocationReport:
+    def _report(
+        self, call: Callable[[], InvocationReport], *, handle: str = "", acts: bool = False
+    ) -> InvocationReport:
         self._hear()
         report = self._wire.carry(call, older=self._before.get(handle), acts=acts)
         self._before[report.handle] = report

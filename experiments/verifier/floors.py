@@ -79,7 +79,12 @@ def _case(
     observed = () if name == "map missing" else (reference,)
     packet = packet_of(node, OBSERVER, from_s=at_s - 5.0, until_s=at_s)
     inputs = shown_goal(
-        (effect,), (node,), {node.node_id: (packet, K + 1)}, stored_blobs, at_s=at_s + 5.0, mission={"observed": observed}
+        (effect,),
+        (node,),
+        {node.node_id: (packet, K + 1)},
+        stored_blobs,
+        at_s=at_s + 5.0,
+        mission={"observed": observed},
     )
     truth = True if share > target_share + EDGE else False if share < target_share - EDGE else None
     return VerifierCase("covered", name, truth, inputs, condition_id_of(effect, "goal"), epistemic=name in FORGED)

@@ -223,7 +223,9 @@ def _message(chance: Random, number: int, *, of_goal: bool) -> VerifierCase:
             measured=found,
         )
         label = f"{name}, since it was accepted" if name in CHANGES else name
-        return VerifierCase("message_stored", label, truth, inputs, condition_id_of(effect, "goal"), epistemic=epistemic)
+        return VerifierCase(
+            "message_stored", label, truth, inputs, condition_id_of(effect, "goal"), epistemic=epistemic
+        )
     packet = _misplaced(packet, name)
     truth = truth and not name.startswith("packet of") and name != "message of another request"
     inputs = shown_packet(node, packet, DELIVERY, blobs, facts=(reported,))

@@ -47,7 +47,9 @@ def odometry_gaps(track: Trajectory, window: JudgedSpan, chance: Random) -> Traj
     """Odometry and IMU drop out up to three times, for up to two seconds."""
     gaps = [(begin, begin + chance.uniform(0.3, 2.0)) for begin in (window.late(chance, 1.0) for _ in range(3))]
     remaining = tuple(o for o in track.odometry if all(not a <= o.at_s <= b for a, b in gaps))
-    return replace(track, odometry=remaining, imu=tuple(o for o in track.imu if all(not a <= o.at_s <= b for a, b in gaps)))
+    return replace(
+        track, odometry=remaining, imu=tuple(o for o in track.imu if all(not a <= o.at_s <= b for a, b in gaps))
+    )
 
 
 def silent(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:

@@ -178,7 +178,10 @@ def _case(name: str, one: SpokenReport, chance: Random, *, of_goal: bool) -> Ver
             evidence = (evidence[0], replace(evidence[1], blob=_store(blobs, encode(recognition))))
         case "recogniser gives out what was asked":
             found = decode(blobs[evidence[1].blob], Recognition)
-            evidence = (evidence[0], replace(evidence[1], blob=_store(blobs, encode(replace(found, heard=found.asked)))))
+            evidence = (
+                evidence[0],
+                replace(evidence[1], blob=_store(blobs, encode(replace(found, heard=found.asked)))),
+            )
         case _:
             pass
     truth = False if early or name == "packet of another request" else truth

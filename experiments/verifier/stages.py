@@ -191,7 +191,9 @@ def _declared(inputs: CaseInputs, node_id: NodeId, packets: dict[NodeId, Any]) -
 
 def _of_state(inputs: CaseInputs, mission: Mission) -> CaseInputs:
     """What is shown, of another state."""
-    return CaseInputs(view=replace(inputs.view, mission=mission), blobs=inputs.blobs, packet=inputs.packet, card=inputs.card)
+    return CaseInputs(
+        view=replace(inputs.view, mission=mission), blobs=inputs.blobs, packet=inputs.packet, card=inputs.card
+    )
 
 
 def _accepted(name: str, node_id: str, packet_id: PacketId, *, low: bool = False, **arguments: Any) -> CommittedFact:

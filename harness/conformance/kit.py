@@ -9,6 +9,7 @@ from harness.conformance.subject import Stand
 from harness.conformance.test_bench import Bench, Log
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.ids import MissionId
+from harness.contracts.reasons import because
 
 FIRST_TOKEN = 1
 """The first token that a lease stream gives out: what requests carry where none was given out yet."""
@@ -31,9 +32,8 @@ def check(
     strange = sorted({*declaration.meets, *declaration.exempt} - set(NAMES))
     if strange:
         raise ContractInvalid(
-            f"The kit has no row {', '.join(strange)}",
+            because("conformance_rows_unknown", rows=tuple(strange), known=tuple(NAMES)),
             where=f"conformance file of {declaration.provider_id}",
-            do=f"there are {', '.join(NAMES)}",
         )
     card, log, found = stand().provider.card, Log(), []
     for row in rows:

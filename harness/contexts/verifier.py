@@ -136,7 +136,9 @@ def _request(view: StateView, conditions: tuple[Condition, ...]) -> list[Selecti
     if requester is None or all(one.effect.predicate != "recorded_request" for one in conditions):
         return []
     channel = view.mission.channel if isinstance(view.mission.channel, str) else "unnamed"
-    record = RequestRecord(text=view.contract.goal.digest, requested_by=requester.name, role=requester.role, channel=channel)
+    record = RequestRecord(
+        text=view.contract.goal.digest, requested_by=requester.name, role=requester.role, channel=channel
+    )
     return [SelectionItem(accepted("request", "log", record, at_s=view.at_s, mandatory=True))]
 
 

@@ -137,7 +137,9 @@ def _by_phrase(text: str, templates: Sequence[TaskTemplate]) -> TaskTemplate | N
     return next((one for one in templates for phrase in one.phrases if folded(phrase) == words), None)
 
 
-def _by_name(named: TaskTemplate, request: GoalRequest, templates: Sequence[TaskTemplate], site: Site) -> UnderstoodGoal:
+def _by_name(
+    named: TaskTemplate, request: GoalRequest, templates: Sequence[TaskTemplate], site: Site
+) -> UnderstoodGoal:
     """A template by its name alone means its own goal; one that serves no clause takes no other goal."""
     if not named.serves:
         if request.template and request.text not in ("", named.goal):

@@ -28,7 +28,9 @@ class Recent:
             cached = self._answers.get(query) if self._at == at else None
             return None if cached is None else list(cached)
 
-    def keep(self, query: memory.MemoryQuery, found: Iterable[memory.MemoryEntry], *, at: memory.FollowPosition) -> None:
+    def keep(
+        self, query: memory.MemoryQuery, found: Iterable[memory.MemoryEntry], *, at: memory.FollowPosition
+    ) -> None:
         """Cache what the index answered at this mark, newest first."""
         with self._lock:
             if self._at != at or len(self._answers) >= MOST:

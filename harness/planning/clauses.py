@@ -96,7 +96,10 @@ class _Planning:
         bound_clauses = tuple(clause for clause in clauses if any(clause is one for one in self._kept))
         defaults = tuple(self._defaults())
         found = replace(
-            self._reading, clauses=bound_clauses, defaults=defaults, unread=_in_order([*self._reading.unread, *self._left])
+            self._reading,
+            clauses=bound_clauses,
+            defaults=defaults,
+            unread=_in_order([*self._reading.unread, *self._left]),
         )
         return GoalPlan(found, tuple(self._parts), tuple(self._keep_out), self._declined, self._returning)
 

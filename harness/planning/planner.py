@@ -121,7 +121,9 @@ def _storable(proposal: PlanProposal) -> PlanProposal:
     if not isinstance(proposal, PlanProposal):
         raise TypeError(f"{type(proposal).__name__} is no plan")
     node_id = NodeId(_short(proposal.node_id)) if proposal.node_id is not None else None
-    return PlanProposal(node_id=node_id, reason=proposal.reason if isinstance(proposal.reason, Reason) else _short(proposal.reason))
+    return PlanProposal(
+        node_id=node_id, reason=proposal.reason if isinstance(proposal.reason, Reason) else _short(proposal.reason)
+    )
 
 
 def _short(text: str) -> str:

@@ -5,23 +5,26 @@ from collections.abc import Callable
 
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.protocol import Parameters
+from harness.contracts.reasons import Reason, because
 
 
-def parameter_problems(card: CapabilityCard, parameters: Parameters) -> tuple[str, ...]:
-    """What is wrong with the parameters of a request, as sentences; empty when they fit the card."""
+def parameter_problems(card: CapabilityCard, parameters: Parameters) -> tuple[Reason, ...]:
+    """What is wrong with the parameters of a request; empty when they fit the card."""
     declared = {parameter.name: parameter for parameter in card.parameters}
-    problems = [f"Parameter {name} is not on the card" for name in parameters if name not in declared]
+    problems = [because("parameter_undeclared", name=name) for name in parameters if name not in declared]
     for name, parameter in declared.items():
         if name not in parameters:
             if parameter.required:
-                problems.append(f"Parameter {name} is missing")
+                problems.append(because("parameter_required", name=name))
         elif not _FITS[parameter.type](parameters[name]):
-            problems.append(f"Parameter {name} is not of type {parameter.type}")
+            problems.append(because("parameter_of_another_type", name=name, type=parameter.type))
         elif parameter.type == "number":
             value = float(parameters[name])  # type: ignore[arg-type]
-            lowest, highest = parameter.minimum, parameter.maximum
-            if (lowest is not None and value < lowest) or (highest is not None and value > highest):
-                problems.append(f"Parameter {name} = {value} lies outside {lowest}..{highest}")
+            facts = {"name": name, "value": value, "unit": parameter.unit}
+            if parameter.minimum is not None and value < parameter.minimum:
+                problems.append(because("parameter_too_small", bound=parameter.minimum, **facts))
+            elif parameter.maximum is not None and value > parameter.maximum:
+                problems.append(because("parameter_too_large", bound=parameter.maximum, **facts))
     return tuple(problems)
 
 

@@ -10,7 +10,9 @@ from harness.routing.requirements import ProviderRequirements
 from harness.routing.score import dearest, terms, total
 
 
-def candidates(need: ProviderRequirements, *, cards: Sequence[CapabilityCard], preferences: RoutingPreferences) -> CandidateSet:
+def candidates(
+    need: ProviderRequirements, *, cards: Sequence[CapabilityCard], preferences: RoutingPreferences
+) -> CandidateSet:
     """Every provider considered (R66): those that passed, best first, then the refused ones by id.
 
     Ties go to the lower estimated risk, then to the provider id (D23). `chosen` is none if all were refused. Being

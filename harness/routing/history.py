@@ -66,7 +66,9 @@ class RoutingHistory(Value):
             weight *= fading
         return failed / total
 
-    def _newest_first(self, setting: tuple[ProviderId, Capability, str, Digest]) -> Iterator[ExecutionResult | ExecutionOutcome]:
+    def _newest_first(
+        self, setting: tuple[ProviderId, Capability, str, Digest]
+    ) -> Iterator[ExecutionResult | ExecutionOutcome]:
         for held in reversed(self.series):
             if _setting(held) == setting:
                 yield from reversed(held.judged)

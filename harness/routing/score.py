@@ -12,7 +12,9 @@ from harness.routing.requirements import ProviderRequirements
 DECIMALS = 9
 
 
-def terms(card: CapabilityCard, need: ProviderRequirements, *, preferences: RoutingPreferences, dearest: float) -> dict[str, float]:
+def terms(
+    card: CapabilityCard, need: ProviderRequirements, *, preferences: RoutingPreferences, dearest: float
+) -> dict[str, float]:
     """The six weighted terms, signed, so that their sum is the score. `dearest` is the highest cost of all candidates.
 
     Each input is in [0, 1] first (R61): estimates as they are, latency and cost by D23, history by `History`.

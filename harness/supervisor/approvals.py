@@ -72,7 +72,9 @@ def withdraw(
         [
             *_void(connection.robot_id, intent.handoff_id, reason),
             CommandEnvelope(mission_stream(mission.mission_id), ended, connection.robot_id),
-            *give_back(runtime, HeldLeases(connection.robot_id, intent), at_rest=True, reason=because("it_was_never_sent")),
+            *give_back(
+                runtime, HeldLeases(connection.robot_id, intent), at_rest=True, reason=because("it_was_never_sent")
+            ),
         ]
     )
 

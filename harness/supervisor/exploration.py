@@ -129,7 +129,9 @@ class Explorer:
             position_m=position,
             image=image,
             map=updates(mission)[-1][1].after,
-            frontiers=edges(grid, Ways(grid, position, keep_out_m=keep_out), zones_m=zones, given_up=given_up(given_feedback)),
+            frontiers=edges(
+                grid, Ways(grid, position, keep_out_m=keep_out), zones_m=zones, given_up=given_up(given_feedback)
+            ),
             feedback=given_feedback,
             left=left,
             longest_way_m=LONGEST_WAY_M,
@@ -161,7 +163,9 @@ class Explorer:
         command = ReviseContract(
             node_id=closing.node_id, contract=contract, planner=answer.planner, reason=answer.chosen.reason
         )
-        return isinstance(self._runtime.submit(mission.mission_id, command, records=(question_record, answer_record)), Accepted)
+        return isinstance(
+            self._runtime.submit(mission.mission_id, command, records=(question_record, answer_record)), Accepted
+        )
 
 
 def _enough(mission: Mission, closing: Node, grid: exploration.GridMap) -> bool:

@@ -355,7 +355,9 @@ class InvocationMonitor:
         self._stopping_since = self._ended_since = None
         if intent.handoff_id is not None:
             command = commands.RecordEffect(outcome=effect, reason=EFFECTS[effect])
-            self._runtime.commit([CommandEnvelope(handoff_stream(intent.handoff_id), command, self._connection.robot_id)])
+            self._runtime.commit(
+                [CommandEnvelope(handoff_stream(intent.handoff_id), command, self._connection.robot_id)]
+            )
 
     def _unclear(self, mission: Mission, invocation: Invocation, now_s: float, reason: Reason) -> float:
         """What the robot answers cannot be used: after a while it is told to stop, and its outcome becomes unknown."""
@@ -415,7 +417,9 @@ class InvocationMonitor:
         self._runtime.commit(
             [
                 CommandEnvelope(mission_stream(mission.mission_id), ended, mission.robot_id),
-                *give_back(self._runtime, HeldLeases(self._connection.robot_id, intent), at_rest=settled, reason=reason),
+                *give_back(
+                    self._runtime, HeldLeases(self._connection.robot_id, intent), at_rest=settled, reason=reason
+                ),
             ]
         )
         self._close(intent, "unknown" if unknown else "failed")

@@ -43,7 +43,9 @@ class IndependentMeasurements:
         predicates = {one.effect.predicate for one in contract.completion_conditions}
         found: list[EvidenceReference] = []
         for node in contract.nodes:
-            sources = [one for one in self._sources(mission, node.node_id) if one.lasting and one.predicate in predicates]
+            sources = [
+                one for one in self._sources(mission, node.node_id) if one.lasting and one.predicate in predicates
+            ]
             if sources and mission.of(node.node_id).status == "committed":
                 measurement = self._again(mission, node.node_id, from_s=now_s, until_s=now_s)
                 found += self._measured(mission, sources, measurement)

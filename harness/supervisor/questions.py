@@ -58,7 +58,9 @@ class Questions:
         wish = self.wish(mission, node_id, action)
         return self.proposed(mission, wish, self._dispatcher.prepare(mission, wish))
 
-    def proposed(self, mission: Mission, wish: DispatchAttempt, prepared: PreparedDispatch | Refused) -> ProposedAction | None:
+    def proposed(
+        self, mission: Mission, wish: DispatchAttempt, prepared: PreparedDispatch | Refused
+    ) -> ProposedAction | None:
         """What a person is shown of a prepared invocation; None where no provider can do it."""
         if isinstance(prepared, Refused) or wish.recovery is None:
             return None

@@ -18,7 +18,7 @@ from harness.contracts.configuration import Configuration, FailureClass, Recover
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import RobotId
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import because
 from harness.contracts.simulation import Simulator
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Name, Value
@@ -145,9 +145,7 @@ def arm(name: str) -> EvaluationArm:
     """The arm of that name; raises UnknownName."""
     found = next((one for one in ARMS if one.name == name), None)
     if found is None:
-        raise UnknownName(
-            f"There is no arm {name!r}", where="--arms", do=f"name some of {', '.join(one.name for one in ARMS)}"
-        )
+        raise UnknownName(because("unknown_arm", name=name, known=tuple(one.name for one in ARMS)), where="--arms")
     return found
 
 
@@ -168,7 +166,11 @@ def run_under(chosen: EvaluationArm, case: ArmCase, simulator: Simulator) -> Cas
             done = _prepared(harness, mission)
             diary = chosen.walk(Robotics(harness, done))
         cpu_s, ended_s = process_time() - worked_s, harness.clock.now().mission_s
-        story = story_of(harness, done, intended=intended) if chosen.walk is None else _noted(harness, done, diary, intended=intended)
+        story = (
+            story_of(harness, done, intended=intended)
+            if chosen.walk is None
+            else _noted(harness, done, diary, intended=intended)
+        )
         return CaseReport(story, diary.status, diary.spent, diary.handoffs, ended_s - begun_s, cpu_s)
 
 
@@ -193,7 +195,7 @@ def _world(case: ArmCase, configured: Configuration, simulator: Simulator) -> It
 def _started(harness: Harness, start: Start) -> Mission:
     decision = harness.runtime.start(start)
     if isinstance(decision, Refused):
-        raise ContractInvalid(f"The mission was refused: {plain(decision.reason)}", where=start.template)
+        raise ContractInvalid(because("evaluated_mission_refused", why=decision.reason), where=start.template)
     return harness.runtime.missions()[0]
 
 
@@ -202,7 +204,7 @@ def _prepared(harness: Harness, mission: Mission) -> Mission:
     and is its last."""
     harness.supervisor.step(mission.mission_id)
     if harness.starts(mission.mission_id):
-        raise ContractInvalid("The harness has begun to move the robot of another arm", where=mission.mission_id)
+        raise ContractInvalid(because("arm_moved_by_harness"), where=mission.mission_id)
     return harness.runtime.mission(mission.mission_id)
 
 

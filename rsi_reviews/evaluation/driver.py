@@ -164,7 +164,9 @@ class Driver:
     def _attempt(self, node: Node, name: str, *, since_s: float) -> LegExecution | None:
         provider, number = self._robot.providers[name], self._next(node)
         dispatched_s = self._robot.now_s
-        request = self._robot.request(node, attempt=number, provider=provider, parameters=parameters_of(node, attempt=number))
+        request = self._robot.request(
+            node, attempt=number, provider=provider, parameters=parameters_of(node, attempt=number)
+        )
         begun = self._started(provider, request, node)
         if begun is None:
             return None

@@ -14,6 +14,7 @@ import msgspec
 
 from harness.contracts.errors import ContractInvalid, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
+from harness.contracts.reasons import because
 from harness.contracts.simulation import Simulator
 from harness.contracts.values import Count, Name, Value, encode
 from rsi_reviews.evaluation.adjudicator import adjudicate
@@ -170,9 +171,7 @@ def _run(waiting: Sequence[ArmCase], simulator: Simulator, *, processes: int) ->
         try:
             yield from _spread(pool, chunks, simulator, ahead=processes * AHEAD)
         except BrokenProcessPool as error:
-            raise StoreUnavailable(
-                "A worker process ended without a word", where="--processes", do="run again: finished missions are kept"
-            ) from error
+            raise StoreUnavailable(because("worker_ended_silently"), where="--processes") from error
         finally:
             pool.shutdown(cancel_futures=True)
 
@@ -207,9 +206,8 @@ def _read_results(file: Path, ask: ProtocolRequest, simulator: Simulator) -> dic
     first, *lines = file.read_bytes().splitlines()
     if first != encode(heading):
         raise ContractInvalid(
-            "The kept missions were run by other code or from another seed",
+            because("finished_missions_differ"),
             where=str(file),
-            do="move the file away, or name another one with --kept",
         )
     found = {}
     for line in lines:

@@ -10,6 +10,7 @@ import msgspec
 
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import because
 from harness.contracts.values import Count, Name, Value
 from rsi_reviews.evaluation.arms import ABLATIONS, ARMS, COMPARED
 from rsi_reviews.evaluation.measures import Cell, ConfidenceInterval, JudgedMission, cell
@@ -81,13 +82,11 @@ def evaluation(
 def load(path: Path) -> EvaluationReport:
     """A published evaluation. Raises UnknownName where there is none, ContractInvalid where it cannot be read."""
     if not path.exists():
-        raise UnknownName("No evaluation is published", where=str(path), do="run `regen evaluate --publish`")
+        raise UnknownName(because("no_published_evaluation"), where=str(path))
     try:
         return msgspec.json.decode(path.read_bytes(), type=EvaluationReport)
     except msgspec.MsgspecError as error:
-        raise ContractInvalid(
-            f"The evaluation cannot be read: {error}", where=str(path), do="run `regen evaluate --publish` again"
-        ) from error
+        raise ContractInvalid(because("published_evaluation_unreadable", error=str(error)), where=str(path)) from error
 
 
 def save(found: EvaluationReport, path: Path) -> None:
@@ -101,7 +100,7 @@ def with_figures(page: str, found: EvaluationReport) -> str:
     before, begin, rest = page.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:
-        raise ContractInvalid("The page has no place for figures", where=f"{BEGIN} ... {END}")
+        raise ContractInvalid(because("page_without_figures", begin=BEGIN, end=END), where=f"{BEGIN} ... {END}")
     return f"{before}{BEGIN}\n\n{figures(found)}\n{END}{after}"
 
 

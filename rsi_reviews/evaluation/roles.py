@@ -16,6 +16,7 @@ from harness.contracts.contexts import Context
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.observations import Trajectory
+from harness.contracts.reasons import because
 from harness.contracts.simulation import Simulator
 from harness.contracts.tasks import Node
 from harness.contracts.values import Count, Name, Value, decode
@@ -77,9 +78,13 @@ class _Answer(msgspec.Struct, frozen=True):
     reason: str = ""
 
 
-def ask_model(trials: Sequence[VerifierTrial], model: Model, *, name: str, progress: Callable[[int], None]) -> RoleReport:
+def ask_model(
+    trials: Sequence[VerifierTrial], model: Model, *, name: str, progress: Callable[[int], None]
+) -> RoleReport:
     """Every trial in both forms. An answer that cannot be read is no acceptance, and is counted as unanswered."""
-    words: dict[tuple[bool, bool], list[str]] = {(complete, form): [] for complete in (True, False) for form in (True, False)}
+    words: dict[tuple[bool, bool], list[str]] = {
+        (complete, form): [] for complete in (True, False) for form in (True, False)
+    }
     for number, trial in enumerate(trials, start=1):
         words[trial.shown, True].append(answered(model, trial.isolated))
         words[trial.shown, False].append(answered(model, trial.shared))
@@ -129,7 +134,7 @@ def adversarial(
             (controls_found if trial.shown else unshown).append(trial)
         number += 1
         if number > trials + controls:
-            raise ContractInvalid("The missions leave too few packets to judge", where="roles.FAULTS")
+            raise ContractInvalid(because("too_few_packets"), where="roles.FAULTS")
     return (*unshown[:trials], *controls_found[:controls])
 
 

@@ -16,7 +16,7 @@ from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.decider import Codec
 from harness.contracts.errors import UnknownName
 from harness.contracts.ports import StoredEvent
-from harness.contracts.reasons import Explanation
+from harness.contracts.reasons import Explanation, because
 from harness.contracts.tasks import TaskContract
 from harness.projections.memory import place_of
 from harness.routing.question import RoutingQuestion
@@ -115,7 +115,7 @@ def mission_trace(runtime: Runtime, mission_id: ids.MissionId) -> MissionTrace:
     """One mission. Raises UnknownName if it does not exist."""
     stored = runtime.events(mission_id)
     if not stored:
-        raise UnknownName(f"There is no mission {mission_id}", do="list them with `regen mission list`")
+        raise UnknownName(because("unknown_mission_of_trace", mission_id=mission_id))
     reading = _Reading(runtime)
     for one in stored:
         reading.take(one, _CODEC.decode(one))

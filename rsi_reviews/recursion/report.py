@@ -197,10 +197,12 @@ def _beats(refutes: str, found: dict[tuple[Key, Arm], Contrast], arm: Arm) -> Cr
     """Better in one of the two measures beyond its interval, and worse in neither."""
     cost, done = found[("recovery_cost", arm)], found[("verified_completion", arm)]
     better = (cost.low > 0 or done.low > 0) and cost.high >= 0 and done.high >= 0
-    return CriterionResult(refutes=refutes, refuted=not better, sentence=f"Against {arm}: {_contrast_text(cost)}; {_contrast_text(done)}.")
+    return CriterionResult(
+        refutes=refutes, refuted=not better, sentence=f"Against {arm}: {_text(cost)}; {_text(done)}."
+    )
 
 
-def _contrast_text(one: Contrast) -> str:
+def _text(one: Contrast) -> str:
     unit = "recovery cost per mission" if one.measure == "recovery_cost" else "verified completion"
     return f"{unit} better by {one.gain:.3f} (95 % interval {one.low:.3f} to {one.high:.3f}, {one.fleets} fleets)"
 
@@ -263,5 +265,5 @@ def _beats_or_breaks(outcomes: Sequence[FleetOutcome], found: dict[tuple[Key, Ar
     return CriterionResult(
         refutes=UNGATED_AS_GOOD,
         refuted=as_good,
-        sentence=f"Against ungated: {_contrast_text(cost)}; {_contrast_text(done)}; false completions {bound} to {loose}.",
+        sentence=f"Against ungated: {_text(cost)}; {_text(done)}; false completions {bound} to {loose}.",
     )

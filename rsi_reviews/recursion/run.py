@@ -12,6 +12,7 @@ import msgspec
 
 from harness.contracts.errors import ContractInvalid, StoreUnavailable
 from harness.contracts.ids import sha256
+from harness.contracts.reasons import because
 from harness.contracts.simulation import Simulator
 from harness.contracts.values import digest, encode
 from rsi_reviews.hidden_sites import FOLDER, site_file, site_names
@@ -51,9 +52,8 @@ def check_blind() -> None:
     found = blind_digest()
     if committed[:1] != [found]:
         raise ContractInvalid(
-            f"The blind sites have the digest {found}",
+            because("blind_sites_changed", digest=found),
             where=f"{FOLDER}/sites/{BLIND}",
-            do="restore the files that were hashed before the run; what was written after it is not blind",
         )
 
 
@@ -67,7 +67,7 @@ def outcomes(
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise StoreUnavailable(f"The folder cannot be made: {error}", where=str(folder), do="name another") from error
+        raise StoreUnavailable(because("results_folder_unmakeable", error=str(error)), where=str(folder)) from error
     found = {task: outcome for task in jobs if (outcome := _read_outcome(folder, task)) is not None}
     for outcome in _run([task for task in jobs if task not in found], simulator, processes=processes):
         _keep(folder, outcome)

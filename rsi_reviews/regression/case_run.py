@@ -17,7 +17,7 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import HarnessError
 from harness.contracts.protocol import PhysicalStart
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import because, plain
 from harness.contracts.simulation import Simulator
 from harness.contracts.stored_commands import without_command
 from harness.contracts.tasks import TaskContract
@@ -190,5 +190,5 @@ def account_of(
 
 def _contract(mission: Mission) -> TaskContract:
     if mission.contract is None:
-        raise HarnessError("The mission has no contract", where=mission.mission_id, do="correct the suite")
+        raise HarnessError(because("case_without_contract"), where=mission.mission_id)
     return mission.contract

@@ -162,7 +162,9 @@ def test_a_contract_bound_to_another_place_than_its_changes_say_is_a_difference(
     )
 
 
-def test_a_dossier_without_place_changes_as_older_ones_are_still_verifies(replaced: DossierContent, tmp_path: Path) -> None:
+def test_a_dossier_without_place_changes_as_older_ones_are_still_verifies(
+    replaced: DossierContent, tmp_path: Path
+) -> None:
     kept = [one for one in replaced.files[EVENTS].splitlines(keepends=True) if b'"stream":"place/' not in one]
     found = verify_dossier(written(replaced, b"".join(kept), tmp_path / "older.zip"))
     assert found.differences == () and found.places == ()

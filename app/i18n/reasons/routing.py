@@ -12,6 +12,7 @@ SENTENCES: Mapping[str, str] = {
     "offers_another_capability": N_("offers {capability:word}, not {wanted:words}"),
     "parameter_of_another_type": N_("parameter {name} is no {type:word}"),
     "parameter_required": N_("parameter {name} is required"),
+    "parameter_undeclared": N_("parameter {name} is not on the card"),
     "parameter_too_large": N_("parameter {name} = {value:g} is above {bound:g} {unit}"),
     "parameter_too_small": N_("parameter {name} = {value:g} is below {bound:g} {unit}"),
     "precondition_untestable": N_("precondition {precondition} cannot be tested"),

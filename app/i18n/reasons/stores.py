@@ -95,7 +95,9 @@ SENTENCES: Mapping[str, str] = {
     "fold_taken": N_("Another thread has followed the log further"),
     "folder_just_returned": N_("Another supervisor has just given the data folder back"),
     "folder_owned": N_("Another supervisor owns the data folder: process {pid} at {url}"),
-    "folder_owned_without_address": N_("Another supervisor, process {pid}, owns the data folder; it has no address yet"),
+    "folder_owned_without_address": N_(
+        "Another supervisor, process {pid}, owns the data folder; it has no address yet"
+    ),
     "folder_unownable": N_("The data folder cannot be owned: {error}"),
     "identity_known": N_("The account {name}, or the person it is for, is known already"),
     "invocation_id_invalid": N_("“{invocation}” is no invocation id"),

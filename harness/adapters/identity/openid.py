@@ -113,7 +113,9 @@ class OpenIdProvider:
         return identity.Claims(
             issuer=self.issuer,
             subject=subject,
-            name=next((str(known_claims[one]) for one in ("preferred_username", "email", "name") if known_claims.get(one)), ""),
+            name=next(
+                (str(known_claims[one]) for one in ("preferred_username", "email", "name") if known_claims.get(one)), ""
+            ),
             groups=_groups(known_claims.get(self._registration.groups_claim)),
         )
 

@@ -234,7 +234,9 @@ class SqlLog(ABC):
     # shared ---------------------------------------------------------------------------------------------------------
 
     def _verified(self, connection: Connection) -> ports.LogHead:
-        head = chain.check(chain.check_commands(self.walk(connection), lambda names: self._stored_names(connection, names)))
+        head = chain.check(
+            chain.check_commands(self.walk(connection), lambda names: self._stored_names(connection, names))
+        )
         for _ in self.records(connection):
             pass
         self._check_indexes(connection, head)
@@ -243,7 +245,9 @@ class SqlLog(ABC):
     def _stored_names(self, connection: Connection, names: Sequence[Digest]) -> Sequence[Digest]:
         """Which of these records there are."""
         with self._examined():
-            return [row[0] for row in connection.exec_driver_sql(self._sql.select_records(len(names)), tuple(names)).all()]
+            return [
+                row[0] for row in connection.exec_driver_sql(self._sql.select_records(len(names)), tuple(names)).all()
+            ]
 
     def _write(self, group: Sequence[_Append]) -> None:
         """Several appends in one transaction: one that does not fit is refused alone, a failing database fails all."""

@@ -45,7 +45,9 @@ def chosen(names: Sequence[str]) -> tuple[Mode, ...]:
     return tuple(mode for mode in MODES if not names or mode.name in names or mode.group in names)
 
 
-def fuzzed(modes: Iterable[Mode], meet: Callable[[Mode], MissionUnderLie], *, watch: Callable[[MissionUnderLie], None]) -> LieReport:
+def fuzzed(
+    modes: Iterable[Mode], meet: Callable[[Mode], MissionUnderLie], *, watch: Callable[[MissionUnderLie], None]
+) -> LieReport:
     """Every mode one after the other, each a mission of its own."""
     found: list[MissionUnderLie] = []
     for mode in modes:

@@ -23,7 +23,9 @@ def delivered(effect: AnyEffect, evidence: Evidence) -> Finding:
     images = tuple(dict.fromkeys(one.blob for one in receipts if one.blob in analysed and one.blob))
     others = tuple(dict.fromkeys(one.blob for one in receipts if one.blob not in analysed and one.blob))
     texts = [blob for blob in others if _is_text(evidence.bytes_of(blob))]
-    problems = [because("too_few_images_delivered", images=len(images), wanted=required)] if len(images) < required else []
+    problems = (
+        [because("too_few_images_delivered", images=len(images), wanted=required)] if len(images) < required else []
+    )
     problems += [] if set(images) <= panorama else [because("image_not_of_panorama")]
     problems += [] if len(texts) == 1 else [because("not_one_text_delivered", texts=len(texts))]
     problems += [because("items_of_elsewhere", items=len(others) - len(texts))] if len(others) > len(texts) else []

@@ -201,7 +201,9 @@ def _supported(one: _FloorObject, panorama: CommittedFact, returns: passage.Retu
     return bool((floor & passage.in_sight(point, returns, allowed_m=OWN_DEPTH_M)).all())
 
 
-def _visible_floor(floor: passage.Floats, panorama: CommittedFact, look: LidarLook, *, heading_rad: float) -> passage.Flags:
+def _visible_floor(
+    floor: passage.Floats, panorama: CommittedFact, look: LidarLook, *, heading_rad: float
+) -> passage.Flags:
     x_m, y_m = panorama.arguments["position"]
     if look.camera is None:
         raise Undecidable(because("no_camera_model"))

@@ -62,7 +62,11 @@ def linked(effect: AnyEffect, evidence: Evidence) -> Finding:
     problems = [
         *_within("analysed", analysed, frames, "panorama"),
         *_within("delivered", sent, tuple(analysed.arguments["frames"]), "analysis"),
-        *([] if transcript.arguments["digest"] == read(record, Goal).digest else [because("transcript_of_another_goal")]),
+        *(
+            []
+            if transcript.arguments["digest"] == read(record, Goal).digest
+            else [because("transcript_of_another_goal")]
+        ),
         *_one_mission(evidence, nodes),
     ]
     return Finding(
