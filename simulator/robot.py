@@ -7,6 +7,7 @@ from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import FencingRefused, ProviderFailed, ProviderUnreachable
 from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId
+from harness.contracts.reasons import Reason
 from harness.contracts.values import digest
 from harness.provider_protocol.journal import JournalEntry, RequestJournal
 from harness.provider_protocol.parameters import parameter_problems
@@ -221,7 +222,7 @@ class SimulatedRobot:
 
     def _check(self, card: CapabilityCard, request: protocol.StartRequest) -> None:
         named = (request.identity.provider_id, request.capability)
-        problems = [
+        problems: list[Reason | str] = [
             *([f"The request is for {' / '.join(named)}"] if named != (card.provider_id, card.capability) else []),
             *parameter_problems(card, request.parameters),
             *(f"No fencing token for {name}" for name in card.resources if name not in request.fencing),

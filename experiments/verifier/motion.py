@@ -213,9 +213,9 @@ def aimless(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
         track = run.between(window.from_s - 1.0, window.until_s)
         if name == FORGED:
             track = _forged(chance, pool, window)
-        meant = _target(chance, run, window, track)
+        goal = _target(chance, run, window, track)
         here = [run.true_at(window.until_s - back)[:2] for back in (0.0, 0.5, 1.0)]
-        truth = _all([_near(point, meant) for point in here])
+        truth = _all([_near(point, goal) for point in here])
         yield _case(
             effect, name, truth, _packet((effect,), distort(track, window, chance), window), epistemic=epistemic
         )

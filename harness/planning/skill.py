@@ -53,8 +53,8 @@ def propose_skill(context: Context) -> SkillProposal:
     node, card = _required(context, "node").read(Node), _required(context, "card").read(CapabilityCard)
     attempt = _required(context, "attempt").read(_Attempt)
     request = requested(node, capability=card.capability, attempt=attempt.attempt, action=attempt.action)
-    asked = {**within(_heeding(request, attempt, context), _constraints(context)), **_kept_out(context)}
-    taken = {parameter.name: asked[parameter.name] for parameter in card.parameters if parameter.name in asked}
+    wishes = {**within(_heeding(request, attempt, context), _constraints(context)), **_kept_out(context)}
+    taken = {parameter.name: wishes[parameter.name] for parameter in card.parameters if parameter.name in wishes}
     grounded = substitute(taken, bindings=_arguments(context), sigil="@", path=f"nodes.{node.node_id}.parameters")
     if TOLD + FROM in node.parameters and isinstance(message := grounded.get(TOLD), str):
         grounded[TOLD] = message + _unverified(context)
@@ -72,7 +72,7 @@ def propose_skill(context: Context) -> SkillProposal:
             node_id=node.node_id,
             subgoal=node.subgoal,
             facts=tuple(sorted(names_in(taken, sigil="@"))) or ("none",),
-            dropped=tuple(sorted(asked.keys() - taken.keys())) or ("none",),
+            dropped=tuple(sorted(wishes.keys() - taken.keys())) or ("none",),
         ),
     )
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 
-from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.capabilities import CapabilityCard, Parameter
 from harness.contracts.protocol import Parameters
 from harness.contracts.reasons import Reason, because
 
@@ -20,12 +20,17 @@ def parameter_problems(card: CapabilityCard, parameters: Parameters) -> tuple[Re
             problems.append(because("parameter_of_another_type", name=name, type=parameter.type))
         elif parameter.type == "number":
             value = float(parameters[name])  # type: ignore[arg-type]
-            facts = {"name": name, "value": value, "unit": parameter.unit}
-            if parameter.minimum is not None and value < parameter.minimum:
-                problems.append(because("parameter_too_small", bound=parameter.minimum, **facts))
-            elif parameter.maximum is not None and value > parameter.maximum:
-                problems.append(because("parameter_too_large", bound=parameter.maximum, **facts))
+            problems += _outside(parameter, value)
     return tuple(problems)
+
+
+def _outside(parameter: Parameter, value: float) -> list[Reason]:
+    name, low, high, unit = parameter.name, parameter.minimum, parameter.maximum, parameter.unit
+    if low is not None and value < low:
+        return [because("parameter_too_small", name=name, value=value, bound=low, unit=unit)]
+    if high is not None and value > high:
+        return [because("parameter_too_large", name=name, value=value, bound=high, unit=unit)]
+    return []
 
 
 def _number(value: object) -> bool:

@@ -34,12 +34,12 @@ def recognised(recording: bytes, *, text: str, names: tuple[str, ...]) -> Recogn
     words = sorted({word for sentence, _ in expected for word in sentence})
     sounds = pronunciations(words, known)
     understood = [(tuple(word for word in sentence if word in sounds), weight) for sentence, weight in expected]
-    heard = _decode(_samples(recording), model=bigrams(understood), dictionary=_lines(sounds))
+    recognised_text = _decode(_samples(recording), model=bigrams(understood), dictionary=_lines(sounds))
     return Recognition(
         sound=sha256(recording),
         recogniser=f"pocketsphinx {version('pocketsphinx')} en-us",
         asked=tuple(" ".join(spoken(text, names)).replace("_", " ").split()),
-        heard=tuple(heard.replace("_", " ").split()),
+        heard=tuple(recognised_text.replace("_", " ").split()),
         unknown=tuple(word.replace("_", " ") for word in words if word not in sounds),
     )
 

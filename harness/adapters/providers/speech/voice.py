@@ -98,7 +98,7 @@ class EspeakVoice(local.LocalProvider):
         taken = self._speaker.consumed(now_s)
         if taken < playback.samples:
             return Progress(share=taken / playback.samples, text=f"{taken} of {playback.samples} samples played")
-        recording = self._speaker.heard()
+        recording = self._speaker.samples_digest()
         self.halt(request.identity.request_id)
         if recording != playback.pcm:
             return local.Failed(
