@@ -40,7 +40,6 @@ from harness.contracts.ports import LogHead
 from harness.contracts.proposals import CandidateSet, RoutingExplanation
 from harness.contracts.protocol import DriveReport, PhysicalStart
 from harness.projections.control import SiteControl
-from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
 from harness.routing.explanation import explained
 from harness.routing.question import RoutingQuestion
@@ -147,15 +146,6 @@ class Console:
     def open_missions(self) -> list[Mission]:
         """Missions that have not ended, newest first."""
         return self.runtime.open_missions()
-
-    def mission_of(self, handoff: Handoff) -> Mission | None:
-        """The mission a handoff belongs to, if the log still has it."""
-        if handoff.opened is None:
-            return None
-        try:
-            return self.runtime.mission(handoff.opened.mission_id)
-        except UnknownName:
-            return None
 
     def check(self, digest: Digest) -> str:
         """Empty if a blob's bytes match its digest at this moment, else why not."""

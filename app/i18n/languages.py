@@ -1,4 +1,4 @@
-"""Languages: which one a reader gets, and what every message and instant is in it.
+"""Chooses the language of a reader, and translates messages and instants into it.
 
 A catalogue is a gettext file under locale/, read once when its language is first asked for. What it lacks is shown in
 English. The choice: ?lang= of the address, which also sets the cookie; else the cookie; else what the browser prefers.

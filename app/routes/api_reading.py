@@ -128,10 +128,10 @@ def decisions(
     limit: Annotated[int, Query(ge=1, le=200)] = 50,
 ) -> Any:
     """Who decided what, when, in which role and by which channel; newest first, below a position."""
-    deeds, scanned = newest_first(console, AuditFilter(actor, kind, everything), before=before, limit=limit)
+    found, scanned = newest_first(console, AuditFilter(actor, kind, everything), before=before, limit=limit)
     if scanned > 1:
         response.headers["Link"] = f'</api/v1/audit/decisions?before={scanned}&limit={limit}>; rel="next"'
-    return api_requests.plain(deeds)
+    return api_requests.plain(found)
 
 
 @router.get("/audit/access", responses=api_requests.answers(schemas.TrailEntry, many=True))

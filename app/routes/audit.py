@@ -38,12 +38,12 @@ def show(
 ) -> HTMLResponse:
     filters = audit.AuditFilter(actor=actor.strip(), kind=kind.strip(), everything=everything)
     given = audit.GivenAnchor(text=anchor.strip(), key=anchor_key.strip())
-    deeds, scanned_from = newest_first(console, filters, before=before)
+    decisions, scanned_from = newest_first(console, filters, before=before)
     shell = console.shell("Audit", "audit", principal.actor)
     page = audit.AuditPage(
         shell=shell,
         head=console.head(),
-        deeds=tuple(deeds),
+        decisions=tuple(decisions),
         wanted=filters,
         scanned_from=scanned_from,
         found=_log_sum(console) if verify or given.text else audit.Sum(),

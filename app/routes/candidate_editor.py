@@ -20,7 +20,7 @@ from harness.contracts.reasons import plain
 from rsi_reviews.contracts import Candidate, RestrictionViolation
 from rsi_reviews.difference import difference
 from rsi_reviews.errors import CandidateInvalid
-from rsi_reviews.generate.person import Intention, edited
+from rsi_reviews.generate.person_edits import Intention, edited
 from rsi_reviews.release_service import SignedBy
 
 router = APIRouter(prefix="/candidates")

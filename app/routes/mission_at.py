@@ -132,9 +132,7 @@ class MissionAt:
     @cached_property
     def evidence(self) -> EvidenceView:
         title = next((stage.title for stage in self.stages if stage.node_id == self.node), self.node)
-        return evidence.evidence(
-            self.mission, self.visible, node_id=self.node, title=title, check=self.console.check
-        )
+        return evidence.evidence(self.mission, self.visible, node_id=self.node, title=title, check=self.console.check)
 
     @cached_property
     def contexts(self) -> ContextsView:

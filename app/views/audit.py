@@ -102,7 +102,7 @@ class AuditPage:
 
     shell: Shell
     head: LogHead
-    deeds: tuple[AuditEvent, ...]
+    decisions: tuple[AuditEvent, ...]
     wanted: AuditFilter
     scanned_from: int
     found: Sum

@@ -79,7 +79,7 @@ class ReportPage:
     findings: tuple[DeclaredResult, ...]
     receipts: tuple[DeclaredResult, ...]
     pictures: tuple[ReportPicture, ...]
-    deeds: tuple[ReportAction, ...]
+    actions: tuple[ReportAction, ...]
     disputes: tuple[ReportAction, ...]
     unaccepted: tuple[str, ...]
     errors: tuple[str, ...]
@@ -132,7 +132,7 @@ def report_page(
             ReportPicture(blob=blob, node_id=node_id, at_s=at_s, broken=broken.get(blob, ""))
             for blob, node_id, at_s in pictures(entries)
         ),
-        deeds=_deeds(entries, journal.unanswered),
+        actions=_actions(entries, journal.unanswered),
         disputes=tuple(
             ReportAction(entry.mission_s, entry.event.actor.name, f"{entry.event.condition_id}: {entry.event.reason}")
             for entry in entries
@@ -207,7 +207,7 @@ def _word(receipt: Receipt, node_id: str) -> DeclaredResult:
     )
 
 
-def _deeds(entries: Sequence[TimelineEntry], unanswered: NoAnswerAction | None) -> tuple[ReportAction, ...]:
+def _actions(entries: Sequence[TimelineEntry], unanswered: NoAnswerAction | None) -> tuple[ReportAction, ...]:
     found: list[ReportAction] = []
     for entry in entries:
         match entry.event:

@@ -161,7 +161,7 @@ def _drawn(paper: _ReportDocument, page: ReportPage, pictures: Mapping[str, byte
     _words(paper, lazy_gettext("Findings: declared by the analysis"), page.findings)
     _pictures(paper, page, pictures)
     _words(paper, lazy_gettext("Receipts: declared by a service, not measured"), page.receipts)
-    _deeds(paper, page)
+    _actions(paper, page)
     if paper.lacking:
         paper.title_line(lazy_gettext("What could not be printed"), size=10)
         paper.paragraph(
@@ -364,10 +364,10 @@ def _caption(paper: _ReportDocument, one: ReportPicture) -> str:
     return f"{paper.spoken(words(one.node_id))} {clock(one.at_s)} UTC, sha256 {one.blob[:16]}"
 
 
-def _deeds(paper: _ReportDocument, page: ReportPage) -> None:
+def _actions(paper: _ReportDocument, page: ReportPage) -> None:
     paper.title_line(lazy_gettext("What people decided and recovery spent"))
-    if page.deeds:
-        rows = [(clock(one.at_s), one.who, one.text) for one in page.deeds]
+    if page.actions:
+        rows = [(clock(one.at_s), one.who, one.text) for one in page.actions]
         paper.rows((lazy_gettext("at"), lazy_gettext("who"), lazy_gettext("what")), rows, (14, 26, 60))
     else:
         paper.paragraph(lazy_gettext("Nobody had to decide anything and recovery spent nothing."))

@@ -1,4 +1,4 @@
-"""A routing request: what a node requires of a provider, and the state that routing may use. Pure."""
+"""States what a node requires of a provider, and the state that routing may use. Pure."""
 
 import msgspec
 

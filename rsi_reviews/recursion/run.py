@@ -68,7 +68,7 @@ def outcomes(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StoreUnavailable(because("results_folder_unmakeable", error=str(error)), where=str(folder)) from error
-    found = {task: outcome for task in jobs if (outcome := _read_outcome(folder, task)) is not None}
+    found = {one.task: one for one in read_outcomes(jobs, folder=folder)}
     for outcome in _run([task for task in jobs if task not in found], simulator, processes=processes):
         _keep(folder, outcome)
         found[outcome.task] = outcome

@@ -1,4 +1,4 @@
-"""Why somebody is not let in, and what a setting of accounts or of the identity provider lacks, by code."""
+"""Holds the sentences of sign-in, permissions, accounts and the identity provider, by reason code."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Sentences of evaluations, generated candidates, regression suites and conformance files."""
+"""Holds the sentences of evaluations, generators, regression suites and conformance files, by reason code."""
 
 from collections.abc import Mapping
 

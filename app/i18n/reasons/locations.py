@@ -1,4 +1,4 @@
-"""Where an error is, by code, as far as that takes words."""
+"""Holds the sentences that say where an error is, by reason code."""
 
 from collections.abc import Mapping
 

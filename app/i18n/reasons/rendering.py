@@ -1,4 +1,4 @@
-"""The one place where a reason becomes a sentence, in the reader's language; what it rests on stays code and facts.
+"""Turns a reason, which is a code with facts, into a sentence in the reader's language; nothing else does.
 
 A message has named holes with Python's format specifications, and a few of our own: `{x:word}` is a term of the
 vocabulary, `{x:words}` several of them, `{x:or}` the same with "or" before the last, `{x:capital}` begins a sentence,

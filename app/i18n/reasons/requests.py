@@ -1,4 +1,4 @@
-"""What is wrong with what was asked of the console or the command line, by code."""
+"""Holds the sentences of requests to the console and of command lines that are wrong, by reason code."""
 
 from collections.abc import Mapping
 

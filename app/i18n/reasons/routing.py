@@ -1,4 +1,4 @@
-"""Why a provider was filtered out, by code."""
+"""Holds the sentences about providers that routing filtered out, by reason code."""
 
 from collections.abc import Mapping
 

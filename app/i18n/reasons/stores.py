@@ -1,4 +1,4 @@
-"""What is wrong with a data folder, a database, a file or a record, by code."""
+"""Holds the sentences of data folders, databases, files and records that are wrong, by reason code."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""What the verifier found, and why a precondition holds or does not, by code."""
+"""Holds the sentences about findings of the verifier and about preconditions, by reason code."""
 
 from collections.abc import Mapping
 

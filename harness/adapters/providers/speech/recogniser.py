@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from pocketsphinx import get_model_path
 
-from harness.adapters.providers.speech.language import bigrams, pronunciations, sentences, spoken
+from harness.adapters.providers.speech.language_model import bigrams, pronunciations, sentences, spoken
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import sha256
 from harness.contracts.measurements import Recognition
