@@ -99,7 +99,7 @@ class SimulatedTeleoperation:
         robot = self._robot
         if robot.find(order.session) is not None:
             raise ProviderFailed(
-                f"Session {order.session[:12]} has ended", where=robot.robot_id, do="take the wheel again"
+                f"Session {order.session[:12]} has ended", where=robot.robot_id, do="take control again"
             )
         if robot.world.hardware_stop:
             raise ProviderFailed(

@@ -72,9 +72,9 @@ class Accounts:
         """Raises ContractInvalid for a bad name, role or password, ConcurrencyConflict for a taken name."""
         by.acting("people")
         if not NAME.fullmatch(name):
-            raise ContractInvalid(because("account_name_invalid"), where=f"name {name[:40]!r}")
+            raise ContractInvalid(because("account_name_invalid"), where=because("at_name", name=name[:40]))
         if not self.store.any_account() and "admin" not in roles:
-            raise ContractInvalid(because("first_account_not_admin"), where=f"roles {', '.join(roles)}")
+            raise ContractInvalid(because("first_account_not_admin"), where=because("at_roles", roles=tuple(roles)))
         now_s = self._clock()
         account = Account(
             name=name,
@@ -114,7 +114,7 @@ class Accounts:
         """Change one's own password, given the old one; ends one's other sessions, except the one with digest `but`."""
         if by.name != name or not self._matches(self.known(name), old):
             self.note(by, "password.refused", subject=name)
-            raise ContractInvalid(because("password_wrong"), where="the present password")
+            raise ContractInvalid(because("password_wrong"), where=because("at_present_password"))
         self._store_password(name, new, by=by, but=but)
 
     def reset_password(self, name: str, *, new: str, by: Principal) -> None:
@@ -191,7 +191,7 @@ class Accounts:
         if wrong or not scopes or not NAME.fullmatch(name):
             raise ContractInvalid(
                 because("token_name_or_scope_invalid", scopes=tuple(sorted(SCOPES))),
-                where=f"name {name[:40]!r}, scopes {', '.join(scopes) or 'none'}",
+                where=because("at_token_scopes", name=name[:40], scopes=tuple(scopes) or ("none",)),
             )
         now_s, secret = self._clock(), TOKEN_PREFIX + self.fresh()
         digest = sha256(secret.encode())
@@ -292,12 +292,16 @@ def checked_roles(roles: Collection[str]) -> tuple[str, ...]:
     """In the order of the table of roles. Raises ContractInvalid for none, or one that does not exist."""
     unknown = sorted(set(roles) - set(ROLES))
     if unknown or not roles:
-        raise ContractInvalid(because("account_without_role", roles=tuple(ROLES)), where=f"roles {', '.join(roles)}")
+        raise ContractInvalid(
+            because("account_without_role", roles=tuple(ROLES)), where=because("at_roles", roles=tuple(roles))
+        )
     return tuple(role for role in ROLES if role in roles)
 
 
 def _password(password: str, *, name: str) -> str:
     named = len(name) > 3 and name in password.lower()
     if not SHORTEST <= len(password) <= LONGEST or named or len(set(password)) < 5:
-        raise ContractInvalid(because("password_weak", shortest=SHORTEST, longest=LONGEST), where="the new password")
+        raise ContractInvalid(
+            because("password_weak", shortest=SHORTEST, longest=LONGEST), where=because("at_new_password")
+        )
     return password

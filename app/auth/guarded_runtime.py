@@ -234,4 +234,6 @@ def _signed(command: Any, actor: Actor) -> Any:
 def _same_robot(robot_id: str) -> None:
     found = principal()
     if found.robot_id not in ("", robot_id):
-        raise NotPermitted(because("token_of_other_robot", robot_id=found.robot_id), where=f"token {found.name}")
+        raise NotPermitted(
+            because("token_of_other_robot", robot_id=found.robot_id), where=because("at_token", name=found.name)
+        )

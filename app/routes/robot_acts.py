@@ -102,7 +102,8 @@ def limited(console: Console, principal: Principal, act: LimitAutonomyAct) -> No
     """Set the autonomy limit of the whole fleet. Raises NotPermitted for a token that is bound to one robot."""
     if principal.robot_id:
         raise NotPermitted(
-            because("token_cannot_set_limit", robot_id=principal.robot_id), where=f"token {principal.name}"
+            because("token_cannot_set_limit", robot_id=principal.robot_id),
+            where=because("at_token", name=principal.name),
         )
     console.runtime.decide([(CONTROL, act.to_command(principal.actor))])
     for mission in console.open_missions():
@@ -183,7 +184,7 @@ def signed(
     actor, teleoperation = principal.acting(permission or required_permission(kind)), console.teleoperation
     if principal.robot_id not in ("", robot_id):
         raise NotPermitted(
-            because("token_of_other_robot", robot_id=principal.robot_id), where=f"token {principal.name}"
+            because("token_of_other_robot", robot_id=principal.robot_id), where=because("at_token", name=principal.name)
         )
     if teleoperation is None:
         return refused("no_supervisor", because("no_supervisor_here"))

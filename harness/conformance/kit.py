@@ -33,7 +33,7 @@ def check(
     if strange:
         raise ContractInvalid(
             because("conformance_rows_unknown", rows=tuple(strange), known=tuple(NAMES)),
-            where=f"conformance file of {declaration.provider_id}",
+            where=because("at_conformance_file", provider_id=declaration.provider_id),
         )
     card, log, found = stand().provider.card, Log(), []
     for row in rows:

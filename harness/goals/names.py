@@ -26,7 +26,7 @@ def check_names(site: Site) -> None:
                     other_kind=target.kind,
                     other_id=target.id,
                 ),
-                where=f"site {site.name}, aliases of {other.id} and {target.id}",
+                where=because("at_aliases", site=site.name, first=other.id, second=target.id),
             )
 
 

@@ -209,7 +209,7 @@ def _typed(draft: Mapping[str, Any], template: tasks.TaskTemplate) -> tasks.Task
         what, _, path = str(error).partition(" - at `")
         raise ContractInvalid(
             because("template_invalid", error=what),
-            where=f"template {template.name}, {_named(path.rstrip('`') or '$', draft)}",
+            where=because("at_template_field", template=template.name, field=_named(path.rstrip("`") or "$", draft)),
         ) from error
 
 

@@ -161,7 +161,10 @@ def _unverified(context: Context) -> str:
 def _required(context: Context, kind: str) -> ContextRecord:
     record = context.one(kind)
     if record is None:
-        raise ContractInvalid(because("context_incomplete", kind=kind), where=f"C2 of {context.node_id}")
+        raise ContractInvalid(
+            because("context_incomplete", kind=kind),
+            where=because("at_role_context", role="C2", node_id=context.node_id or ""),
+        )
     return record
 
 

@@ -88,5 +88,8 @@ def alternatives_of(context: Context) -> tuple[CapabilityCard, ...]:
 def _read(context: Context, kind: str, shape: type[T]) -> T:
     record = context.one(kind)
     if record is None:
-        raise ContractInvalid(because("context_incomplete", kind=kind), where=f"C4 of {context.node_id}")
+        raise ContractInvalid(
+            because("context_incomplete", kind=kind),
+            where=because("at_role_context", role="C4", node_id=context.node_id or ""),
+        )
     return record.read(shape)

@@ -442,7 +442,7 @@ def own(report: protocol.InvocationReport, intent: MotionIntent) -> protocol.Inv
             because(
                 "report_of_other_request", provider_id=intent.provider_id, request_id=report.identity.request_id[:12]
             ),
-            where=f"invocation {intent.invocation_id}",
+            where=because("at_invocation", invocation_id=intent.invocation_id),
         )
     return report
 
