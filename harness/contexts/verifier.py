@@ -136,7 +136,13 @@ def _request(view: StateView, conditions: tuple[Condition, ...]) -> list[Selecti
     if asked is None or all(one.effect.predicate != "recorded_request" for one in conditions):
         return []
     channel = view.mission.channel if isinstance(view.mission.channel, str) else "unnamed"
-    record = RequestRecord(text=view.contract.goal.digest, requested_by=asked.name, role=asked.role, channel=channel)
+    record = RequestRecord(
+        text=view.contract.goal.digest,
+        requested_by=asked.name,
+        role=asked.role,
+        channel=channel,
+        spoken=view.mission.spoken,
+    )
     return [SelectionItem(accepted("request", "log", record, at_s=view.at_s, mandatory=True))]
 
 

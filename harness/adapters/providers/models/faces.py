@@ -87,7 +87,7 @@ def look(pixels: Pixels, view: View, *, top: int) -> Window:
 
 
 def risen(window: Window) -> frozenset[int]:
-    """The patches that fill the picture above the horizon too: something upright and taller than the lens, not floor."""
+    """The patches that fill the picture above the horizon too: upright and taller than the lens, and no floor."""
     labels = window.labels
     whole = np.bincount(labels[labels > 0].ravel(), minlength=int(labels.max()) + 1)
     above = labels[: max(round(window.view.horizon_px) - window.top, 0)]
