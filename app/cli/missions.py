@@ -39,6 +39,8 @@ app = typer.Typer(no_args_is_help=True, help="Run and read missions.")
 def run(
     template: Annotated[str, typer.Argument(help="Name of a task template, or a goal in words.")],
     data: output.Data = output.DEFAULT_DATA,
+    site: output.Site = None,
+    robot: Annotated[str, typer.Option(help="Which robot; the site's first without one.")] = "",
     as_json: output.Json = False,
     speed: Annotated[float | None, typer.Option(help="Mission seconds per second; 0 is as fast as possible.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the simulated world.", min=0)] = 1,
@@ -53,6 +55,7 @@ def run(
     """Run one mission and wait for its end. At speed 0 nothing waits for people: exit 3 at once."""
     SIMULATOR.check_faults(fault or [])
     act = StartMissionAct.of(
+        robot_id=robot,
         template="" if _in_words(template) else template,
         goal=template if _in_words(template) else goal,
         arguments=_arguments(argument),
@@ -60,7 +63,8 @@ def run(
         labels={"faults": ",".join(fault)} if fault else {},
         confirm_reading=confirm_reading,
     )
-    chosen = output.settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
+    data = output.data_of(data, site)
+    chosen = output.settings(data_folder=data, site_folder=site, speed=speed, seed=seed, fidelity=fidelity)
     with api_with_robots(data, chosen) as api:
         mission_id = api.post("/missions", act.body())["mission_id"]
         api.finish_earlier(mission_id)
@@ -81,12 +85,15 @@ def _in_words(text: str) -> bool:
 def resume(
     mission_id: str,
     data: output.Data = output.DEFAULT_DATA,
+    site: output.Site = None,
     as_json: output.Json = False,
     speed: Annotated[float | None, typer.Option(help="Mission seconds per second; 0 is as fast as possible.")] = None,
     fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
 ) -> None:
     """Go on with a mission that a crash or an exit left open."""
-    with api_with_robots(data, output.settings(data_folder=data, speed=speed, fidelity=fidelity)) as api:
+    data = output.data_of(data, site)
+    chosen = output.settings(data_folder=data, site_folder=site, speed=speed, fidelity=fidelity)
+    with api_with_robots(data, chosen) as api:
         outcome = api.follow(mission_id)
     output.show(outcome, as_json=as_json, lines=_summary(outcome))
     raise typer.Exit(output.exit_code(outcome["status"]))
@@ -336,10 +343,12 @@ def stop(
     mission_id: str,
     reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
     data: output.Data = output.DEFAULT_DATA,
+    site: output.Site = None,
     as_json: output.Json = False,
 ) -> None:
     """Stop a mission: stopping until acknowledged, then static."""
-    with api_with_robots(data) as api:
+    data = output.data_of(data, site)
+    with api_with_robots(data, output.settings(data_folder=data, site_folder=site, speed=0.0)) as api:
         api.post(f"/missions/{mission_id}/stop", StopMissionAct.of(reason=reason).body())
         outcome = api.follow(mission_id)
     output.show(outcome, as_json=as_json, lines=_summary(outcome))

@@ -54,7 +54,6 @@ SENTENCES: Mapping[str, str] = {
     "predicate_retired": N_("Condition {condition_id} names {predicate}, which only its provider's word can show"),
     "reading_of_other_text": N_("The reading is of another text or site"),
     "route_between": N_("{name} ({start} to {end})"),
-    "site_unreadable": N_("The site file cannot be read: {error}"),
     "source_missing": N_("Nothing at this robot except the provider itself can show {condition_id} ({predicate})"),
     "span_outside_text": N_("Characters {start} to {end} are not in the text"),
     "spot_inside_text": N_("{spot} is no text or number, so it cannot stand inside a text"),
@@ -121,7 +120,6 @@ REMEDIES: Mapping[str, str] = {
         "name the predicate that replaces it, or declare the condition in the node's evidence policy"
     ),
     "reading_of_other_text": N_("read the goal again"),
-    "site_unreadable": N_("name a readable file of UTF-8 text"),
     "source_missing": N_(
         "connect a source of {predicate} to this robot, or name the condition under declared in the stage's evidence "
         "policy: the mission is then verified in part"

@@ -1,18 +1,27 @@
 """What a site file may authorise: a way that exists, stays on the map, ends at its place, and is begun on it only."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 from msgspec.structs import replace
 
-from harness.baseline.load import read_yaml, site
+from harness.baseline.load import site
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import PlaceId
 from harness.contracts.places import Site, Zone
 from harness.contracts.values import Point, encode
-from harness.supervisor.zones import OFF_WAY_M, ahead, check_site, patience, way_of
+from harness.supervisor.zones import OFF_WAY_M, ahead, patience, way_of
 from harness.verification.geometry import distance, polyline_length
+from harness.workspace.checks import site_problems
+from harness.workspace.yaml_reader import Lines, read_yaml
 from tests.saying import raises_saying
+
+
+def check_site(at: Site) -> None:
+    """As a site's folder is checked when it is read."""
+    for problem in site_problems(at, Path("site.yaml"), Lines(encode(at).decode()), None):
+        raise problem
 
 
 def zone(name: str, at: Site) -> Zone:
