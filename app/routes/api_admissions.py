@@ -6,12 +6,11 @@ from fastapi import APIRouter
 from starlette.responses import JSONResponse
 
 from app.acts.admissions import RecordCheckAct
-from app.console import ActorDep, Console, ConsoleDep
+from app.console import ActorDep, ConsoleDep
 from app.routes import api_requests
-from app.routes.robots import RobotPath
+from app.routes.robots import RobotPath, admissions
 from harness.contracts.admissions import admission_stream
 from harness.contracts.decisions import Refused
-from harness.contracts.ids import RobotId
 from harness.projections.admissions import Admissions
 
 router = APIRouter(
@@ -38,9 +37,3 @@ def record(console: ConsoleDep, actor: ActorDep, robot_id: RobotPath, body: Reco
     if isinstance(decision, Refused):
         return api_requests.refusal(decision)
     return api_requests.plain(admissions(console, robot_id))
-
-
-def admissions(console: Console, robot_id: RobotId) -> Admissions:
-    """What the log says of the checks of one robot."""
-    found: Admissions = console.runtime.fold(admission_stream(robot_id))
-    return found

@@ -17,11 +17,11 @@ import secrets
 import threading
 import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from itertools import pairwise
 
 PERIOD_S = 0.05  # the control loop
 KEEPALIVE_S = 1.5  # without one for so long it brakes: it must stand within 2 s
 BRAKE_MPS2, TURN_RADPS = 1.5, 1.2
-SWITCHED_ON = time.time()
 KEPT_SAMPLES = 20_000
 WORDS = {"timeout", "keepalive_lost"}
 
@@ -56,8 +56,8 @@ CARD = {
 
 
 def clock():
-    """The robot's own clock, seconds since the Unix epoch; only a simulated robot's may run faster than the day."""
-    return SWITCHED_ON + (time.time() - SWITCHED_ON) * Handler.speed
+    """The robot's own clock, seconds since the Unix epoch; with --lockstep it goes on only when it is asked to."""
+    return time.time() if Handler.lockstep_s is None else Handler.lockstep_s
 
 
 class Refusal(Exception):
@@ -95,8 +95,8 @@ class Body:
     def sense(self, now):
         """One reading of each sensor: the localiser is noisy, the odometry drifts, the battery is a battery."""
         noise = random.gauss
-        self.keep(now, "pose", "localiser", frame="map", map_version=self.map_version, confidence=0.95,
-                  x_m=self.x + noise(0, 0.01), y_m=self.y + noise(0, 0.01), yaw_rad=self.yaw + noise(0, 0.005))  # fmt: skip
+        seen = {"x_m": self.x + noise(0, 0.01), "y_m": self.y + noise(0, 0.01), "yaw_rad": self.yaw + noise(0, 0.005)}
+        self.keep(now, "pose", "localiser", frame="map", map_version=self.map_version, confidence=0.95, **seen)
         x, y, yaw = self.odometry
         self.keep(now, "odometry", "odometry", frame="odom", x_m=x, y_m=y, yaw_rad=yaw, v_mps=self.v, w_radps=self.w)
         if self.seq % 40 < 2:
@@ -168,7 +168,9 @@ class Navigator:
             fixed = [request[name] for name in ("identity", "capability", "parameters")] + [request.get("blobs", [])]
             if known is not None:
                 if known["fixed"] != fixed:
-                    raise Refusal(409, "provider_failed", "The request id came with other contents", "send a new request")
+                    raise Refusal(
+                        409, "provider_failed", "The request id came with other contents", "send a new request"
+                    )
                 return self.report_of(known, clock())
             self.check(request)
             token = request["fencing"]["mobile_base"]
@@ -220,7 +222,7 @@ class Navigator:
 
     def remaining(self, run):
         points = [(self.body.x, self.body.y), *run["points"]]
-        return sum(math.dist(one, other) for one, other in zip(points, points[1:], strict=False))
+        return sum(math.dist(one, other) for one, other in pairwise(points))
 
     def report_of(self, run, now):
         """How it stands now. What has ended stays as it ended, to the byte."""
@@ -306,16 +308,19 @@ class Handler(BaseHTTPRequestHandler):
 
     protocol_version = "HTTP/1.1"
     disable_nagle_algorithm = True
-    navigator, token, speed = None, "", 1.0
+    navigator, token, lockstep_s = None, "", None
 
     def answer(self, method, path, query, body):
-        """The whole protocol: one line for each operation; `clock` is for a robot whose time passes faster."""
+        """The whole protocol, one line for each operation; `clock` and `simulation` are for lockstep."""
         on = self.navigator
         match [method, *path.strip("/").split("/")]:
             case ["GET", "robot"]:
                 return on.robot()
             case ["GET", "clock"]:
-                return {"at_s": clock(), "speed": self.speed, "monotonic_s": time.monotonic()}
+                speed = 1.0 if self.lockstep_s is None else 0.0
+                return {"at_s": clock(), "speed": speed, "monotonic_s": time.monotonic()}
+            case ["POST", "simulation", "advance"] if self.lockstep_s is not None:
+                return advance(on, body["until_s"])
             case ["GET", "providers"]:
                 return [CARD]
             case ["POST", "providers", "driver", "invocations"]:
@@ -365,12 +370,22 @@ class Handler(BaseHTTPRequestHandler):
 
 
 def control(navigator):
+    """The control loop of a robot in its own time."""
     before = clock()
     while True:
-        time.sleep(PERIOD_S / Handler.speed)
+        time.sleep(PERIOD_S)
         now = clock()
         navigator.tick(min(now - before, 0.2))
         before = now
+
+
+def advance(navigator, until):
+    """Lockstep: the same loop, as far as it is asked for."""
+    while (left := until - Handler.lockstep_s) > 1e-6:
+        step = min(PERIOD_S, left)
+        Handler.lockstep_s += step
+        navigator.tick(step)
+    return {"at_s": Handler.lockstep_s}
 
 
 def main():
@@ -379,11 +394,14 @@ def main():
     options.add_argument("--token", required=True)
     options.add_argument("--name", default="robot-1", help="the name that the site's robots.yaml gives it")
     options.add_argument("--map-version", default="site-1", help="the map its poses are in, as in site.yaml")
-    options.add_argument("--speed", type=float, default=1.0, help="how fast its simulated time passes")
+    options.add_argument("--version", default="1.0", help="what its card says: a new one asks for a new check")
+    options.add_argument("--lockstep", action="store_true", help="time passes only on request: for quick tests")
     given = options.parse_args()
     Handler.navigator, Handler.token = Navigator(Body(given.map_version), given.name), given.token
-    Handler.speed = given.speed
-    threading.Thread(target=control, args=(Handler.navigator,), daemon=True).start()
+    CARD["version"] = given.version
+    Handler.lockstep_s = time.time() if given.lockstep else None
+    if not given.lockstep:
+        threading.Thread(target=control, args=(Handler.navigator,), daemon=True).start()
     server = ThreadingHTTPServer(("127.0.0.1", given.port), Handler)
     print(f"http://127.0.0.1:{server.server_port}", flush=True)
     server.serve_forever()

@@ -92,7 +92,7 @@ REMEDIES: Mapping[str, str] = {
     "route_through_wall": N_("draw it around, or correct the map"),
     "route_too_narrow": N_("draw it further from the wall"),
     "route_too_short": N_("give its beginning and its end"),
-    "secret_needs_one_place": N_("write `token: {{environment: NAME}}` or `token: {{file: PATH}}`"),
+    "secret_needs_one_place": N_("write `environment: NAME` or `file: PATH` below `token:`"),
     "secret_not_set": N_("set it in the shell that starts this"),
     "secret_unreadable": N_("write the token into it, readable by you alone"),
     "source_format_unknown": N_("name a map_server YAML file or a point cloud"),
