@@ -20,10 +20,10 @@ from harness.adapters.stores.anchors import anchor_key, anchoring
 from harness.adapters.stores.blobs import FileBlobStore, owned_blobs
 from harness.adapters.stores.folder import DataFolder, existing, prepare
 from harness.adapters.stores.installation_key import installation_key
+from harness.adapters.stores.log_address import is_server, open_log
+from harness.adapters.stores.log_transfer import move_log as moved
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
-from harness.adapters.stores.moving import move_log as moved
-from harness.adapters.stores.opening import is_server, open_log
 from harness.adapters.stores.owner import Owner, OwnerLock, read_owner
 from harness.adapters.stores.postgres_listener import Listener
 from harness.adapters.stores.read_models import SqlReadModels
@@ -135,9 +135,9 @@ def open_harness(
         stack.enter_context(_anchored(store, folder, settings))
         if signals and is_server(settings.database):
             stack.enter_context(closing(Listener(settings.database, signals.changed)))
-        kept = _started(stack, folder, settings, simulated_names(settings, workspace))
+        processes = _started(stack, folder, settings, simulated_names(settings, workspace))
         connected, absent = _connected(stack, store, addressed_entries(settings, workspace), workspace.folder)
-        clocks = [*(one.clock for one in kept), *(robot.clock for _, robot in connected)]
+        clocks = [*(one.clock for one in processes), *(robot.clock for _, robot in connected)]
         if not clocks:
             name, why = next(iter(absent.items()))
             raise ProviderUnreachable(because("no_robot_connects", robot_id=name, reason=why))
@@ -157,7 +157,7 @@ def open_harness(
             site=workspace.site,
             missions=workspace.missions,
         )
-        members = [_kept_member(parts, one, folder) for one in kept]
+        members = [_kept_member(parts, one, folder) for one in processes]
         members += [_addressed_member(parts, *one, folder) for one in connected]
         unused = {RobotId(entry.name): robot.unused for entry, robot in connected if robot.unused}
         yield replace(joined(stack, settings, parts, members), token=token, absent=absent, unused=unused)
@@ -293,24 +293,24 @@ def _simulated_member(parts: Parts, simulated_robot: InProcessRobot, clock: port
     )
 
 
-def _kept_member(parts: Parts, kept: SupervisedProcess, folder: DataFolder) -> Member:
+def _kept_member(parts: Parts, process: SupervisedProcess, folder: DataFolder) -> Member:
     def configure(mission: Mission) -> None:
-        kept.configure(mission.mission_id, mission.seed, _faults(mission))
+        process.configure(mission.mission_id, mission.seed, _faults(mission))
 
-    own = replace(parts, clock=kept.clock)
+    own = replace(parts, clock=process.clock)
     beside = local_services(
-        own, camera=camera_of(kept.robot), folder=folder.root, robot_id=kept.robot_id, room=kept.robot
+        own, camera=camera_of(process.robot), folder=folder.root, robot_id=process.robot_id, room=process.robot
     )
     return Member(
-        robot_id=RobotId(kept.robot_id),
-        robot=kept.robot,
-        clock=kept.clock,
+        robot_id=RobotId(process.robot_id),
+        robot=process.robot,
+        clock=process.clock,
         local=beside.providers,
         sources=beside.sources,
         configure=configure,
-        revive=kept.revive,
-        camera=kept.robot,
-        hand=kept.robot,
+        revive=process.revive,
+        camera=process.robot,
+        hand=process.robot,
     )
 
 
@@ -442,7 +442,7 @@ def _started(
         return []
 
     def start(robot_id: str, seed: int) -> SupervisedProcess:
-        kept = SupervisedProcess(
+        process = SupervisedProcess(
             RobotSettings(
                 command=settings.robot_command,
                 folder=str(folder.robots / robot_id),
@@ -452,8 +452,8 @@ def _started(
                 fidelity=settings.fidelity,
             )
         )
-        stack.callback(kept.close)
-        return kept
+        stack.callback(process.close)
+        return process
 
     seeds = range(settings.seed, settings.seed + len(names))
     with ThreadPoolExecutor(max_workers=len(names)) as pool:

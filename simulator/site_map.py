@@ -50,12 +50,12 @@ class Approaches:
         return self._straightened(points)
 
     def _straightened(self, points: list[Point]) -> tuple[Point, ...]:
-        kept, at = [points[0]], 0
+        path, at = [points[0]], 0
         while at < len(points) - 1:
             seen = (one for one in range(len(points) - 1, at + 1, -1) if self._map.clear(points[at], points[one]))
             at = next(seen, at + 1)
-            kept.append(points[at])
-        return tuple(kept)
+            path.append(points[at])
+        return tuple(path)
 
 
 class NavigationMap:

@@ -6,7 +6,7 @@ import msgspec
 from pydantic import Field
 
 from app.acts import base
-from harness.conformance.findings import Checked
+from harness.conformance.findings import ConformanceResult
 from harness.contracts.admissions import MOST_PROVIDERS, CheckedProvider, RecordCheck
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import sha256
@@ -37,14 +37,14 @@ class RecordCheckAct(base.Act):
             "reason": self.reason,
         }
 
-    def _checked(self) -> tuple[Checked, ...]:
+    def _checked(self) -> tuple[ConformanceResult, ...]:
         try:
-            return msgspec.convert(self.findings, tuple[Checked, ...])
+            return msgspec.convert(self.findings, tuple[ConformanceResult, ...])
         except msgspec.ValidationError as error:
             raise ContractInvalid(because("findings_unreadable", error=str(error)[:200]), where="findings") from error
 
 
-def _summary(checked: Checked) -> CheckedProvider:
+def _summary(checked: ConformanceResult) -> CheckedProvider:
     return CheckedProvider(
         provider_id=checked.provider_id,
         version=checked.version,

@@ -79,9 +79,9 @@ class LocalApi(Api):
 
     def _run(self, mission_id: MissionId) -> None:
         supervisor = self._robots().supervisor
-        with interruptible() as asked:
-            mission = supervisor.run(mission_id, watch=ProgressPrinter(), interrupted=asked.is_set)
-            if not asked.is_set():
+        with interruptible() as interrupted:
+            mission = supervisor.run(mission_id, watch=ProgressPrinter(), interrupted=interrupted.is_set)
+            if not interrupted.is_set():
                 return
             typer.echo(f"Stopping {mission.robot_id}.", err=True)
             rest = supervisor.bring_to_rest(mission_id)

@@ -21,9 +21,9 @@ from harness.baseline.load import workspace_in
 from harness.bootstrap import read_harness
 from harness.conformance.address import addressed
 from harness.conformance.declaration import ConformanceFile, read, shipped
-from harness.conformance.findings import Checked, ConformanceFinding
-from harness.conformance.hostile.kit import Fuzzed, chosen, fuzzed
-from harness.conformance.hostile.missions import Met, met, met_at
+from harness.conformance.findings import ConformanceFinding, ConformanceResult
+from harness.conformance.hostile.kit import LieReport, chosen, fuzzed
+from harness.conformance.hostile.missions import MissionUnderLie, met, met_at
 from harness.conformance.kit import FIRST_TOKEN, check
 from harness.conformance.provider_setup import fresh_name, installed, installed_cards, protocol
 from harness.conformance.subject import Stand
@@ -113,12 +113,12 @@ def check_provider(
     with _stands(address, token=secret, fidelity=fidelity, recording=recording) as (robot_id, stands, cards):
         if found and robot_id != found.entry.name:
             raise ProviderFailed(because("another_robot_answers", found=robot_id[:80], expected=found.entry.name))
-        wanted = _wanted(address, stands, cards, only=provider or [], still=still, allow_motion=allow_motion)
-        moving = tuple(card.provider_id for card in cards if card.moves and card.provider_id in wanted)
+        names = _selected_providers(address, stands, cards, only=provider or [], still=still, allow_motion=allow_motion)
+        moving = tuple(card.provider_id for card in cards if card.moves and card.provider_id in names)
         if "://" in address and moving:
             _confirm_clear(robot_id, moving, said=stands_clear)
         used = max(fencing, found.fencing) if found else fencing
-        results = [_checked(name, stands[name], declared, fencing=used) for name in wanted]
+        results = [_checked(name, stands[name], declared, fencing=used) for name in names]
     ok = bool(results) and all(result.ok for result in results)
     answer: dict[str, Any] = {"ok": ok, "providers": [_row(result) for result in results]}
     lines = _lines(results)
@@ -185,7 +185,7 @@ def _confirm_clear(robot_id: str, moving: tuple[str, ...], *, said: str) -> None
         raise ContractInvalid(because("not_confirmed_clear", robot_id=robot_id[:80]))
 
 
-def _recorded(found: SiteRobot, results: list[Checked], *, stands_clear: bool) -> dict[str, Any]:
+def _recorded(found: SiteRobot, results: list[ConformanceResult], *, stands_clear: bool) -> dict[str, Any]:
     act = RecordCheckAct.of(
         address=found.entry.address,
         findings=[msgspec.to_builtins(one) for one in results],
@@ -219,12 +219,12 @@ def fuzz_harness(
     raise typer.Exit(0 if result.ok else 1)
 
 
-def _tell_met(one: Met) -> None:
+def _tell_met(one: MissionUnderLie) -> None:
     sys.stderr.write(f"{'ok' if one.harmless else 'WRONG':<6} {one.mode:<40} {one.ended} ({one.wall_s:.1f} s)\n")
     sys.stderr.flush()
 
 
-def _met_lines(result: Fuzzed) -> list[str]:
+def _met_lines(result: LieReport) -> list[str]:
     rows = [["lie", "ended", "stages accepted", "motions", "wrong"]] + [
         [one.mode, one.ended, str(len(one.committed)), str(one.motions), "" if one.harmless else "yes"]
         for one in result.met
@@ -258,7 +258,7 @@ def _stands(
             yield chosen.robot_id, stands, installed_cards(Path(folder), SIMULATOR)
 
 
-def _wanted(
+def _selected_providers(
     target: str,
     stands: Stands,
     cards: tuple[CapabilityCard, ...],
@@ -277,7 +277,9 @@ def _wanted(
     return [ProviderId(name) for name in named if not (still and name in moving)]
 
 
-def _checked(name: ProviderId, stand: Stand, declared: dict[ProviderId, ConformanceFile], *, fencing: int) -> Checked:
+def _checked(
+    name: ProviderId, stand: Stand, declared: dict[ProviderId, ConformanceFile], *, fencing: int
+) -> ConformanceResult:
     declaration = declared[name] if name in declared else shipped(name)
     sys.stderr.write(f"{visible_at_terminal(name)}\n")
     return check(stand, declaration, mission_id=fresh_name(), fencing=fencing, watch=_tell)
@@ -288,7 +290,7 @@ def _tell(finding: ConformanceFinding) -> None:
     sys.stderr.flush()
 
 
-def _row(result: Checked) -> dict[str, Any]:
+def _row(result: ConformanceResult) -> dict[str, Any]:
     return {
         "provider_id": result.provider_id,
         "version": result.version,
@@ -298,7 +300,7 @@ def _row(result: Checked) -> dict[str, Any]:
     }
 
 
-def _lines(results: list[Checked]) -> list[str]:
+def _lines(results: list[ConformanceResult]) -> list[str]:
     lines: list[str] = []
     for result in results:
         counts = ", ".join(f"{len(result.rows(word))} {word}" for word in ("met", "not met", "exempt"))

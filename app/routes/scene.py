@@ -1,4 +1,4 @@
-"""/missions/{id}/scene/{view}/: one reader's 3D view, relayed from its own server, with its instant and its export.
+"""/missions/{id}/scene/{view}/: moves one reader's 3D view to an instant, and exports it as a recording.
 
 The doorkeeper has checked session and origin.
 """

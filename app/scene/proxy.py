@@ -30,10 +30,10 @@ def admitted(message: bytes) -> bool:
     if len(message) > LARGEST:
         return False
     try:
-        said = msgspec.msgpack.decode(message)
+        content = msgspec.msgpack.decode(message)
     except msgspec.DecodeError:
         return False
-    return isinstance(said, dict) and said.get("type") in ADMITTED
+    return isinstance(content, dict) and content.get("type") in ADMITTED
 
 
 async def page(viewer: Path, *, queries: frozenset[str]) -> Response:

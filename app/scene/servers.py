@@ -36,7 +36,7 @@ class Scenes:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._runtime, self._idle_s, self._limit, self._clock = runtime, idle_s, limit, clock
-        self._open: dict[tuple[MissionId, str], _Seat] = {}
+        self._open: dict[tuple[MissionId, str], _ReaderViewer] = {}
         self._feeds: dict[MissionId, Feed] = {}
         self._params: LRUCache[tuple[MissionId, str], float | None] = LRUCache(SOUGHT)
         self._lock, self._stepping = Lock(), Lock()
@@ -50,7 +50,7 @@ class Scenes:
             seat = self._open.get((mission_id, view))
             if seat is None:
                 feed = self._feeds.setdefault(mission_id, Feed(self._runtime, mission_id))
-                seat = self._open[mission_id, view] = _Seat(feed, str(mission_id), self._folder.socket())
+                seat = self._open[mission_id, view] = _ReaderViewer(feed, str(mission_id), self._folder.socket())
                 seat.view.seek(self._params.get((mission_id, view)))
                 self._worker.start()
             seat.seen_s = self._clock()
@@ -85,7 +85,7 @@ class Scenes:
         """The whole mission as a recording that plays in EXPORT_S: a .viser file, or a page that needs nothing else."""
         feed = Feed(self._runtime, mission_id)
         feed.step()
-        seat = _Seat(feed, str(mission_id), self._folder.socket(), whole=True)
+        seat = _ReaderViewer(feed, str(mission_id), self._folder.socket(), whole=True)
         try:
             seat.view.step()
             seat.view.seek(begin_s)
@@ -128,7 +128,7 @@ class Scenes:
         self._feeds = {name: feed for name, feed in self._feeds.items() if name in watched}
 
 
-class _Seat:
+class _ReaderViewer:
     """One reader's viewer: the server, and what is drawn on it."""
 
     def __init__(self, feed: Feed, label: str, socket: Path, *, whole: bool = False) -> None:

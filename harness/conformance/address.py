@@ -11,6 +11,7 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import ProviderId, RobotId
 from harness.contracts.ports import Clock
+from harness.contracts.reasons import because
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ def addressed(url: str, token: str) -> Iterator["AddressedStands"]:
         stack.callback(robot.close)
         cards = tuple(provider.card for provider in robot.providers())
         if len({card.provider_id for card in cards}) != len(cards):
-            raise ProviderFailed("Two providers have one name", where=f"{url}/providers", do="give each its own")
+            raise ProviderFailed(because("providers_share_name"), where=f"{url}/providers")
 
         clock = clock_of(robot)
 

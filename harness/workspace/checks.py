@@ -81,7 +81,7 @@ def site_problems(site: Site, file: Path, lines: Lines, floor: GridMap | None) -
             except ContractInvalid as error:
                 yield relocated(error, file, lines.of("zones", index, "retreat"))
     if site.profile and site.profile.home not in places:
-        yield problem("home_unknown", "profile", "home", place_id=site.profile.home)
+        yield problem("home_place_unknown", "profile", "home", place_id=site.profile.home)
     known = world_sources()
     for index, name in enumerate(site.vouched):
         if name not in known:

@@ -1,4 +1,4 @@
-"""What is wrong with what was asked of the console or the command line, by code."""
+"""Holds the sentences of requests to the console and of command lines that are wrong, by reason code."""
 
 from collections.abc import Mapping
 
@@ -50,6 +50,8 @@ SENTENCES: Mapping[str, str] = {
     "unknown_measure": N_("Nothing is measured as {measure}"),
     "unknown_memory_role": N_("Memory has no role “{role}”"),
     "unknown_tab": N_("There is no tab called {group}"),
+    "no_parameters_here": N_("There is no parameter “{name}” here: this address takes none"),
+    "nothing_came_yet": N_("nothing came yet"),
     "unknown_parameter": N_("There is no parameter “{name}” here"),
     "unknown_place_id": N_("There is no place {place_id}"),
     "unknown_place_row": N_("There is no place {place_id}"),

@@ -121,7 +121,7 @@ BAD: list[tuple[str, str, str, str, str, str]] = [
         "site.yaml",
         "profile: {home: home",
         "profile: {home: cellar",
-        "no place of the site",
+        "no place cellar",
         "line 9",
     ),
     (
