@@ -16,15 +16,20 @@ RUNS_A_ROBOT = ("python ", "sleep ", "provider check", "mission run", "regen up"
 
 
 def follow(block: str, folder: Path) -> None:
-    """Run a block: its `regen` lines in this process, in their order after the others, which a shell runs."""
-    shell = subprocess.run(["bash", "-ec", f"regen() {{ :; }}\n{block}"], cwd=folder, capture_output=True, text=True)
-    assert shell.returncode == 0, shell.stderr
-    for line in block.splitlines():
-        if not line.startswith("regen "):
+    """Run a block line by line: `regen` in this process, what stands between by a shell."""
+    between: list[str] = []
+    for line in [*block.splitlines(), "regen"]:
+        if not line.startswith("regen"):
+            between.append(line)
             continue
+        shell = subprocess.run(["bash", "-ec", "\n".join(between)], cwd=folder, capture_output=True, text=True)
+        assert shell.returncode == 0, shell.stderr
+        between.clear()
         command, _, otherwise = line.partition("||")
-        done = CliRunner().invoke(app, shlex.split(command)[1:])
-        assert (done.exit_code == 0) is not bool(otherwise), f"{line}\n{done.output}\n{done.exception}"
+        words = shlex.split(command)[1:]
+        if words:
+            done = CliRunner().invoke(app, words)
+            assert (done.exit_code == 0) is not bool(otherwise), f"{line}\n{done.output}\n{done.exception}"
 
 
 @pytest.mark.parametrize("page", ["my-own-site", "my-own-mission"])
