@@ -23,7 +23,7 @@ from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
 from app.background.trajectories import Measurements
 from app.i18n.messages import reasoned
-from app.scene.servers import Scenes
+from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
 from app.views.shell import Shell, Surroundings, shell
 from app.web.security import actor_of
@@ -102,7 +102,7 @@ class Console:
     runtime: GuardedRuntime
     settings: ConsoleSettings
     broker: SignalBroker
-    scenes: Scenes
+    scenes: SceneViews
     sessions: SessionService
     histories: Histories
     lists: Lists

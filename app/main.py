@@ -70,7 +70,7 @@ from app.routes import (
     sign_in,
     watch,
 )
-from app.scene.servers import Scenes
+from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
 from app.web import errors
 from app.web.connections import ConnectionLimits, bounded_protocol
@@ -96,7 +96,7 @@ def create_app(
     runtime: Runtime,
     settings: ConsoleSettings,
     broker: SignalBroker,
-    scenes: Scenes,
+    scenes: SceneViews,
     *,
     accounts: Accounts,
     answer: AnswerHandoff = unsupervised,

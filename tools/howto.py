@@ -42,7 +42,7 @@ def steps(page: Path) -> list[dict[str, str]]:
     return [{name: text for name, text in one.groupdict().items() if text} for one in found]
 
 
-class Shell:
+class BashSession:
     """One bash for a whole page; every block ends at its first command that fails."""
 
     def __init__(self, folder: Path, home: Path) -> None:
@@ -123,7 +123,7 @@ def followed(name: str) -> dict[str, Any]:
         home.mkdir()
         subprocess.run(["git", "clone", "-q", "--depth", "1", f"file://{ROOT}", str(clone)], check=True)
         (clone / ".venv").symlink_to((ROOT / ".venv").resolve())
-        shell, rows = Shell(clone, home), list[dict[str, Any]]()
+        shell, rows = BashSession(clone, home), list[dict[str, Any]]()
         shell.run(f"export PYTHONPATH={shlex.quote(str(clone))}")
         try:
             for step in steps(ROOT / "docs" / "how-to" / f"{name}.md"):
@@ -141,7 +141,7 @@ def followed(name: str) -> dict[str, Any]:
     return {"page": name, "ok": all(not row["exit"] for row in rows), "steps": rows}
 
 
-def _patiently(step: dict[str, str], shell: Shell) -> tuple[int, str]:
+def _patiently(step: dict[str, str], shell: BashSession) -> tuple[int, str]:
     """The console prints its link once it is up."""
     until_s = time.monotonic() + LONGEST_S
     while f"http://127.0.0.1:{step['port']}/" not in shell.printed() and time.monotonic() < until_s:

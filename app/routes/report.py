@@ -22,7 +22,6 @@ from app.views.mission_json import mission_outcome, no_answer_outcome
 from app.views.readings import goal_words
 from app.views.report import ReportPage, ReportSources
 from app.web.rendering import render
-from app.web.report_pdf import report_pdf
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.control import CONTROL, ControlEvent
@@ -54,6 +53,8 @@ def printable(console: ConsoleDep, actor: ActorDep, mission_id: MissionId) -> HT
 @router.get("/report.pdf")
 def portable(console: ConsoleDep, actor: ActorDep, mission_id: MissionId) -> Response:
     """The printable report as one file with its pictures; only those whose bytes verify now."""
+    from app.web.report_pdf import report_pdf  # noqa: PLC0415  its library loads for a second, which no command needs
+
     page = page_of(console, actor, mission_id)
     pictures = {one.blob: console.runtime.blob(Digest(one.blob)) for one in page.pictures if not one.broken}
     fonts, language = console.settings.static / "vendor", CHOICE.get().language

@@ -5,12 +5,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from threading import Lock
-from typing import Literal
 
 from cachetools import LRUCache
 
 from app.i18n.catalogues import N_
 from app.scene.feed import Feed
+from app.scene.port import SceneFile
 from app.scene.view import SceneView
 from app.scene.viewer_server import ViewerFolder, ViewerServer
 from harness.contracts.errors import HarnessError
@@ -21,7 +21,6 @@ from harness.workers import Worker
 TICK_S = 0.5
 SOUGHT = 256
 EXPORT_S, EXPORT_STEPS = 30.0, 60
-Form = Literal["viser", "html"]
 
 
 class Scenes:
@@ -81,7 +80,7 @@ class Scenes:
             feed = self._feeds.get(mission_id)
         return feed.note() if feed else N_("The 3D view opens when somebody looks at it.")
 
-    def export(self, mission_id: MissionId, form: Form, *, begin_s: float, end_s: float) -> bytes:
+    def export(self, mission_id: MissionId, form: SceneFile, *, begin_s: float, end_s: float) -> bytes:
         """The whole mission as a recording that plays in EXPORT_S: a .viser file, or a page that needs nothing else."""
         feed = Feed(self._runtime, mission_id)
         feed.step()

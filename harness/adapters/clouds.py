@@ -6,7 +6,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from pypcd4.pypcd4 import PointCloud
 
@@ -58,6 +57,8 @@ def _pcd(file: Path) -> NDArray[np.float64]:
 
 
 def _ply(file: Path) -> NDArray[np.float64]:
+    import trimesh  # noqa: PLC0415  loads for half a second, and every command would wait for it
+
     shape: Any = trimesh.load(file, process=False)
     return np.asarray(shape.vertices, dtype=np.float64).reshape(-1, 3)
 

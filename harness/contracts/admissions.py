@@ -30,7 +30,7 @@ class CheckedProvider(Value):
         return bool(self.met) and not self.not_met
 
 
-Checked = Annotated[tuple[CheckedProvider, ...], msgspec.Meta(min_length=1, max_length=MOST_PROVIDERS)]
+CheckResults = Annotated[tuple[CheckedProvider, ...], msgspec.Meta(min_length=1, max_length=MOST_PROVIDERS)]
 
 
 class RecordCheck(Command, tag=True):
@@ -42,7 +42,7 @@ class RecordCheck(Command, tag=True):
     actor: Actor
     robot_id: RobotId
     address: Name
-    checked: Checked
+    checked: CheckResults
     result: Digest
     stands_clear: bool
     reason: Name
@@ -54,7 +54,7 @@ class RobotChecked(Event, tag=True):
     actor: Actor
     robot_id: RobotId
     address: Name
-    checked: Checked
+    checked: CheckResults
     result: Digest
     stands_clear: bool
     reason: Name

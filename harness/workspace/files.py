@@ -12,7 +12,7 @@ RobotName = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9-]{0,30}$")]
 Address = Annotated[str, msgspec.Meta(pattern=r"^https?://[^\s/]+(/\S*)?$", max_length=300)]
 
 
-class SiteFile(Site):
+class SiteDescription(Site):
     """site.yaml: the site, and the floor map that its places and routes are checked against.
 
     `map`: a map_server YAML file beside a PGM or PNG image, by its path from the folder.

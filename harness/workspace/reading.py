@@ -20,7 +20,7 @@ from harness.contracts.places import Site
 from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskTemplate
 from harness.workspace import checks
-from harness.workspace.files import HttpRobotEntry, RobotEntry, RobotsFile, SecretReference, SiteFile
+from harness.workspace.files import HttpRobotEntry, RobotEntry, RobotsFile, SecretReference, SiteDescription
 from harness.workspace.yaml_reader import Lines, read_yaml
 
 T = TypeVar("T")
@@ -66,7 +66,7 @@ class Reader:
             self.problems.append(ContractInvalid(because("workspace_missing"), where=str(self.folder)))
             return None
         self._strangers()
-        site_file = self._file(self.folder / SITE, SiteFile)
+        site_file = self._file(self.folder / SITE, SiteDescription)
         robots = self._file(self.folder / ROBOTS, RobotsFile)
         site = _site(site_file[0]) if site_file else None
         floor = self._floor(site_file) if site_file else None
@@ -115,7 +115,7 @@ class Reader:
             self._take(checks.mission_problems(template, site, file, lines))  # type: ignore[arg-type]
         return found
 
-    def _floor(self, read: tuple[SiteFile, Lines]) -> GridMap | None:
+    def _floor(self, read: tuple[SiteDescription, Lines]) -> GridMap | None:
         site, lines = read
         if isinstance(site.map, msgspec.UnsetType):
             return None
@@ -172,5 +172,5 @@ def token_of(entry: HttpRobotEntry, folder: Path) -> str:
     return secret(variable=entry.token.environment, file=entry.token.file, folder=folder)
 
 
-def _site(file: SiteFile) -> Site:
+def _site(file: SiteDescription) -> Site:
     return Site(**{name: getattr(file, name) for name in Site.__struct_fields__})
