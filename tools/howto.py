@@ -129,8 +129,8 @@ def followed(name: str) -> dict[str, Any]:
             for step in steps(ROOT / "docs" / "how-to" / f"{name}.md"):
                 begun_s = time.monotonic()
                 code, text = shell.run(step["sh"]) if "sh" in step else _patiently(step, shell)
-                shown = step.get("sh", f"console: start {step.get('template')}").strip()
-                row = {"step": shown.splitlines()[0], "seconds": round(time.monotonic() - begun_s, 1), "exit": code}
+                title = step.get("sh", f"console: start {step.get('template')}").strip()
+                row = {"step": title.splitlines()[0], "seconds": round(time.monotonic() - begun_s, 1), "exit": code}
                 rows.append(row)
                 sys.stderr.write(f"{row['exit']}  {row['seconds']:7.1f} s  {name}: {row['step']}\n")
                 if code:

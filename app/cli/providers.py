@@ -116,7 +116,7 @@ def check_provider(
         names = _selected_providers(address, stands, cards, only=provider or [], still=still, allow_motion=allow_motion)
         moving = tuple(card.provider_id for card in cards if card.moves and card.provider_id in names)
         if "://" in address and moving:
-            _confirm_clear(robot_id, moving, said=stands_clear)
+            _confirm_clear(robot_id, moving, typed=stands_clear)
         used = max(fencing, found.fencing) if found else fencing
         results = [_checked(name, stands[name], declared, fencing=used) for name in names]
     ok = bool(results) and all(result.ok for result in results)
@@ -176,12 +176,12 @@ def _newest_token(data: Path, name: str) -> int:
     return max((one.token for one in leases), default=FIRST_TOKEN) or FIRST_TOKEN
 
 
-def _confirm_clear(robot_id: str, moving: tuple[str, ...], *, said: str) -> None:
+def _confirm_clear(robot_id: str, moving: tuple[str, ...], *, typed: str) -> None:
     """A person says that nobody is near the robot, by its name. Raises ContractInvalid where nobody does."""
     sys.stderr.write(visible_at_terminal(f"These move the robot, stand clear: {', '.join(moving)}\n"))
-    if not said and sys.stdin.isatty():
-        said = typer.prompt(f"Type {visible_at_terminal(robot_id)} once nobody is near it", err=True)
-    if said.strip() != robot_id:
+    if not typed and sys.stdin.isatty():
+        typed = typer.prompt(f"Type {visible_at_terminal(robot_id)} once nobody is near it", err=True)
+    if typed.strip() != robot_id:
         raise ContractInvalid(because("not_confirmed_clear", robot_id=robot_id[:80]))
 
 

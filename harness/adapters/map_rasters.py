@@ -41,7 +41,7 @@ class MapServerFile(msgspec.Struct, frozen=True):
 
 
 class RasterToRead(Value):
-    """What the process that reads an image is asked."""
+    """What the process that reads an image is given."""
 
     image: str
     negate: bool
@@ -74,10 +74,10 @@ def read_map(file: Path, *, frame: str, map_version: str) -> GridMap:
     columns, rows = _size(image)
     if columns * rows > MOST_CELLS or max(columns, rows) * found.resolution > LARGEST_M:
         raise _invalid(because("map_too_large", columns=columns, rows=rows, limit=MOST_CELLS), image)
-    asked = RasterToRead(
+    reading = RasterToRead(
         image=str(image.absolute()), negate=bool(found.negate), occupied=found.occupied_thresh, free=found.free_thresh
     )
-    raster = decode(run_limited(raster_of, encode(asked), LIMITS, failure=ContractInvalid, where=str(image)), Raster)
+    raster = decode(run_limited(raster_of, encode(reading), LIMITS, failure=ContractInvalid, where=str(image)), Raster)
     return GridMap(
         frame=frame,
         map_version=map_version,
@@ -91,16 +91,16 @@ def read_map(file: Path, *, frame: str, map_version: str) -> GridMap:
 
 def raster_of(request: bytes) -> bytes:
     """Read an image into cells, in this very process. Raises ContractInvalid."""
-    asked = decode(request, RasterToRead)
-    image = Path(asked.image)
+    reading = decode(request, RasterToRead)
+    image = Path(reading.image)
     grey = cv2.imdecode(np.frombuffer(image.read_bytes(), np.uint8), cv2.IMREAD_GRAYSCALE)
     if grey is None:
         raise _invalid(because("map_image_unreadable"), image)
     dark = grey.astype(np.float32) / 255.0
-    share = dark if asked.negate else 1.0 - dark
+    share = dark if reading.negate else 1.0 - dark
     cells = np.full(grey.shape, UNKNOWN, np.uint8)
-    cells[share > asked.occupied] = OCCUPIED
-    cells[share < asked.free] = FREE
+    cells[share > reading.occupied] = OCCUPIED
+    cells[share < reading.free] = FREE
     rows, columns = grey.shape
     return encode(Raster(columns=columns, rows=rows, cells=np.flipud(cells).tobytes()))
 

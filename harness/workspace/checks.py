@@ -143,12 +143,12 @@ def speed_notes(
     """Missions that ask for more speed than a robot of the site takes: its provider is refused for them."""
     limits = [(one.name, one.speed_limit_mps) for one in robots.robots if isinstance(one, HttpRobotEntry)]
     for template, file, lines in missions:
-        asked = template.constraints.get("speed_cap_mps")
+        cap_mps = template.constraints.get("speed_cap_mps")
         for name, limit in limits:
-            if limit is not None and isinstance(asked, int | float) and asked > limit:
+            if limit is not None and isinstance(cap_mps, int | float) and cap_mps > limit:
                 yield ContractInvalid(
                     because(
-                        "mission_too_fast", mission=template.name, asked_mps=float(asked), name=name, limit_mps=limit
+                        "mission_too_fast", mission=template.name, asked_mps=float(cap_mps), name=name, limit_mps=limit
                     ),
                     where=at(file, lines.of("constraints", "speed_cap_mps")),
                 )
