@@ -8,7 +8,7 @@ from pathlib import Path
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.exploration import FREE, OCCUPIED, GridMap
 from harness.contracts.places import Place, Route, Site
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Reason, because
 from harness.contracts.rules import CURRENT_RULES
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Point
@@ -36,8 +36,8 @@ def relocated(error: HarnessError, file: Path, line: int) -> HarnessError:
 def site_problems(site: Site, file: Path, lines: Lines, floor: GridMap | None) -> Iterator[HarnessError]:
     """Everything that is wrong with the places, routes and zones of a site."""
 
-    def problem(code: str, *path: Step, **facts: object) -> ContractInvalid:
-        return ContractInvalid(because(code, **facts), where=at(file, lines.of(*path)))  # type: ignore[arg-type]
+    def problem(reason: Reason, *path: Step) -> ContractInvalid:
+        return ContractInvalid(reason, where=at(file, lines.of(*path)))
 
     yield from _twice([("places", [one.place_id for one in site.places]), ("routes", [one.name for one in site.routes]),
                        ("passages", [one.passage_id for one in site.passages]),
@@ -51,28 +51,34 @@ def site_problems(site: Site, file: Path, lines: Lines, floor: GridMap | None) -
     for kind, records in groups:
         for index, one in enumerate(records):
             if (one.frame, one.map_version) != (site.frame, site.map_version):
-                yield problem("other_map_than_site", kind, index, frame=one.frame, map_version=one.map_version)
+                yield problem(because("other_map_than_site", frame=one.frame, map_version=one.map_version), kind, index)
     for index, place in enumerate(site.places):
         if floor is not None and _cell(floor, place.approach_m) != FREE:
-            yield problem("place_not_on_floor", "places", index, "approach_m", place_id=place.place_id)
+            yield problem(because("place_not_on_floor", place_id=place.place_id), "places", index, "approach_m")
     for index, route in enumerate(site.routes):
         if len(route.waypoints_m) < 2:
-            yield problem("route_too_short", "routes", index, "waypoints_m", route=route.name)
+            yield problem(because("route_too_short", route=route.name), "routes", index, "waypoints_m")
             continue
         for end, point, key in (
             (route.start, route.waypoints_m[0], "start"),
             (route.end, route.waypoints_m[-1], "end"),
         ):
             if end not in places:
-                yield problem("route_end_unknown", "routes", index, key, route=route.name, place_id=end)
+                yield problem(because("route_end_unknown", route=route.name, place_id=end), "routes", index, key)
             elif (beside_m := dist(point, places[end].approach_m)) > ARRIVED_M:
                 yield problem(
-                    "route_end_elsewhere", "routes", index, key, route=route.name, place_id=end, beside_m=beside_m
+                    because("route_end_elsewhere", route=route.name, place_id=end, beside_m=beside_m),
+                    "routes",
+                    index,
+                    key,
                 )
         wall = _wall(floor, route.waypoints_m) if floor else None
         if wall is not None:
             yield problem(
-                "route_through_wall", "routes", index, "waypoints_m", route=route.name, x_m=wall[0], y_m=wall[1]
+                because("route_through_wall", route=route.name, x_m=wall[0], y_m=wall[1]),
+                "routes",
+                index,
+                "waypoints_m",
             )
     for index, zone in enumerate(site.zones):
         if zone.retreat is not None or zone.no_answer == "retreat":
@@ -81,18 +87,18 @@ def site_problems(site: Site, file: Path, lines: Lines, floor: GridMap | None) -
             except ContractInvalid as error:
                 yield relocated(error, file, lines.of("zones", index, "retreat"))
     if site.profile and site.profile.home not in places:
-        yield problem("home_place_unknown", "profile", "home", place_id=site.profile.home)
+        yield problem(because("home_place_unknown", place_id=site.profile.home), "profile", "home")
     known = world_sources()
     for index, name in enumerate(site.vouched):
         if name not in known:
-            yield problem("vouched_unknown", "vouched", index, name=name, names=tuple(sorted(known)))
+            yield problem(because("vouched_unknown", name=name, names=tuple(sorted(known))), "vouched", index)
 
 
 def robot_problems(robots: RobotsFile, file: Path, lines: Lines) -> Iterator[HarnessError]:
     """Robots of one name or address, and entries that say half of what they must."""
 
-    def problem(code: str, *path: Step, **facts: object) -> ContractInvalid:
-        return ContractInvalid(because(code, **facts), where=at(file, lines.of(*path)))  # type: ignore[arg-type]
+    def problem(reason: Reason, *path: Step) -> ContractInvalid:
+        return ContractInvalid(reason, where=at(file, lines.of(*path)))
 
     yield from _twice([("robots", [one.name for one in robots.robots])], problem)
     addresses: dict[str, str] = {}
@@ -101,11 +107,11 @@ def robot_problems(robots: RobotsFile, file: Path, lines: Lines) -> Iterator[Har
             continue
         other = addresses.setdefault(one.address.rstrip("/"), one.name)
         if other != one.name:
-            yield problem("address_of_two", "robots", index, "address", name=one.name, other=other)
+            yield problem(because("address_of_two", name=one.name, other=other), "robots", index, "address")
         if bool(one.token.environment) == bool(one.token.file):
-            yield problem("secret_needs_one_place", "robots", index, "token")
+            yield problem(because("secret_needs_one_place"), "robots", index, "token")
         if one.footprint_m and len(one.footprint_m) < 3:
-            yield problem("footprint_too_small", "robots", index, "footprint_m", name=one.name)
+            yield problem(because("footprint_too_small", name=one.name), "robots", index, "footprint_m")
 
 
 def robot_notes(
@@ -177,7 +183,7 @@ def _twice(
     for group, names in groups:
         for index, name in enumerate(names):
             if name in names[:index]:
-                yield problem("name_stands_twice", group, index, name=name)
+                yield problem(because("name_stands_twice", name=name), group, index)
 
 
 def _named_second(site: Site, error: HarnessError) -> tuple[Step, ...]:
