@@ -99,8 +99,7 @@ def from_console(step: dict[str, str], printed: str) -> tuple[int, str]:
         page = browser.get("/missions/new", params={"robot_id": step["robot"], "template": step["template"]}).text
         fields = dict(re.findall(r'<input type="hidden" name="([\w-]+)" value="([^"]*)"', page))
         typed = fields | {"robot_id": step["robot"], "template": step["template"], step["name"]: step["value"]}
-        goal = re.search(r'name="goal"[^>]*>([^<]*)<', page)
-        typed["goal"] = goal.group(1) if goal and goal.group(1) else f"Go to {step['value']}"
+        typed["goal"] = f"Go to {step['value']}"
         begun = browser.post("/missions", data=typed)
         mission = begun.url.path.rpartition("/")[2]
         if not mission.startswith("msn_"):
