@@ -1,6 +1,6 @@
 """What every route of the console shares: the runtime, sign-in, 3D scenes, and the shell of a page."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
@@ -36,10 +36,11 @@ from harness.contracts.control import CONTROL, Posture
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
-from harness.contracts.ids import Digest, MissionId, RequestId, RobotId
+from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId, RobotId
 from harness.contracts.ports import LogHead
 from harness.contracts.proposals import CandidateSet, RoutingExplanation
 from harness.contracts.protocol import DriveReport, PhysicalStart
+from harness.contracts.reasons import Reason
 from harness.projections.control import SiteControl
 from harness.projections.mission import Mission
 from harness.routing.explanation import explained
@@ -118,6 +119,8 @@ class Console:
     presence: Presence = field(default_factory=Presence)
     teleoperation: TeleoperationPort | None = None
     dossier: Dossier | None = None
+    absent: Mapping[RobotId, Reason] = field(default_factory=dict)
+    unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = field(default_factory=dict)
     issuer: OidcLogin | None = None
 
     def head(self) -> LogHead:

@@ -4,10 +4,10 @@ import secrets
 import shutil
 import socket
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
-from types import FrameType
+from types import FrameType, MappingProxyType
 
 import uvicorn
 from argon2 import PasswordHasher
@@ -35,6 +35,7 @@ from app.routes import (
     account,
     alerts,
     api,
+    api_admissions,
     api_alerts,
     api_events,
     api_handoffs,
@@ -83,8 +84,8 @@ from app.web.streams import StreamCounts
 from harness.adapters.notify.services import AppriseNotifier
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.bootstrap import open_lists
-from harness.contracts.ids import MissionId
-from harness.contracts.reasons import because
+from harness.contracts.ids import MissionId, ProviderId, RobotId
+from harness.contracts.reasons import Reason, because
 from harness.dossiers import export_dossier
 from harness.runtime import AnswerHandoff, FreeResource, Runtime, unobserved, unsupervised
 
@@ -105,11 +106,15 @@ def create_app(
     folder: Path | None = None,
     fleet: Fleet | None = None,
     teleoperation: TeleoperationPort | None = None,
+    absent: Mapping[RobotId, Reason] = MappingProxyType({}),
+    unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = MappingProxyType({}),
 ) -> FastAPI:
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
     The runtime's gate was built with the authority of these `accounts`; the console closes them when it ends. `answer`
     takes what people answer at handoffs and `free` frees resources in quarantine: a supervisor's.
+
+    `absent`: robots of the site that could not be connected; `unused`: providers that are not admitted; each with why.
 
     `fleet` shows what robots say of themselves, `wheel` lets people drive them; both are ended with the console.
 
@@ -159,6 +164,8 @@ def create_app(
         cards=cards,
         fleet=fleet or no_fleet(),
         teleoperation=teleoperation,
+        absent=absent,
+        unused=unused,
         dossier=_dossiers(runtime, folder),
         issuer=oidc_login(settings, sessions, clock=time.time, fresh=_fresh),
     )
@@ -196,6 +203,7 @@ def create_app(
         api_leases,
         api_alerts,
         api_maps,
+        api_admissions,
         api_places,
         api_reading,
         api_releases,

@@ -23,7 +23,7 @@ from harness.adapters.stores.log_address import open_log
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
 from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.spool import FileSpool
-from harness.baseline.load import site as shipped_site
+from harness.baseline.load import workspace_in
 from harness.bootstrap import Harness, NullSignals, Parts, assemble
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
@@ -154,7 +154,7 @@ def replayed(
         lock.take(token=ids.token())
         store = open_log(settings.database or folder.log_url)
         stack.callback(store.close)
-        goal = _approach(place, _site(store), recording) if place else target
+        goal = _approach(place, _site(store, workspace_in(settings.site_folder).site), recording) if place else target
         robot = RecordedRobot(recording, target=goal)
         stack.callback(robot.close)
         parts = Parts(
@@ -221,9 +221,8 @@ def _limits(path: Path) -> Limits:
     )
 
 
-def _site(store: EventStore) -> Site:
-    """The shipped places with the changes that people made in this data folder."""
-    shipped = shipped_site()
+def _site(store: EventStore, shipped: Site) -> Site:
+    """The places of the site's folder with the changes that people made in this data folder."""
     changes = [PLACE.codec.decode(one) for one in store.load(place_stream(shipped.name))]
     return changed_site(shipped, PLACE.fold(PLACE.initial, changes))
 

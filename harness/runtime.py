@@ -164,6 +164,7 @@ class Runtime:
         self._configurations = configurations
         self._compiler = ContractCompiler(beside=beside, reader=reader, sources=sources, rules=rules)
         self._sites = SiteVersions(store, gate.state, site)
+        self.beside = tuple(beside)
         self.memory = memory
         self.rules = rules
         self._open_missions = OpenMissions(store)

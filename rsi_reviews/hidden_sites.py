@@ -12,12 +12,12 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec.structs import replace
 
-from harness.baseline.load import read_yaml
 from harness.contracts import values
 from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.errors import UnknownName
 from harness.contracts.reasons import because
 from harness.contracts.regularities import HiddenSite, Regularity
+from harness.workspace.yaml_reader import read_yaml
 
 FOLDER = "rsi_reviews"
 SHARE_JITTER, TIME_JITTER = 0.15, 0.05

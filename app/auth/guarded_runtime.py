@@ -119,6 +119,11 @@ class GuardedRuntime:
         return self._runtime.site
 
     @property
+    def beside(self) -> tuple[TaskTemplate, ...]:
+        """The missions of the site's own folder."""
+        return self._runtime.beside
+
+    @property
     def memory(self) -> MemoryFabric:
         """What missions remembered, followed from the log."""
         return self._runtime.memory

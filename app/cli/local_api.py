@@ -18,7 +18,7 @@ from app.cli.api_client import Api, content
 from app.cli.data_folder import opened, running
 from app.cli.interruption import EXIT, interruptible
 from app.cli.logins import token_of
-from app.cli.output import ProgressPrinter, settings
+from app.cli.output import ProgressPrinter, settings, warn_of_robots
 from app.cli.owner_api import owner_api
 from app.cli.person import host_user
 from app.i18n.reasons.rendering import sentence
@@ -135,6 +135,7 @@ def api_with_robots(data: Path, chosen: HarnessSettings | None = None) -> Iterat
         running(chosen or settings(data_folder=data, speed=0.0), authority=authority(accounts)) as harness,
         closing(LocalApi(harness.runtime, accounts, data, harness)) as api,
     ):
+        warn_of_robots(harness.absent, harness.unused)
         yield api
 
 

@@ -32,6 +32,8 @@ GROUPS = {
 }
 COMMANDS = {
     "up": "service:up",
+    "init": "sites:init",
+    "check": "sites:check",
     "login": "logins:login",
     "logout": "logins:logout",
     "whoami": "logins:whoami",

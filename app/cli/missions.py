@@ -42,6 +42,8 @@ app = typer.Typer(no_args_is_help=True, help="Run and read missions.")
 def run(
     template: Annotated[str, typer.Argument(help="Name of a task template, or a goal in words.")] = "",
     data: output.Data = output.DEFAULT_DATA,
+    site: output.Site = None,
+    robot: Annotated[str, typer.Option(help="Which robot; the site's first without one.")] = "",
     as_json: output.Json = False,
     speed: Annotated[float | None, typer.Option(help="Mission seconds per second; 0 is as fast as possible.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the simulated world.", min=0)] = 1,
@@ -62,6 +64,7 @@ def run(
         raise typer.BadParameter("name a template, say a goal, or give --recording", param_hint="TEMPLATE")
     spoken = _sound(recording) if recording is not None else b""
     act = StartMissionAct.of(
+        robot_id=robot,
         template="" if _in_words(template) else template,
         goal=template if _in_words(template) else goal,
         arguments=_arguments(argument),
@@ -69,7 +72,8 @@ def run(
         labels={"faults": ",".join(fault)} if fault else {},
         confirm_reading=confirm_reading,
     )
-    chosen = output.settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
+    data = output.data_of(data, site)
+    chosen = output.settings(data_folder=data, site_folder=site, speed=speed, seed=seed, fidelity=fidelity)
     with api_with_robots(data, chosen) as api:
         transcript = _transcript(api, spoken) if spoken else ""
         mission_id = api.post("/missions", act.model_copy(update={"recording": transcript}).body())["mission_id"]
@@ -106,12 +110,15 @@ def _in_words(text: str) -> bool:
 def resume(
     mission_id: str,
     data: output.Data = output.DEFAULT_DATA,
+    site: output.Site = None,
     as_json: output.Json = False,
     speed: Annotated[float | None, typer.Option(help="Mission seconds per second; 0 is as fast as possible.")] = None,
     fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
 ) -> None:
     """Go on with a mission that a crash or an exit left open."""
-    with api_with_robots(data, output.settings(data_folder=data, speed=speed, fidelity=fidelity)) as api:
+    data = output.data_of(data, site)
+    chosen = output.settings(data_folder=data, site_folder=site, speed=speed, fidelity=fidelity)
+    with api_with_robots(data, chosen) as api:
         outcome = api.follow(mission_id)
     output.show(outcome, as_json=as_json, lines=_summary(outcome))
     raise typer.Exit(output.exit_code(outcome["status"]))
@@ -363,10 +370,12 @@ def stop(
     mission_id: str,
     reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
     data: output.Data = output.DEFAULT_DATA,
+    site: output.Site = None,
     as_json: output.Json = False,
 ) -> None:
     """Stop a mission: stopping until acknowledged, then static."""
-    with api_with_robots(data) as api:
+    data = output.data_of(data, site)
+    with api_with_robots(data, output.settings(data_folder=data, site_folder=site, speed=0.0)) as api:
         api.post(f"/missions/{mission_id}/stop", StopMissionAct.of(reason=reason).body())
         outcome = api.follow(mission_id)
     output.show(outcome, as_json=as_json, lines=_summary(outcome))

@@ -39,7 +39,7 @@ _SPOT = re.compile(r"\$\{(\w+)(?:\.(\w+))?\}")
 
 
 def shipped() -> tuple[TaskTemplate, ...]:
-    return (*load.baseline().templates, *load.further())
+    return (*load.baseline().templates, *load.shipped_workspace().missions)
 
 
 def messages() -> Iterator[tuple[str, str]]:

@@ -20,6 +20,7 @@ from app.views.safe_returns import LastRetreat, last_retreat
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
+from harness.contracts.admissions import admission_stream
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.control import CONTROL
 from harness.contracts.decisions import Decision, Refused
@@ -27,6 +28,7 @@ from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.read_models import ListQuery
 from harness.contracts.reasons import because
+from harness.projections.admissions import Admissions
 from harness.projections.mission import Mission
 
 router = APIRouter(prefix="/robots")
@@ -169,6 +171,12 @@ def card(console: Console, robot_id: RobotId) -> RobotCard:
     return _card(console, robot_id, console.open_missions())
 
 
+def admissions(console: Console, robot_id: RobotId) -> Admissions:
+    """What the log says of the checks of one robot."""
+    found: Admissions = console.runtime.fold(admission_stream(robot_id))
+    return found
+
+
 def camera_of(console: Console, robot_id: str) -> CameraView:
     return robots.camera_view(robot_id, console.fleet.shots(robot_id), now_s=console.clock())
 
@@ -201,7 +209,9 @@ def _last_retreat(console: Console, robot_id: RobotId) -> LastRetreat | None:
 def _index(console: Console, actor: Actor, *, errors: list[str] | None = None, status: int = 200) -> HTMLResponse:
     shell = console.shell("Robots", "robots", actor)
     present = console.presence.people()
-    page = robots.robots_page(shell, cards(console), console.control(), present=present, errors=errors or ())
+    page = robots.robots_page(
+        shell, cards(console), console.control(), present=present, errors=errors or (), absent=console.absent
+    )
     return render("robots/index.html", page, status=status)
 
 
@@ -214,6 +224,8 @@ def _one(
         shell=console.shell(robot_id, "robots", actor, topics=[f"robot/{robot_id}"]),
         levels=robots.levels(found.mission.autonomy if found.mission else ""),
         errors=tuple(errors or ()),
+        admissions=tuple(admissions(console, robot_id).providers.values()),
+        unused=tuple(console.unused.get(robot_id, {}).values()),
     )
     return render("robots/detail.html", page, status=status)
 

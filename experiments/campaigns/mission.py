@@ -26,7 +26,6 @@ from harness.adapters.providers.speech.microphone import RoomMicrophone
 from harness.adapters.providers.speech.speaker import RoomSpeaker
 from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
-from harness.baseline.load import read_yaml
 from harness.bootstrap import Harness, NullSignals, Parts, assemble
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted
@@ -41,6 +40,7 @@ from harness.planning.templates import by_name
 from harness.projections.mission import Mission
 from harness.runtime import Start
 from harness.settings import HarnessSettings
+from harness.workspace.yaml_reader import read_yaml
 from simulator.camera import CAMERA
 from simulator.room import SimulatedRoom
 from simulator.truth import Truth

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from harness.baseline.load import baseline, further, site
+from harness.baseline.load import baseline, shipped_workspace, site
 from harness.contracts.errors import HarnessError
 from harness.contracts.readings import Clause, Reading
 from harness.goals.understanding import GoalRequest, compiled, understand
@@ -44,7 +44,7 @@ class GoalOutcome:
 def outcome(goal: dict[str, Any]) -> GoalOutcome:
     """One goal, read and compiled as a start would be."""
     expectation = goal["expect"]
-    templates = (*baseline().templates, *further())
+    templates = (*baseline().templates, *shipped_workspace().missions)
     try:
         found = understand(GoalRequest(text=goal["text"]), templates=templates, site=site())
         contract = compiled(found, templates=templates, site=site(), arguments={})

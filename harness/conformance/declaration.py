@@ -8,13 +8,13 @@ from pathlib import Path
 
 import msgspec
 
-from harness.baseline.load import read_yaml
 from harness.contracts.effects import AnyEffect
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.protocol import Parameters, ParameterValue
 from harness.contracts.reasons import because
 from harness.contracts.values import Name, Value
+from harness.workspace.yaml_reader import read_yaml
 
 _SHIPPED = files("harness.baseline").joinpath("conformance")
 

@@ -6,6 +6,7 @@ import msgspec
 
 from harness.contracts import ids, revision_commands
 from harness.contracts.actors import Actor, Command
+from harness.contracts.admissions import RecordCheck
 from harness.contracts.alert_commands import AlertCommand
 from harness.contracts.capabilities import Risk
 from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
@@ -386,4 +387,13 @@ HandoffCommand = (
 )
 
 
-AnyCommand = MissionCommand | LeaseCommand | HandoffCommand | ControlCommand | AttachCloud | AlertCommand | PlaceCommand
+AnyCommand = (
+    MissionCommand
+    | LeaseCommand
+    | HandoffCommand
+    | ControlCommand
+    | AttachCloud
+    | AlertCommand
+    | PlaceCommand
+    | RecordCheck
+)

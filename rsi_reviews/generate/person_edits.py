@@ -3,11 +3,11 @@
 The text is data from outside: strict, bounded and typed. Whatever cannot be read is refused, with the position in it.
 """
 
-from harness.baseline.load import read_yaml
 from harness.contracts.configuration import Configuration
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.reasons import because
 from harness.contracts.values import Positive, Value
+from harness.workspace.yaml_reader import read_yaml
 from rsi_reviews import contracts
 from rsi_reviews.candidates import read_configuration
 from rsi_reviews.errors import CandidateInvalid

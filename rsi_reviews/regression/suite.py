@@ -7,10 +7,10 @@ from itertools import pairwise
 import msgspec
 import yaml
 
-from harness.baseline.load import read_yaml
 from harness.contracts.ids import Digest
 from harness.contracts.reasons import because
 from harness.contracts.values import Value
+from harness.workspace.yaml_reader import read_yaml
 from rsi_reviews.regression.cases import CaseGroup, Suite, cases_of
 from rsi_reviews.regression.errors import SuiteEdited, SuiteInvalid, SuiteShrunk
 

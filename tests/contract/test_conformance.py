@@ -186,7 +186,7 @@ def test_the_command_checks_the_simulated_robot_behind_http(tmp_path: Path) -> N
     )
     try:
         token = process.attachment.token
-        some = ("--provider", "route-follower", "--provider", "observer")
+        some = ("--provider", "route-follower", "--provider", "observer", "--allow-motion", "--stands-clear", "vbot-1")
         done = regen("provider", "check", process.attachment.base_url, *some, "--json", REGEN_ROBOT_TOKEN=token)
     finally:
         process.robot.close()

@@ -13,7 +13,7 @@ from app.main import create_app, open_accounts
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.views.exploration import ChoiceRecords, choices_region
-from harness.baseline.load import further
+from harness.baseline.load import shipped_workspace
 from harness.contracts.exploration import FREE, GridMap, TargetProposal, TargetQuestion
 from harness.contracts.reasons import Reason
 from harness.contracts.values import decode
@@ -45,7 +45,7 @@ class Explored:
     """An exploration behind a console, and somebody who reads about it."""
 
     def __init__(self, stage: Stage, *faults: str) -> None:
-        self.stage, self.mission_id = stage, stage.begin(by_name("exploration", further()), *faults)
+        self.stage, self.mission_id = stage, stage.begin(by_name("exploration", shipped_workspace().missions), *faults)
         app = create_app(
             stage.runtime,
             ConsoleSettings(port=8000),

@@ -1,7 +1,8 @@
-"""A site file of one's own from `regen mission run`: sources that it vouches for count as of separate origin (D17)."""
+"""A site's own folder from `regen mission run`: sources that it vouches for count as of separate origin (D17)."""
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,23 +13,24 @@ import yaml
 from typer.testing import CliRunner
 
 from app.cli.main import app
-from harness.baseline import load
+from harness.baseline.load import shipped_workspace
 
 WALK = ("mission", "run", "Walk the circuit", "--speed", "0", "--fidelity", "kinematic", "--seed", "3", "--json")
 
 
-def site_file(folder: Path, *vouched: str) -> Path:
-    """The shipped site as a file of one's own, which vouches for these sources."""
-    shipped = yaml.safe_load(Path(load.__file__).with_name("site.yaml").read_text(encoding="utf-8"))
-    file = folder / "site.yaml"
-    file.write_text(yaml.safe_dump(shipped | {"vouched": list(vouched)}, allow_unicode=True), encoding="utf-8")
-    return file
+def site_folder(folder: Path, *vouched: str) -> Path:
+    """The shipped site as a folder of one's own, which vouches for these sources."""
+    shutil.copytree(shipped_workspace().folder, folder, dirs_exist_ok=True)
+    shipped = yaml.safe_load((folder / "site.yaml").read_text(encoding="utf-8"))
+    text = yaml.safe_dump(shipped | {"vouched": list(vouched)}, allow_unicode=True)
+    (folder / "site.yaml").write_text(text, encoding="utf-8")
+    return folder
 
 
 def walked(data: Path, site: Path) -> tuple[int, dict[str, Any]]:
     """Exit code and the level of each condition of the walk, by a robot whose navigators steer by wheels alone."""
     robot = json.dumps([sys.executable, "-m", "tests.fakes.robot_program", "wheels"])
-    environment = {"REGEN_ROBOT_COMMAND": robot, "REGEN_SITE_FILE": str(site)}
+    environment = {"REGEN_ROBOT_COMMAND": robot, "REGEN_SITE_FOLDER": str(site)}
     done = CliRunner(env=environment).invoke(app, [*WALK, "--data", str(data)])
     assert done.stdout, done.stderr
     read = CliRunner(env=environment).invoke(
@@ -38,10 +40,10 @@ def walked(data: Path, site: Path) -> tuple[int, dict[str, Any]]:
     return done.exit_code, {one["condition_id"]: one["independence"] for each in verdicts for one in each["results"]}
 
 
-def test_a_source_that_the_site_file_vouches_for_gives_independence(tmp_path: Path) -> None:
-    code, levels = walked(tmp_path / "plain", site_file(tmp_path))
+def test_a_source_that_the_site_vouches_for_gives_independence(tmp_path: Path) -> None:
+    code, levels = walked(tmp_path / "plain", site_folder(tmp_path / "site"))
     assert (code, levels["circuit.closed"]) == (0, 1), "pose and odometry come from the robot's own process"
-    code, levels = walked(tmp_path / "vouched", site_file(tmp_path, "localiser", "odometry"))
+    code, levels = walked(tmp_path / "vouched", site_folder(tmp_path / "site", "localiser", "odometry"))
     assert (code, levels["circuit.closed"], levels["circuit.static"]) == (0, 2, 2)
 
 
@@ -50,12 +52,15 @@ def test_a_source_that_the_site_file_vouches_for_gives_independence(tmp_path: Pa
     [("vouched: [crystal ball]", "The site vouches for crystal ball"), ("name: [", "line"), (None, "cannot be read")],
 )
 def test_a_site_file_that_cannot_hold_is_refused_by_name(tmp_path: Path, text: str | None, said: str) -> None:
-    file = site_file(tmp_path) if text and text.startswith("vouched") else tmp_path / "own.yaml"
-    if text is not None:
-        kept = file.read_text(encoding="utf-8").replace("vouched: []\n", "") if file.exists() else ""
+    folder = site_folder(tmp_path / "site")
+    file = folder / "site.yaml"
+    if text is None:
+        file.unlink()
+    else:
+        kept = file.read_text(encoding="utf-8").replace("vouched: []\n", "")
         file.write_text(f"{kept}{text}\n", encoding="utf-8")
     command = [sys.executable, "-m", "app.cli", *WALK, "--data", str(tmp_path / "data")]
-    environment = {**os.environ, "REGEN_SITE_FILE": str(file)}
+    environment = {**os.environ, "REGEN_SITE_FOLDER": str(folder)}
     refused = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment, check=False)
     assert refused.returncode == 2, refused.stderr
     assert said in refused.stderr and str(file) in refused.stderr

@@ -59,7 +59,6 @@ SENTENCES: Mapping[str, str] = {
     "recording_unknown": N_("No recording {digest}… is stored here"),
     "reading_of_other_text": N_("The reading is of another text or site"),
     "route_between": N_("{name} ({start} to {end})"),
-    "site_unreadable": N_("The site file cannot be read: {error}"),
     "source_missing": N_("Nothing at this robot except the provider itself can show {condition_id} ({predicate})"),
     "span_outside_text": N_("Characters {start} to {end} are not in the text"),
     "spot_inside_text": N_("{spot} is no text or number, so it cannot stand inside a text"),
@@ -131,7 +130,6 @@ REMEDIES: Mapping[str, str] = {
     "recording_unknown": N_("upload it first"),
     "recording_unusable": N_("give a WAV of 16-bit mono samples, {low_s} to {high_s} s long, or type the goal"),
     "reading_of_other_text": N_("read the goal again"),
-    "site_unreadable": N_("name a readable file of UTF-8 text"),
     "source_missing": N_(
         "connect a source of {predicate} to this robot, or name the condition under declared in the stage's evidence "
         "policy: the mission is then verified in part"

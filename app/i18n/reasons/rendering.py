@@ -39,6 +39,7 @@ from app.i18n.reasons import (
     reviews,
     robots,
     routing,
+    sites,
     stores,
     supervision,
     verification,
@@ -72,6 +73,7 @@ SENTENCES: Mapping[str, str] = {
     **requests.SENTENCES,
     **robots.SENTENCES,
     **routing.SENTENCES,
+    **sites.SENTENCES,
     **stores.SENTENCES,
     **supervision.SENTENCES,
     **verification.SENTENCES,
@@ -87,6 +89,7 @@ REMEDIES: Mapping[str, str] = {
     **recordings.REMEDIES,
     **requests.REMEDIES,
     **robots.REMEDIES,
+    **sites.REMEDIES,
     **stores.REMEDIES,
 }
 """What to do about an error, by the code of what happened."""
