@@ -1,9 +1,10 @@
 """Builds the harness: chooses the adapters, passes them to the gate and the supervisor, and closes them again."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
@@ -13,6 +14,7 @@ from harness.adapters.failpoints import parse, with_failpoint
 from harness.adapters.ids import SeededIds, SystemIds
 from harness.adapters.providers.http.process import RobotSettings
 from harness.adapters.providers.http.supervised_process import SupervisedProcess
+from harness.adapters.providers.messaging.folder import erase_from_outbox
 from harness.adapters.stores.anchors import anchor_key, anchoring
 from harness.adapters.stores.blobs import FileBlobStore, owned_blobs
 from harness.adapters.stores.folder import DataFolder, existing, prepare
@@ -55,6 +57,9 @@ from harness.contracts.reasons import because
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.simulation import InProcessRobot, Simulator
+from harness.erasures import finish_erasures
+from harness.gate.decide import DECIDER as MISSION
+from harness.gate.open_missions import OpenMissions
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
@@ -121,10 +126,10 @@ def open_harness(
         stack.enter_context(_anchored(store, folder, settings))
         if signals and is_server(settings.database):
             stack.enter_context(closing(Listener(settings.database, signals.changed)))
-        kept = _started(stack, folder, settings)
+        kept = _started(stack, folder, settings, under_way=_under_way(store))
         parts = Parts(
             store=store,
-            blobs=owned_blobs(folder.blobs),
+            blobs=owned_blobs(folder.blobs, copies=partial(erase_from_outbox, folder.outbox)),
             spool=FileSpool(folder.spool),
             ids=ids,
             clock=kept[0].clock,
@@ -138,7 +143,9 @@ def open_harness(
             site=site,
         )
         members = [_kept_member(parts, one, folder) for one in kept]
-        yield replace(joined(stack, settings, parts, members), token=token)
+        harness = replace(joined(stack, settings, parts, members), token=token)
+        finish_erasures(harness.runtime)
+        yield harness
 
 
 @contextmanager
@@ -168,6 +175,7 @@ def edit_harness(
             _without_robots(settings, folder, deciders=deciders, select=select, authority=authority) as runtime,
             _anchored(runtime, folder, settings),
         ):
+            finish_erasures(runtime)
             yield runtime
 
 
@@ -184,7 +192,7 @@ def _without_robots(
         key = installation_key(settings.snapshot_key_file, data=folder.root, make=False)
         parts = Parts(
             store=log,
-            blobs=FileBlobStore(folder.blobs),
+            blobs=FileBlobStore(folder.blobs, copies=partial(erase_from_outbox, folder.outbox)),
             spool=MemorySpool(),
             ids=SystemIds(),
             clock=SystemClock(),
@@ -340,8 +348,25 @@ def _anchored(log: HasHead, folder: DataFolder, settings: HarnessSettings) -> It
         yield
 
 
-def _started(stack: ExitStack, folder: DataFolder, settings: HarnessSettings) -> list[SupervisedProcess]:
-    """All robot processes, started side by side. The stack ends those that came up."""
+def _under_way(store: ports.EventStore) -> dict[str, float]:
+    """The newest mission time of each robot's open missions."""
+    found: dict[str, float] = {}
+    for stream in OpenMissions(store).streams():
+        events = store.load(stream)
+        mission = MISSION.fold(MISSION.initial, (MISSION.codec.decode(event) for event in events))
+        if not mission.ended:
+            found[mission.robot_id] = max(found.get(mission.robot_id, 0.0), events[-1].mission_s)
+    return found
+
+
+def _started(
+    stack: ExitStack, folder: DataFolder, settings: HarnessSettings, *, under_way: Mapping[str, float]
+) -> list[SupervisedProcess]:
+    """All robot processes, started side by side. The stack ends those that came up.
+
+    A robot with a mission `under_way` goes on at that mission time: how long the machine was down, or takes to start,
+    does not count against the deadline of a stage.
+    """
 
     def start(robot_id: str, seed: int) -> SupervisedProcess:
         kept = SupervisedProcess(
@@ -352,6 +377,7 @@ def _started(stack: ExitStack, folder: DataFolder, settings: HarnessSettings) ->
                 speed=settings.speed,
                 seed=seed,
                 fidelity=settings.fidelity,
+                epoch_s=under_way.get(robot_id, 0.0),
             )
         )
         stack.callback(kept.close)

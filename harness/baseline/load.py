@@ -1,14 +1,13 @@
 """H_0 and the site as they ship: reads this package's own data, and any YAML text, into contract values."""
 
-from collections.abc import Hashable
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
-import yaml
 
+from harness.adapters.yaml_reader import foreign_values, plain_values
 from harness.contracts.configuration import Configuration, ContextRules, RecoveryPolicy, RoutingPreferences
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.places import Site
@@ -21,8 +20,6 @@ from harness.recovery.policy import check_policy
 from harness.supervisor.zones import check_site
 
 T = TypeVar("T")
-LONGEST_TEXT = 262_144
-DEEPEST = 24
 _PACKAGE = "harness.baseline"
 
 
@@ -89,7 +86,7 @@ def site_from(file: Path | None) -> Site:
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeError) as error:
         raise ContractInvalid(because("site_unreadable", error=str(error)), where=str(file)) from error
-    own = read_yaml(text, Site, where=str(file))
+    own = read_yaml(text, Site, where=str(file), foreign=True)
     check_site(own)
     check_names(own)
     known = world_sources()
@@ -101,21 +98,12 @@ def site_from(file: Path | None) -> Site:
     return own
 
 
-def read_yaml(text: str, kind: type[T], *, where: str) -> T:
+def read_yaml(text: str, kind: type[T], *, where: str, foreign: bool = False) -> T:
     """YAML of one contract value. Raises ContractInvalid that names the place in the file or in the value.
 
-    Aliases, repeated keys, deep nesting and texts over 256 KiB are refused before anything is built from them: a file
-    of a few lines can otherwise unfold to gigabytes.
+    `foreign`: anybody may have written it, so that a process with limits reads it.
     """
-    if len(text) > LONGEST_TEXT:
-        raise ContractInvalid(because("text_too_long", characters=len(text), limit=LONGEST_TEXT), where=where)
-    try:
-        _check_events(text, where)
-        built = yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError as error:
-        raise ContractInvalid(because("yaml_invalid", error=_line(error)), where=where) from error
-    except ValueError as error:
-        raise ContractInvalid(because("value_unreadable", error=str(error)), where=where) from error
+    built = foreign_values(text, where=where) if foreign else plain_values(text, where=where)
     try:
         return msgspec.convert(built, kind, strict=True)
     except msgspec.ValidationError as error:
@@ -123,42 +111,6 @@ def read_yaml(text: str, kind: type[T], *, where: str) -> T:
         raise ContractInvalid(
             because("field_invalid", error=what), where=f"{where}, {path.rstrip('`') or '$'}"
         ) from error
-
-
-class _Loader(yaml.SafeLoader):
-    """SafeLoader that takes no key twice, no key that is a list or mapping, and no merged keys."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen: set[str] = set()
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode) or key.tag == "tag:yaml.org,2002:merge":
-                raise yaml.constructor.ConstructorError(None, None, "a key must be a plain word", key.start_mark)
-            if key.value in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"the key {key.value!r} stands twice", key.start_mark
-                )
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)
-
-
-def _check_events(text: str, where: str) -> None:
-    depth = 0
-    for event in yaml.parse(text, Loader=yaml.SafeLoader):
-        line = event.start_mark.line + 1 if event.start_mark else 0
-        if isinstance(event, yaml.AliasEvent):
-            raise ContractInvalid(because("yaml_alias", line=line), where=where)
-        if isinstance(event, yaml.CollectionStartEvent):
-            depth += 1
-        elif isinstance(event, yaml.CollectionEndEvent):
-            depth -= 1
-        if depth > DEEPEST:
-            raise ContractInvalid(because("yaml_too_deep", line=line, limit=DEEPEST), where=where)
-
-
-def _line(error: yaml.YAMLError) -> str:
-    mark = getattr(error, "problem_mark", None)
-    problem = getattr(error, "problem", None) or str(error)
-    return f"{problem} (line {mark.line + 1})" if mark else str(problem)
 
 
 def _templates(name: str) -> tuple[TaskTemplate, ...]:

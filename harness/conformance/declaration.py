@@ -84,7 +84,7 @@ def _bytes(text: str) -> bytes:
 
 
 def _checked(text: str, *, where: str) -> ConformanceFile:
-    declaration = read_yaml(text, ConformanceFile, where=where)
+    declaration = read_yaml(text, ConformanceFile, where=where, foreign=True)
     if not declaration.done or not declaration.long:
         raise ContractInvalid("The file names no request to try", where=where, do="fill in `done` and `long`")
     both = sorted(set(declaration.meets) & set(declaration.exempt))

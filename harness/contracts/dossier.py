@@ -51,8 +51,9 @@ class DossierContents(Value):
     `goal` is the source text. `judged` is unset for a mission without a reading, and in dossiers of earlier releases.
 
     `absent` lists evidence that was missing or damaged when the dossier was written: what packets cite, and what a
-    context, a recognition or a lidar look cites in turn. `head` is
-    the log's head at that time: the anchor to compare with a copy stored elsewhere.
+    context, a recognition or a lidar look cites in turn. `erased` lists voice and photographs that were erased before;
+    their tombstones are among the events. `head` is the log's head at that time: the anchor to compare with a copy
+    stored elsewhere.
     """
 
     format: str
@@ -69,6 +70,7 @@ class DossierContents(Value):
     files: dict[str, Digest]
     absent: tuple[Digest, ...]
     judged: JudgedGoal | msgspec.UnsetType = msgspec.UNSET
+    erased: tuple[Digest, ...] | msgspec.UnsetType = msgspec.UNSET
 
 
 class DossierSignature(Value):

@@ -36,6 +36,7 @@ OWN_BUSINESS = {
     "/account/sign-out",
     "/account/sign-out-everywhere",
     "/account/password",
+    "/account/terminal",
     "/missions/{mission_id}/scene/{view}/instant",
     "/candidates/check",
 }
@@ -103,6 +104,7 @@ CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/candidates/{candidate}/{verb}"): "propose",
     ("POST", "/api/v1/candidates/{candidate}/request_changes"): "review",
     **{("POST", f"{door}/releases/policy"): "policy" for door in ("", "/api/v1")},
+    **{("POST", f"{door}/evidence/{{digest}}/erase"): "erase" for door in ("", "/api/v1")},
 }
 """What every changing route needs. A route that is not here fails the test: say who may use it."""
 
