@@ -134,7 +134,7 @@ def _bag_seed() -> bytes:
             channel = writer.add_connection("/odom", ODOMETRY, typestore=get_typestore(Stores.ROS1_NOETIC))
             for number in range(1, 50):
                 head = struct.pack("<IIII4sI4s", number, number, 0, 4, b"odom", 4, b"base")
-                writer.write(channel, number * 10**9, head + struct.pack("<85d", *bytes(85)))
+                writer.write(channel, number * 10**9, head + struct.pack("<85d", *bytes(6), 1, *bytes(78)))
         return file.read_bytes()
 
 
