@@ -52,8 +52,8 @@ class Retention:
         """The position before the mission that the newest tombstone of the rule is about; 0 without one."""
         for stream in reversed(self._runtime.streams(ERASURES)):
             erased = self._runtime.erasure(Digest(stream.removeprefix(ERASURES)))
-            if erased is not None and erased.mission_id:
-                return self._runtime.events(MissionId(erased.mission_id))[-1].position - 1
+            if erased is not None and erased.ended_mission:
+                return self._runtime.events(MissionId(erased.ended_mission))[-1].position - 1
         return 0
 
     def _expire(self, mission_id: MissionId) -> int:

@@ -16,6 +16,7 @@ from app.views.evidence_list import BlobPage
 from app.views.forms import Wrong
 from app.views.list_params import ListParams
 from app.web.rendering import render
+from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.erasure_events import medium_of
@@ -58,15 +59,16 @@ def about(console: ConsoleDep, actor: ActorDep, digest: DigestPath) -> HTMLRespo
 
 
 @router.post("/{digest}/erase")
-def erase(console: ConsoleDep, actor: ActorDep, digest: DigestPath, typed: FormDep) -> Response:
+def erase(console: ConsoleDep, principal: PrincipalDep, digest: DigestPath, typed: FormDep) -> Response:
     """Erase a photograph or a voice for good, with a reason."""
-    page = _about(console, actor, digest)
+    actor = principal.acting("erase")
     act = EraseBlobAct.from_form(typed)
     if isinstance(act, tuple):
-        return render("evidence/about.html", replace(page, wrong=act), status=422)
+        return render("evidence/about.html", replace(_about(console, actor, digest), wrong=act), status=422)
     decision = console.runtime.erase(Digest(digest), reason=act.reason)
     if isinstance(decision, Refused):
-        return render("evidence/about.html", replace(page, wrong=(Wrong("", reasoned(decision.reason)),)), status=409)
+        page = replace(_about(console, actor, digest), wrong=(Wrong("", reasoned(decision.reason)),))
+        return render("evidence/about.html", page, status=409)
     return RedirectResponse(f"/evidence/{digest}/about", status_code=303)
 
 

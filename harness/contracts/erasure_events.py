@@ -33,8 +33,8 @@ class ExpireBlob(Command, tag=True):
 
 
 class BlobErased(Event, tag=True):
-    """The bytes of this digest may no longer be stored here. `mission_id`: whose end the retention rule counted from;
-    empty where a person asked."""
+    """The bytes of this digest may no longer be stored here. `ended_mission`: whose end the retention rule counted
+    from; empty where a person asked."""
 
     digest: Digest
     medium: Medium
@@ -42,7 +42,7 @@ class BlobErased(Event, tag=True):
     actor: Actor
     reason: Explanation
     at_s: float
-    mission_id: str = ""
+    ended_mission: str = ""
 
 
 ErasureCommand = EraseBlob | ExpireBlob

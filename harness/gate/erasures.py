@@ -22,13 +22,13 @@ def decide(erasure: Erasure, command: ErasureCommand, now: Moment) -> Decision[B
             return Accepted((_tombstone(command, command.actor, command.reason, now),))
         case ExpireBlob():
             reason = because("retention_over", days=command.after_days)
-            return Accepted((_tombstone(command, RETENTION, reason, now, mission_id=command.mission_id),))
+            return Accepted((_tombstone(command, RETENTION, reason, now, ended_mission=command.mission_id),))
         case _:
             assert_never(command)
 
 
 def _tombstone(
-    command: ErasureCommand, actor: Actor, reason: Explanation, now: Moment, *, mission_id: str = ""
+    command: ErasureCommand, actor: Actor, reason: Explanation, now: Moment, *, ended_mission: str = ""
 ) -> BlobErased:
     return BlobErased(
         digest=command.digest,
@@ -37,7 +37,7 @@ def _tombstone(
         actor=actor,
         reason=reason,
         at_s=now.wall_s,
-        mission_id=mission_id,
+        ended_mission=ended_mission,
     )
 
 

@@ -147,7 +147,7 @@ def test_the_retention_rule_erases_voice_and_photographs_of_missions_that_ended_
     assert not any(runtime.has_blob(one) for one in pictures)
     assert all(runtime.has_blob(one) for one in others)
     stone = runtime.erasure(pictures[0])
-    assert stone is not None and stone.actor.name == "retention" and stone.mission_id == mission.mission_id
+    assert stone is not None and stone.actor.name == "retention" and stone.ended_mission == mission.mission_id
     assert replay_mission(runtime, mission.mission_id).differences == ()
     head = runtime.head()
     assert Retention(runtime, days=30, clock=lambda: now[0]).step() == 0
