@@ -228,10 +228,15 @@ def _full_disk(scene: FaultScene) -> Iterator[None]:
 
 
 def _read_only_disk(scene: FaultScene) -> Iterator[None]:
-    """The file system gives up, as after an I/O error, and goes read-only under open files; then it is repaired."""
+    """The file system gives up, as after an I/O error, and goes read-only under open files. Whoever repairs it has to
+    end host and robot first: they hold it open."""
     subprocess.run(["mount", "-o", "remount,abort", str(scene.data)], check=True, capture_output=True)
     yield
-    subprocess.run(["umount", "--lazy", str(scene.data)], check=True, capture_output=True)
+    robot = msgspec.json.decode(attachment(scene.data).read_bytes(), type=Attachment).pid
+    end_host(scene.host)
+    with suppress(ProcessLookupError):
+        os.kill(robot, signal.SIGKILL)
+    subprocess.run(["umount", str(scene.data)], check=True, capture_output=True)
     subprocess.run(["e2fsck", "-fy", str(_image(scene.data))], check=False, capture_output=True)
     _mount_image(scene.data)
 

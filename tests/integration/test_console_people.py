@@ -39,6 +39,7 @@ OWN_BUSINESS = {
     "/account/terminal",
     "/missions/{mission_id}/scene/{view}/instant",
     "/candidates/check",
+    "/audit/anchors",
 }
 ROBOT_TURNS: dict[str, Permission] = {"autonomy": "drive", "pause": "stop", "resume": "drive", "safe": "stop"}
 TELEOPERATION = ("teleoperation", "wheel")
