@@ -15,14 +15,14 @@ from app.auth.guarded_runtime import GuardedRuntime
 from app.auth.oidc_login import OidcLogin
 from app.auth.sessions import SessionService
 from app.background.alerts import Alerts
-from app.background.evaluations import Evaluated
+from app.background.evaluations import EvaluationCache
 from app.background.lists import Lists
 from app.background.mission_history import Histories
 from app.background.presence import Presence
 from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
 from app.background.trajectories import Measurements
-from app.scene.servers import Scenes
+from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
 from app.views.evidence import Unsound, unsound
 from app.views.shell import Shell, Surroundings, shell
@@ -40,7 +40,6 @@ from harness.contracts.ports import LogHead
 from harness.contracts.proposals import CandidateSet, RoutingExplanation
 from harness.contracts.protocol import DriveReport, PhysicalStart
 from harness.projections.control import SiteControl
-from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
 from harness.routing.explanation import explained
 from harness.routing.question import RoutingQuestion
@@ -102,14 +101,14 @@ class Console:
     runtime: GuardedRuntime
     settings: ConsoleSettings
     broker: SignalBroker
-    scenes: Scenes
+    scenes: SceneViews
     sessions: SessionService
     histories: Histories
     lists: Lists
     measurements: Measurements
     alerts: Alerts
     releases: GuardedReleaseService
-    evaluated: Evaluated
+    evaluated: EvaluationCache
     clock: Callable[[], float]
     starts: Starts = no_journal
     cards: Cards = no_cards
@@ -147,15 +146,6 @@ class Console:
     def open_missions(self) -> list[Mission]:
         """Missions that have not ended, newest first."""
         return self.runtime.open_missions()
-
-    def mission_of(self, handoff: Handoff) -> Mission | None:
-        """The mission a handoff belongs to, if the log still has it."""
-        if handoff.opened is None:
-            return None
-        try:
-            return self.runtime.mission(handoff.opened.mission_id)
-        except UnknownName:
-            return None
 
     def check(self, digest: Digest) -> Unsound | None:
         """None if a blob's bytes match its digest at this moment, else why not."""

@@ -24,7 +24,7 @@ from app.cli.person import host_user
 from app.i18n.reasons.rendering import sentence
 from app.i18n.visible_text import visible_at_terminal
 from app.main import create_app
-from app.scene.servers import Scenes
+from app.scene.port import NoSceneViews
 from app.settings import ConsoleSettings
 from harness.bootstrap import Harness, edit_harness
 from harness.contracts.errors import HarnessError
@@ -50,7 +50,7 @@ class LocalApi(Api):
             runtime,
             console,
             self._broker,
-            Scenes(runtime),
+            NoSceneViews(),
             accounts=accounts,
             answer=harness.supervisor.answer if harness else unsupervised,
             free=harness.supervisor.free if harness else unobserved,
@@ -79,9 +79,9 @@ class LocalApi(Api):
 
     def _run(self, mission_id: MissionId) -> None:
         supervisor = self._robots().supervisor
-        with interruptible() as asked:
-            mission = supervisor.run(mission_id, watch=ProgressPrinter(), interrupted=asked.is_set)
-            if not asked.is_set():
+        with interruptible() as interrupted:
+            mission = supervisor.run(mission_id, watch=ProgressPrinter(), interrupted=interrupted.is_set)
+            if not interrupted.is_set():
                 return
             typer.echo(f"Stopping {mission.robot_id}.", err=True)
             rest = supervisor.bring_to_rest(mission_id)

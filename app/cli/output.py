@@ -80,8 +80,8 @@ def complain(error: HarnessError, *, as_json: bool = False) -> int:
 
 def _question_lines(question: ReadingQuestion) -> list[str]:
     """The question for a terminal: the text with its unread words in brackets, and how to confirm the reading."""
-    shown = "".join(f"[{part.text}]" if part.kind == "unread" else part.text for part in question_view(question).parts)
-    lines = [f"  {shown}"]
+    text = "".join(f"[{part.text}]" if part.kind == "unread" else part.text for part in question_view(question).parts)
+    lines = [f"  {text}"]
     for one in question.unread:
         why = reasons.sentence(unread_in_words(one.why))
         lines.append(f"    {question.text[one.span.start : one.span.end]!r}: {why}")

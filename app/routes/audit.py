@@ -40,9 +40,9 @@ def show(
     anchor: Annotated[str, Query(max_length=LONGEST_ANCHOR)] = "",
     anchor_key: Annotated[str, Query(max_length=200)] = "",
 ) -> HTMLResponse:
-    wanted = audit.Wanted(actor=actor.strip(), kind=kind.strip(), everything=everything)
+    filters = audit.AuditFilter(actor=actor.strip(), kind=kind.strip(), everything=everything)
     given = audit.GivenAnchor(text=anchor.strip(), key=anchor_key.strip())
-    return _shown(console, principal, wanted, given, before=before, verify=verify)
+    return _shown(console, principal, filters, given, before=before, verify=verify)
 
 
 @router.post("/anchors")
@@ -53,25 +53,25 @@ async def uploaded(request: Request, console: ConsoleDep, principal: PrincipalDe
         body = await file.read() if isinstance(file, UploadFile) else b""
     text = body.decode(errors="replace").strip()
     given = audit.GivenAnchor(text=text, key=key.strip() if isinstance(key, str) else "", file=True)
-    return await run_in_threadpool(_shown, console, principal, audit.Wanted(), given, before=0, verify=False)
+    return await run_in_threadpool(_shown, console, principal, audit.AuditFilter(), given, before=0, verify=False)
 
 
 def _shown(
     console: Console,
     principal: Principal,
-    wanted: audit.Wanted,
+    filters: audit.AuditFilter,
     given: audit.GivenAnchor,
     *,
     before: int,
     verify: bool,
 ) -> HTMLResponse:
-    deeds, scanned_from = newest_first(console, wanted, before=before)
+    decisions, scanned_from = newest_first(console, filters, before=before)
     shell = console.shell("Audit", "audit", principal.actor)
     page = audit.AuditPage(
         shell=shell,
         head=console.head(),
-        deeds=tuple(deeds),
-        wanted=wanted,
+        decisions=tuple(decisions),
+        wanted=filters,
         scanned_from=scanned_from,
         found=_log_sum(console) if verify or given.text else audit.Sum(),
         anchor=_compared(console, given),
@@ -107,7 +107,7 @@ def access(
         rows=tuple(
             audit.AuditRow(e.number, e.at_s, e.kind, e.actor, e.role, e.subject, e.detail, e.source) for e in entries
         ),
-        wanted=audit.Wanted(actor=actor, kind=kind),
+        wanted=audit.AuditFilter(actor=actor, kind=kind),
         older=entries[-1].number if len(entries) == SHOWN else 0,
         found=_trail_sum(console) if verify else audit.Sum(),
     )
@@ -115,19 +115,19 @@ def access(
 
 
 def newest_first(
-    console: Console, wanted: audit.Wanted, *, before: int, shown: int = SHOWN
+    console: Console, filters: audit.AuditFilter, *, before: int, limit: int = SHOWN
 ) -> tuple[list[audit.AuditEvent], int]:
     """Matching entries below a position (0: from the head), and the lowest position read. Reads at most SCANNED."""
     upto = before - 1 if before else console.head().position
     floor = max(0, upto - SCANNED)
     found: list[audit.AuditEvent] = []
-    while upto > floor and len(found) < shown:
+    while upto > floor and len(found) < limit:
         after = max(floor, upto - WINDOW)
         for stored in reversed(console.runtime.log(after, upto - after)):
             one = audit.entry(stored)
-            if wanted.fits(one):
+            if filters.fits(one):
                 found.append(one)
-                if len(found) == shown:
+                if len(found) == limit:
                     return found, one.position
         upto = after
     return found, upto + 1

@@ -26,7 +26,7 @@ _DOCUMENT = b"{"
 
 
 @dataclass(frozen=True)
-class Collected:
+class DossierContent:
     """The contents to sign and the files they name."""
 
     contents: DossierContents
@@ -60,7 +60,7 @@ class DossierVerdict(Value):
     unrepeated: Count = 0
 
 
-def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, exported_at_s: float) -> Collected:
+def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, exported_at_s: float) -> DossierContent:
     """Events of the mission, its handoffs and its places, every record and blob they cite, directly or through others.
 
     Raises UnknownName for a mission that does not exist.
@@ -94,7 +94,7 @@ def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, ex
         judged=judged_goal(mission) or msgspec.UNSET,
         erased=tuple(sorted(gone)) or msgspec.UNSET,
     )
-    return Collected(contents=contents, files=files)
+    return DossierContent(contents=contents, files=files)
 
 
 def mission_blobs(runtime: Runtime, mission_id: ids.MissionId) -> dict[ids.Digest, bytes]:

@@ -6,9 +6,8 @@ Their addresses contain secrets: they come from settings, stay in this module, a
 import logging
 import warnings
 from collections.abc import Collection, Mapping
+from typing import Any
 from urllib.parse import urlsplit
-
-import apprise
 
 from harness.adapters.connection_guard import Permits, PublicOr, addresses_of, guarded, of_this_link
 from harness.contracts.errors import ContractInvalid
@@ -26,13 +25,17 @@ class AppriseNotifier:
     """
 
     def __init__(self, addresses: Mapping[str, str], *, permits: Permits | None = None) -> None:
+        self._permits = permits or PublicOr((), where=NETWORKS)
+        self._services: dict[str, Any] = {}
+        self._hosts: dict[str, tuple[str, ...]] = {}
+        if not addresses:
+            return
+        import apprise  # noqa: PLC0415  loads for a quarter of a second, and every command would wait for it
+
         asset = apprise.AppriseAsset(
             app_id="RegenHarness", app_desc="RegenHarness", app_url="", http_redirects=False, image_url_mask=""
         )
         asset.async_mode = False  # the guard holds in this thread alone
-        self._permits = permits or PublicOr((), where=NETWORKS)
-        self._services = {}
-        self._hosts: dict[str, tuple[str, ...]] = {}
         for name, address in addresses.items():
             built = apprise.Apprise(asset=asset)
             if not urlsplit(address).scheme or not _added(built, address):
@@ -52,7 +55,7 @@ class AppriseNotifier:
             return "the service's address leads to this machine's own network link, where no service is"
         if not all(self._permits(address) for address in found):
             return f"the service's address leads into a private network that {NETWORKS} does not name"
-        kind = apprise.NotifyType.FAILURE if message.urgent else apprise.NotifyType.WARNING
+        kind = "failure" if message.urgent else "warning"
         try:
             with guarded(self._permits):
                 sent = self._services[service].notify(title=message.title, body=message.body, notify_type=kind)
@@ -61,7 +64,7 @@ class AppriseNotifier:
         return "" if sent else "the service did not take it, or does not answer"
 
 
-def _added(built: apprise.Apprise, address: str) -> bool:
+def _added(built: Any, address: str) -> bool:
     """Whether Apprise knows the address. Its first use loads every plugin, some of which import what is deprecated."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
