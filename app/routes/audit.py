@@ -42,7 +42,7 @@ def show(
 ) -> HTMLResponse:
     filters = audit.AuditFilter(actor=actor.strip(), kind=kind.strip(), everything=everything)
     given = audit.GivenAnchor(text=anchor.strip(), key=anchor_key.strip())
-    return _shown(console, principal, filters, given, before=before, verify=verify)
+    return _page(console, principal, filters, given, before=before, verify=verify)
 
 
 @router.post("/anchors")
@@ -53,10 +53,10 @@ async def uploaded(request: Request, console: ConsoleDep, principal: PrincipalDe
         body = await file.read() if isinstance(file, UploadFile) else b""
     text = body.decode(errors="replace").strip()
     given = audit.GivenAnchor(text=text, key=key.strip() if isinstance(key, str) else "", file=True)
-    return await run_in_threadpool(_shown, console, principal, audit.AuditFilter(), given, before=0, verify=False)
+    return await run_in_threadpool(_page, console, principal, audit.AuditFilter(), given, before=0, verify=False)
 
 
-def _shown(
+def _page(
     console: Console,
     principal: Principal,
     filters: audit.AuditFilter,
@@ -162,8 +162,8 @@ def _compared(console: Console, given: audit.GivenAnchor) -> audit.GivenAnchor:
         return replace(given, problem=explained(error), text="" if given.file else given.text)
     wrong = [one for one in found if one.reason is not None]
     fits = max((one for one in found if one.reason is None), key=lambda one: one.position, default=None)
-    shown = (*wrong[:SHOWN], *((fits,) if fits else ()))
-    return replace(given, found=shown, total=len(found), text="" if given.file else given.text)
+    listed = (*wrong[:SHOWN], *((fits,) if fits else ()))
+    return replace(given, found=listed, total=len(found), text="" if given.file else given.text)
 
 
 def _before_commands(console: Console) -> str:

@@ -1,6 +1,5 @@
 """/evidence: the list of all evidence, and blobs by digest, verified at each read and served with a safe type."""
 
-from dataclasses import replace
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path
@@ -64,15 +63,15 @@ def erase(console: ConsoleDep, principal: PrincipalDep, digest: DigestPath, type
     actor = principal.acting("erase")
     act = EraseBlobAct.from_form(typed)
     if isinstance(act, tuple):
-        return render("evidence/about.html", replace(_about(console, actor, digest), wrong=act), status=422)
+        return render("evidence/about.html", _about(console, actor, digest, wrong=act), status=422)
     decision = console.runtime.erase(Digest(digest), reason=act.reason)
     if isinstance(decision, Refused):
-        page = replace(_about(console, actor, digest), wrong=(Wrong("", reasoned(decision.reason)),))
-        return render("evidence/about.html", page, status=409)
+        wrong = (Wrong("", reasoned(decision.reason)),)
+        return render("evidence/about.html", _about(console, actor, digest, wrong=wrong), status=409)
     return RedirectResponse(f"/evidence/{digest}/about", status_code=303)
 
 
-def _about(console: Console, actor: Actor, digest: str) -> BlobPage:
+def _about(console: Console, actor: Actor, digest: str, *, wrong: tuple[Wrong, ...] = ()) -> BlobPage:
     uses = ListQuery(listing="evidence", words=(digest[:BLOB_SIGNS],), limit=USES)
     rows = [one for one in console.lists.evidence(uses).items if one.blob == digest]
     if not rows:
@@ -91,6 +90,7 @@ def _about(console: Console, actor: Actor, digest: str) -> BlobPage:
         media_type="" if broken else kind_of(body)[0],
         rows=tuple(rows),
         erasable=medium_of(body) is not None and "erase" in shell.may,
+        wrong=wrong,
     )
 
 

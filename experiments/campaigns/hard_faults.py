@@ -236,8 +236,8 @@ def _read_only_disk(scene: FaultScene) -> Iterator[None]:
     end_host(scene.host)
     with suppress(ProcessLookupError):
         os.kill(robot, signal.SIGKILL)
-    asked = ["umount", str(scene.data)]
-    until(lambda: subprocess.run(asked, check=False, capture_output=True).returncode == 0, _Blind(), seconds=30.0)
+    command = ["umount", str(scene.data)]
+    until(lambda: subprocess.run(command, check=False, capture_output=True).returncode == 0, _Blind(), seconds=30.0)
     subprocess.run(["e2fsck", "-fy", str(_image(scene.data))], check=False, capture_output=True)
     _mount_image(scene.data)
 

@@ -46,22 +46,22 @@ def foreign_values(text: str, *, where: str) -> Any:
     """The same of text that anybody may have written: a process with limits reads it. Raises ContractInvalid."""
     if len(text) > LONGEST_TEXT:
         raise ContractInvalid(because("text_too_long", characters=len(text), limit=LONGEST_TEXT), where=where)
-    answer = _process().run(encode(TextToRead(text=text, where=where)), where=where)
+    answer = _reader().run(encode(TextToRead(text=text, where=where)), where=where)
     return msgspec.msgpack.decode(answer)
 
 
 def read_request(request: bytes) -> bytes:
     """What the process does: plain values as MessagePack, which keeps dates and numbers that JSON does not know."""
-    asked = decode(request, TextToRead)
-    built = plain_values(asked.text, where=asked.where)
+    order = decode(request, TextToRead)
+    built = plain_values(order.text, where=order.where)
     try:
         return msgspec.msgpack.encode(built)
     except (TypeError, OverflowError, ValueError) as error:
-        raise ContractInvalid(because("value_unreadable", error=str(error)), where=asked.where) from error
+        raise ContractInvalid(because("value_unreadable", error=str(error)), where=order.where) from error
 
 
 @lru_cache(maxsize=1)
-def _process() -> LimitedProcess:
+def _reader() -> LimitedProcess:
     """One process for all texts: it starts with the first one."""
     return LimitedProcess(read_request, LIMITS, failure=ContractInvalid)
 

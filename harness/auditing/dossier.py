@@ -73,8 +73,8 @@ def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, ex
     needed = {ids.Digest(found.decode()) for body in citing for found in _EVIDENCE.findall(body)}
     tombstones = [event for digest in gone for event in runtime.stream(erasure_stream(digest))]
     events = sorted((*own, *tombstones), key=lambda event: event.position)
-    asked, _, _ = _resolved(runtime, _cited(b"\n".join(event.body for event in tombstones)) - gone)
-    records = list({one.digest: one for one in (*records, *asked)}.values())
+    commands, _, _ = _resolved(runtime, _cited(b"\n".join(event.body for event in tombstones)) - gone)
+    records = list({one.digest: one for one in (*records, *commands)}.values())
     files[EVENTS] = b"".join(encode(event) + b"\n" for event in events)
     files[RECORDS] = b"".join(encode(record) + b"\n" for record in records)
     contents = DossierContents(
