@@ -10,7 +10,7 @@ from harness.adapters.yaml_reader import LIMITS, foreign_values, plain_values
 from harness.baseline.load import site_from
 from harness.contracts.errors import ContractInvalid
 from rsi_reviews.errors import CandidateInvalid
-from rsi_reviews.generate.person import read_edit
+from rsi_reviews.generate.person_edits import read_edit
 
 BOMBS = {
     "aliases": ("a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n", "yaml_alias"),
