@@ -23,9 +23,9 @@ from app.background.presence import Presence
 from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
 from app.background.trajectories import Measurements
-from app.i18n.messages import reasoned
 from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
+from app.views.evidence import Unsound, unsound
 from app.views.shell import Shell, Surroundings, shell
 from app.web.security import actor_of
 from harness.contracts.actors import Actor
@@ -151,13 +151,13 @@ class Console:
         """Missions that have not ended, newest first."""
         return self.runtime.open_missions()
 
-    def check(self, digest: Digest) -> str:
-        """Empty if a blob's bytes match its digest at this moment, else why not."""
+    def check(self, digest: Digest) -> Unsound | None:
+        """None if a blob's bytes match its digest at this moment, else why not."""
         try:
             self.runtime.blob(digest)
         except BlobDamaged as error:
-            return reasoned(error.what)
-        return ""
+            return unsound(error)
+        return None
 
     def context(self, digest: Digest) -> Context | None:
         return self._record(digest, Context)

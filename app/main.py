@@ -38,6 +38,7 @@ from app.routes import (
     api_admissions,
     api_alerts,
     api_events,
+    api_evidence,
     api_handoffs,
     api_leases,
     api_maps,
@@ -81,7 +82,8 @@ from app.web.security import SecurityMiddleware, SecurityPolicy
 from app.web.server_errors import ServerErrorMiddleware
 from app.web.static_files import StampedFiles
 from app.web.streams import StreamCounts
-from harness.adapters.notify.services import AppriseNotifier
+from harness.adapters.connection_guard import PublicOr
+from harness.adapters.notify.services import NETWORKS, AppriseNotifier
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId, ProviderId, RobotId
@@ -127,7 +129,10 @@ def create_app(
     inbox = Alerts(runtime)
     release_service = GuardedReleaseService(runtime, accounts.record)
     watched = AlertSources(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
-    services = AppriseNotifier({name: address.get_secret_value() for name, address in settings.notify.items()})
+    services = AppriseNotifier(
+        {name: address.get_secret_value() for name, address in settings.notify.items()},
+        permits=PublicOr(settings.notify_networks, where=NETWORKS),
+    )
     notices = Notices(runtime, services, time.time, settings.address)
     alert_watch = AlertWatch(runtime, inbox, watched, tell=notices.offer)
 
@@ -210,6 +215,7 @@ def create_app(
         api_robots,
         api_people,
         api_events,
+        api_evidence,
     ):
         app.include_router(room.router)
     openapi.install(app)

@@ -9,12 +9,14 @@ import msgspec
 
 from app.auth.command_permissions import asked_permission
 from app.auth.permissions import NotPermitted, Principal
+from harness import erasures
 from harness.contracts import ids
 from harness.contracts.actors import Actor, Command
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import CreateMission, FreeLease, MissionCommand
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.erasure_events import BlobErased, EraseBlob
 from harness.contracts.events import MissionCreated
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Place, Site
@@ -102,6 +104,17 @@ class GuardedRuntime:
         """What a recording of a goal says, stored for a mission that the principal may start. Raises as the runtime."""
         _acting(CreateMission)
         return self._runtime.hear(recording)
+
+    def erase(self, digest: ids.Digest, *, reason: str) -> Decision[AnyEvent]:
+        """Erase one photograph or voice. Raises BlobDamaged for bytes that are missing or changed."""
+        actor = _acting(EraseBlob)
+        decision = erasures.erase(self._runtime, digest, actor=actor, reason=reason)
+        self._record(actor, EraseBlob, f"blob/{digest}", decision)
+        return decision
+
+    def erasure(self, digest: ids.Digest) -> BlobErased | None:
+        """The tombstone of a blob; None for one that was not erased."""
+        return self._runtime.erasure(digest)
 
     def keep(self, body: bytes) -> ids.Digest:
         """Store bytes that a command or a page refers to; returns their digest."""

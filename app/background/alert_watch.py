@@ -15,7 +15,7 @@ from harness.contracts.alert_commands import ClearAlert, RaiseAlert
 from harness.contracts.alert_events import AlertRaised, Occurrence, alert_id, alert_stream
 from harness.contracts.decider import Codec
 from harness.contracts.decisions import Accepted
-from harness.contracts.errors import BlobDamaged, LogDamaged, ProviderUnreachable, UnknownName
+from harness.contracts.errors import BlobDamaged, BlobGone, LogDamaged, ProviderUnreachable, UnknownName
 from harness.contracts.events import MissionEnded, MissionEvent
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
@@ -262,6 +262,8 @@ class AlertWatch:
             cause = f"blob/{digest}"
             try:
                 self.runtime.blob(digest)
+            except BlobGone:
+                continue
             except BlobDamaged as error:
                 self._keep(
                     causes.of_site(

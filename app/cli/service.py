@@ -15,6 +15,7 @@ from app.auth.exposure import check_exposure
 from app.auth.oidc_settings import identity_provider
 from app.background.evaluations import evaluator_folder
 from app.background.release_watch import ReleaseWatch
+from app.background.retention import Retention
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
 from app.cli import output
@@ -32,6 +33,7 @@ from harness.anchors import compared_with_file
 from harness.bootstrap import Harness, open_harness, owner_of, read_harness, robot_names
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
+from harness.contracts.erasure_events import ERASURES
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.extra_templates import begin
 from harness.runtime import Start
@@ -127,6 +129,10 @@ def up(
         )
         app.state.alert_watch.watch()
         _watch_releases(stack, harness, evaluator_folder(chosen.data_folder) if start is not None else None)
+        if chosen.media_days is not None:
+            retention = Retention(harness.runtime, days=chosen.media_days, clock=time.time)
+            retention.watch()
+            stack.callback(retention.close)
         app.state.notices.watch()
         sessions = app.state.sessions
         link = "" if sessions.has_accounts else f"{console.address}{sessions.invite()}"
@@ -219,6 +225,7 @@ def _examine(data: Path, found: dict[str, Any]) -> None:
         found["problems"] += [
             f"{one.mission_id} is not run here: {sentence(one.reason)}" for one in runtime.unreadable()
         ]
+        found["erased_blobs"] = len(runtime.streams(ERASURES))
         for digest in runtime.blob_digests():
             try:
                 runtime.blob(digest)

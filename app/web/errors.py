@@ -30,6 +30,7 @@ STATUS: tuple[tuple[type[errors.HarnessError], int], ...] = (
     (errors.UnknownName, 404),
     (errors.ContractInvalid, 422),
     (errors.ConcurrencyConflict, 409),
+    (errors.BlobGone, 410),
     (errors.BlobDamaged, 404),
     (errors.ProviderFailed, 502),
     (errors.StoreUnavailable, 503),

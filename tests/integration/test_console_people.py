@@ -36,8 +36,10 @@ OWN_BUSINESS = {
     "/account/sign-out",
     "/account/sign-out-everywhere",
     "/account/password",
+    "/account/terminal",
     "/missions/{mission_id}/scene/{view}/instant",
     "/candidates/check",
+    "/audit/anchors",
 }
 ROBOT_TURNS: dict[str, Permission] = {"autonomy": "drive", "pause": "stop", "resume": "drive", "safe": "stop"}
 TELEOPERATION = ("teleoperation", "wheel")
@@ -103,6 +105,7 @@ CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/candidates/{candidate}/{verb}"): "propose",
     ("POST", "/api/v1/candidates/{candidate}/request_changes"): "review",
     **{("POST", f"{door}/releases/policy"): "policy" for door in ("", "/api/v1")},
+    **{("POST", f"{door}/evidence/{{digest}}/erase"): "erase" for door in ("", "/api/v1")},
 }
 """What every changing route needs. A route that is not here fails the test: say who may use it."""
 
