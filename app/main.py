@@ -86,7 +86,7 @@ from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId
 from harness.contracts.reasons import because
 from harness.dossiers import export_dossier
-from harness.runtime import AnswerHandoff, FreeResource, Runtime, unobserved, unsupervised
+from harness.runtime import AnswerHandoff, FreeResource, HaltRobot, Runtime, unhalted, unobserved, unsupervised
 
 GRACE_S = 3
 
@@ -100,6 +100,7 @@ def create_app(
     accounts: Accounts,
     answer: AnswerHandoff = unsupervised,
     free: FreeResource = unobserved,
+    halt: HaltRobot = unhalted,
     starts: Starts = no_journal,
     cards: Cards = no_cards,
     folder: Path | None = None,
@@ -109,7 +110,7 @@ def create_app(
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
     The runtime's gate was built with the authority of these `accounts`; the console closes them when it ends. `answer`
-    takes what people answer at handoffs and `free` frees resources in quarantine: a supervisor's.
+    takes what people answer at handoffs, `free` frees resources in quarantine and `halt` stops at once: a supervisor's.
 
     `fleet` shows what robots say of themselves, `wheel` lets people drive them; both are ended with the console.
 
@@ -143,7 +144,7 @@ def create_app(
     app.state.alert_watch = alert_watch
     app.state.notices = notices
     app.state.console = Console(
-        runtime=GuardedRuntime(runtime, answer=answer, free=free, audit_log=accounts.told),
+        runtime=GuardedRuntime(runtime, answer=answer, free=free, halt=halt, audit_log=accounts.told),
         settings=settings,
         broker=broker,
         scenes=scenes,

@@ -107,6 +107,7 @@ def up(
             accounts=accounts,
             answer=harness.supervisor.answer,
             free=harness.supervisor.free,
+            halt=harness.supervisor.halt,
             starts=harness.starts,
             cards=lambda: (one.card for robot in harness.robots.values() for one in robot.providers()),
             folder=chosen.data_folder,

@@ -7,7 +7,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.base import Act
 from app.acts.missions import LimitAutonomyAct, PauseMissionAct, ResumeMissionAct, SetAutonomyAct
-from app.acts.robots import OrderPostureAct, SendToSafetyAct, StopRobotsAct
+from app.acts.robots import ExplainStopAct, OrderPostureAct, SendToSafetyAct, StopRobotAct, StopRobotsAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
@@ -66,6 +66,31 @@ def stop_all(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, type
     return RedirectResponse("/robots", status_code=303)
 
 
+@router.post("/{robot_id}/stop")
+def stop(
+    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
+) -> Response:
+    """Stop whatever moves this robot, with one press; why may be said afterwards on its page."""
+    act = StopRobotAct.from_form(typed)
+    if isinstance(act, tuple):
+        return _one(console, actor, robot_id, errors=[one.text for one in act], status=422)
+    _, left = robot_acts.stopped(console, principal, robot_id, act)
+    if left:
+        return _one(console, actor, robot_id, errors=list(left), status=409)
+    return RedirectResponse(f"/robots/{robot_id}?stopped=yes", status_code=303)
+
+
+@router.post("/{robot_id}/stop/reason")
+def explain(
+    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
+) -> Response:
+    act = ExplainStopAct.from_form(typed | {"reason": typed.get("quick") or typed.get("reason", "")})
+    if isinstance(act, tuple):
+        return _one(console, actor, robot_id, errors=[one.text for one in act], status=422)
+    robot_acts.explained(console, principal, robot_id, act)
+    return RedirectResponse(f"/robots/{robot_id}", status_code=303)
+
+
 @router.post("/autonomy")
 def limit(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, typed: FormDep) -> Response:
     act = LimitAutonomyAct.from_form(typed)
@@ -76,8 +101,8 @@ def limit(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, typed: 
 
 
 @router.get("/{robot_id}")
-def show(console: ConsoleDep, actor: ActorDep, robot_id: RobotPath) -> HTMLResponse:
-    return _one(console, actor, robot_id)
+def show(console: ConsoleDep, actor: ActorDep, robot_id: RobotPath, stopped: str = "") -> HTMLResponse:
+    return _one(console, actor, robot_id, stopped=bool(stopped))
 
 
 @router.get("/{robot_id}/now")
@@ -208,7 +233,13 @@ def _index(console: Console, actor: Actor, *, errors: list[str] | None = None, s
 
 
 def _one(
-    console: Console, actor: Actor, robot_id: RobotId, *, errors: list[str] | None = None, status: int = 200
+    console: Console,
+    actor: Actor,
+    robot_id: RobotId,
+    *,
+    errors: list[str] | None = None,
+    status: int = 200,
+    stopped: bool = False,
 ) -> HTMLResponse:
     found = card(console, robot_id)
     page = RobotPage(
@@ -216,6 +247,8 @@ def _one(
         shell=console.shell(robot_id, "robots", actor, topics=[f"robot/{robot_id}"]),
         levels=robots.levels(found.mission.autonomy if found.mission else ""),
         errors=tuple(errors or ()),
+        stopped=stopped,
+        reasons=forms.STOP_REASONS,
     )
     return render("robots/detail.html", page, status=status)
 

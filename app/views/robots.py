@@ -160,11 +160,16 @@ class RobotRegion:
 
 @dataclass(frozen=True)
 class RobotPage(RobotRegion):
-    """One robot inside the shell of a page, with what it can be asked to do."""
+    """One robot inside the shell of a page, with what it can be asked to do.
+
+    `stopped`: this person has just stopped it, and may say why with one of the `reasons`.
+    """
 
     shell: Shell
     levels: tuple[Level, ...]
     errors: tuple[str, ...]
+    stopped: bool
+    reasons: tuple[str, ...]
 
 
 @dataclass(frozen=True)

@@ -94,6 +94,12 @@ class AgentLoop:
                     )
                     return now_s
 
+    def halt(self) -> None:
+        """Tell the provider to stop the open execution now; the next step reads what became of it."""
+        invocation = self._runtime.mission(self.mission_id).invocation
+        if invocation is not None:
+            self._monitor.halt(invocation)
+
     def bring_to_rest(self) -> Rest:
         """Send no heartbeat until the robot holds and odometry shows it at rest, so that the mission can go on later.
 

@@ -149,10 +149,13 @@ class InvocationMonitor:
 
     def halt(self, invocation: Invocation) -> None:
         """Tell the provider to stop the execution. The log says nothing of it: its outcome is read when it goes on."""
-        report = self._known(invocation)
-        if report is not None:
-            with suppress(ProviderFailed):
-                self._connection.provider(invocation.intent.provider_id).stop(report.handle)
+        handle = self._handles.get(invocation.intent.invocation_id) or invocation.handle
+        with suppress(ProviderFailed, UnknownName):
+            if handle is None:
+                report = self._known(invocation)
+                handle = report.handle if report is not None else None
+            if handle is not None:
+                self._connection.provider(invocation.intent.provider_id).stop(handle)
 
     def _known(self, invocation: Invocation) -> protocol.InvocationReport | None:
         """The provider's report on an execution; None where it knows of none, or does not answer."""

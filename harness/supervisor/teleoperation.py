@@ -6,17 +6,25 @@ from harness.contracts import ids
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import AcquireLease, LeaseCommand, QuarantineLease, ReleaseLease
-from harness.contracts.control import CONTROL, BeginTeleoperation, EndTeleoperation, OrderPosture, Posture
+from harness.contracts.control import (
+    CONTROL,
+    BeginTeleoperation,
+    EndTeleoperation,
+    OrderPosture,
+    Posture,
+    RecordPosture,
+)
 from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.errors import ProviderFailed, UnknownName
 from harness.contracts.ports import Teleoperable
-from harness.contracts.protocol import DriveOrder, DriveReport, PostureOrder
+from harness.contracts.protocol import DriveOrder, DriveReport, PostureOrder, RobotStatus
 from harness.contracts.reasons import Reason, because
 from harness.contracts.retreat_events import StopRetreat
 from harness.gate.commit import CommandEnvelope
 from harness.projections.control import SiteControl, TeleoperationSession
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
+from harness.supervisor.fallback_stop import StopOutcome, shown_in_posture
 from harness.supervisor.leases import LOOK_S, SUPERVISOR
 from harness.supervisor.minimal_risk import Order, planned_retreat, sending
 from harness.supervisor.observations import ObservationBuffer, looked
@@ -151,11 +159,30 @@ class Teleoperation:
         if isinstance(decision, Refused):
             return decision
         released = ReleaseLease(invocation_id=ids.InvocationId(holder), reason=f"posture: {posture}")
+        shown = StopOutcome(done=False, reason=because("robot_did_not_answer"))
         try:
             connection.hand.rest(PostureOrder(posture=posture, token=token))
+            shown = shown_in_posture(connection, posture, lambda: self._rest_now(connection))
+        except ProviderFailed as error:
+            shown = StopOutcome(done=False, reason=error.reason)
+            raise
         finally:
-            self._runtime.commit([CommandEnvelope(ids.lease_stream(base), released, robot_id)])
+            told = RecordPosture(
+                robot_id=robot_id, posture=posture, done=shown.done, measured=shown.measured, reason=shown.reason
+            )
+            self._runtime.commit(
+                [
+                    CommandEnvelope(CONTROL, told, robot_id),
+                    CommandEnvelope(ids.lease_stream(base), released, robot_id),
+                ]
+            )
+        if not shown.done:
+            raise ProviderFailed(because("posture_not_shown", robot_id=robot_id, why=shown.reason), where=robot_id)
         return decision
+
+    def _rest_now(self, connection: RobotConnection) -> tuple[Rest, RobotStatus | None]:
+        seen = looked(self._runtime, connection)
+        return at_rest(seen.recent, seen.robot_s), seen.status
 
     def to_safety(self, robot_id: ids.RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
         """Send a robot to the safe place of its zone, ordered by this person; one that is being stopped is waited for.

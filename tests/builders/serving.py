@@ -97,6 +97,8 @@ def serving(
             Scenes(made.runtime),
             accounts=open_accounts(settings),
             answer=made.supervisor.answer,
+            free=made.supervisor.free,
+            halt=made.supervisor.halt,
             starts=made.harness.starts,
             fleet=fleet,
             teleoperation=made.harness.teleoperation,
