@@ -93,6 +93,17 @@ def explained(console: Console, principal: Principal, robot_id: RobotId, act: Ex
     console.sessions.accounts.told(principal, actor, "ExplainStop", f"robot/{robot_id}", act.reason)
 
 
+def observed_and_released(console: Console, principal: Principal, robot_id: RobotId) -> tuple[str, ...]:
+    """Free every quarantined resource of a robot on a new look at it; why some of them could not be."""
+    principal.acting("drive")
+    left = []
+    for lease in console.quarantined(robot_id):
+        decision = console.runtime.free(lease.resource, reason=N_("observed and released at the console"))
+        if isinstance(decision, Refused):
+            left.append(lazy_gettext("{who}: {reason}", who=lease.resource, reason=decision.reason))
+    return tuple(left)
+
+
 def on_their_way(console: Console) -> tuple[RobotId, ...]:
     """Robots that go to a safe place now."""
     control = console.control()

@@ -133,6 +133,15 @@ def kept_picture(console: ConsoleDep, robot_id: RobotPath, number: int) -> Respo
     return Response(shot.picture.body, media_type=JPEG, headers={"Cache-Control": "private, max-age=60"})
 
 
+@router.post("/{robot_id}/release")
+def release(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath) -> Response:
+    """Look at the robot again, and release what nobody can account for where it is shown at rest (D14)."""
+    left = robot_acts.observed_and_released(console, principal, robot_id)
+    if left:
+        return _one(console, actor, robot_id, errors=list(left), status=409)
+    return RedirectResponse(f"/robots/{robot_id}", status_code=303)
+
+
 @router.post("/{robot_id}/autonomy")
 def autonomy(
     console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep

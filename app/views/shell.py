@@ -1,7 +1,7 @@
 """Shapes what every page carries around its content: navigation, counts, and a stop for every robot."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from app.auth.permissions import permissions_of
 from app.i18n.catalogues import N_
@@ -31,6 +31,7 @@ class SafetyNotice:
     robot_id: str
     text: str
     tone: str
+    quarantined: bool = False
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class Surroundings:
     actor: Actor
     position: int
     now_s: float
-    control: SiteControl = SiteControl()
+    control: SiteControl = field(default_factory=SiteControl)
     quarantined: Sequence[Lease] = ()
     acknowledged: Collection[str] = ()
     present: Sequence[str] = ()
@@ -103,9 +104,7 @@ def shell(title: str, section: str, around: Surroundings, *, topics: Sequence[st
     )
 
 
-def stop_controls(
-    missions: Sequence[Mission], robots: Sequence[str], control: SiteControl
-) -> tuple[StopControl, ...]:
+def stop_controls(missions: Sequence[Mission], robots: Sequence[str], control: SiteControl) -> tuple[StopControl, ...]:
     """One per robot that is configured or runs something. `missions` are newest first."""
     names = dict.fromkeys((*robots, *(mission.robot_id for mission in missions if not mission.ended)))
     return tuple(_stop_control(RobotId(one), missions, control, key=str(at)) for at, one in enumerate(names, start=1))
@@ -148,7 +147,7 @@ def safety_notices(
             resource=word(resource),
             reason=reasoned(lease.reason),
         )
-        found.append(SafetyNotice(robot_id=robot_id, text=text, tone="bad"))
+        found.append(SafetyNotice(robot_id=robot_id, text=text, tone="bad", quarantined=True))
     return tuple(found)
 
 

@@ -12,7 +12,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from datetime import date
+from datetime import UTC, datetime
 from math import ceil, hypot
 from pathlib import Path
 from typing import Any, Literal
@@ -79,7 +79,7 @@ def summary(cells: list[dict[str, Any]]) -> dict[str, Any]:
     totals = ("moves_to_safety", "arrived_measured", "fallback_measured", "said_why_not", "without_an_end")
     return {
         "schema_version": 1,
-        "made_on": date.today().isoformat(),
+        "made_on": datetime.now(UTC).date().isoformat(),
         "made_by": "python -m experiments.campaigns.moves_to_safety",
         "machine": f"{platform.machine()}, {multiprocessing.cpu_count()} processors",
         **{name: sum(one[name] for one in cells) for name in totals},
@@ -134,9 +134,7 @@ def _move(harness: Harness, kind: Kind, *, seed: int) -> Move:
     """Out along the circuit, then back to the safe place, by a person's order or because nobody answers."""
     harness.teleoperation.rest(ROBOT, posture="standing", actor=PERSON, reason="the next move")
     labels = {"faults": "interrupted:persistent"} if kind == "no_answer" else {}
-    begun = harness.runtime.start(
-        Start(actor=PERSON, robot_id=ROBOT, template="circuit", seed=seed, labels=labels)
-    )
+    begun = harness.runtime.start(Start(actor=PERSON, robot_id=ROBOT, template="circuit", seed=seed, labels=labels))
     assert isinstance(begun, Accepted), begun
     mission_id = next(event.mission_id for event in begun.events if isinstance(event, MissionCreated))
     before = _newest(harness)

@@ -1,6 +1,8 @@
-"""Stops a robot where it is when it cannot go anywhere: it stays, or lies down as far as it can, and is measured (D27)."""
+"""Stops a robot that cannot go anywhere where it is: it stays, or lies down as far as it can, and is measured (D27)."""
 
 from collections.abc import Callable
+
+import msgspec
 
 from harness.contracts.control import Posture
 from harness.contracts.errors import ProviderFailed
@@ -23,7 +25,7 @@ class StopOutcome(Value):
 
     done: bool
     reason: Reason
-    measured: dict[str, float] = {}
+    measured: dict[str, float] = msgspec.field(default_factory=dict)
 
 
 def settle(connection: RobotConnection, action: Otherwise, *, rest: Rest, token: int, look: Look) -> StopOutcome:

@@ -20,7 +20,7 @@ from harness.runtime import Runtime
 from harness.supervisor.fallback_stop import settle
 from harness.supervisor.minimal_risk import Order, planned_retreat, sending
 from harness.supervisor.roles import RoleContexts
-from harness.supervisor.standstill import Rest, at_rest
+from harness.supervisor.standstill import Rest
 
 RECENT = 20
 """How far back a start looks for a question whose end was cut off: one robot has one at a time."""
@@ -134,7 +134,7 @@ class HandoffTimeouts:
         """Carry out the action where the robot stands, as far as it can, and return what shows it."""
         opened = handoff.opened
         wanted = opened.no_answer if opened else "hold"
-        rest = at_rest(self._roles.observations.recent, self._roles.observations.robot_s)
+        rest = self._roles.observations.rest()
         if instead is not None and instead.rule == "already_there":
             return RecordNoAnswer(action="retreat", done=rest.static, measured=rest.measured, reason=instead.reason)
         action: Otherwise = ((opened.otherwise if opened else "") or "hold") if wanted == "retreat" else wanted
@@ -148,7 +148,7 @@ class HandoffTimeouts:
     def _rest_now(self) -> tuple[Rest, RobotStatus | None]:
         seen = self._roles.observations
         seen.collect(None)
-        return at_rest(seen.recent, seen.robot_s), seen.status
+        return seen.rest(), seen.status
 
     def _newest_token(self) -> int:
         """The newest fencing token of the base, so that a posture order is not refused as outdated."""

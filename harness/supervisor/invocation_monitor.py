@@ -20,7 +20,7 @@ from harness.supervisor.leases import Held, Sent, give_back, holds
 from harness.supervisor.measurements import IndependentMeasurements
 from harness.supervisor.packets import build_packet
 from harness.supervisor.roles import RoleContexts, context_record
-from harness.supervisor.standstill import WINDOW_S, at_rest
+from harness.supervisor.standstill import WINDOW_S
 from harness.supervisor.verification import judgement
 
 POLL_S = 0.5
@@ -178,7 +178,7 @@ class InvocationMonitor:
             raise ProviderUnreachable(because("result_unknown"))
         if self._begun(intent):
             raise ProviderUnreachable(because("started_but_not_found", provider_id=intent.provider_id))
-        rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
+        rest = self._roles.observations.rest()
         if not rest.static or invocation.stop_requested:
             raise ProviderUnreachable(because("body_moves_unaccounted"))
 
@@ -215,7 +215,7 @@ class InvocationMonitor:
         if known is not None or self._begun(intent):
             self._refused = None
             return now_s
-        rest = at_rest(self._roles.observations.recent, now_s)
+        rest = self._roles.observations.rest()
         began = rest.reason is not None and rest.reason.code == "body_moved_in_second"
         if began and now_s >= refused_s + WINDOW_S:
             self._halt(invocation)
@@ -306,7 +306,7 @@ class InvocationMonitor:
         watched = intent.moves or intent.verify_only
         if watched and now_s < ended_s + SETTLE_S:
             return min(now_s + POLL_S, ended_s + SETTLE_S)
-        rest = at_rest(self._roles.observations.recent, now_s)
+        rest = self._roles.observations.rest()
         if intent.moves and not rest.static and now_s < ended_s + SETTLE_S + REST_WITHIN_S:
             return now_s + POLL_S
         until_s = report.at_s if mission.replay else now_s
@@ -406,7 +406,7 @@ class InvocationMonitor:
         self._refused = None
         intent = invocation.intent
         unknown = failure == "outcome_unknown"
-        rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
+        rest = self._roles.observations.rest()
         ended = commands.EndInvocation(
             invocation_id=intent.invocation_id,
             status="outcome_unknown" if unknown else "stopping" if failure == "cancel_unacknowledged" else "failed",

@@ -21,7 +21,7 @@ from harness.projections.mission import Mission
 from harness.supervisor import zones
 from harness.supervisor.leases import GRACE_S, tokens
 from harness.supervisor.roles import RoleContexts
-from harness.supervisor.standstill import AGE_S, at_rest
+from harness.supervisor.standstill import AGE_S
 from harness.verification.geometry import polyline_length
 
 SLACK_S = 30.0
@@ -113,7 +113,7 @@ def newest_pose(roles: RoleContexts) -> Pose | None:
 
 
 def _standing_still(roles: RoleContexts) -> Reason | None:
-    rest = at_rest(roles.observations.recent, roles.observations.robot_s)
+    rest = roles.observations.rest()
     return None if rest.static else because("not_shown_at_rest", why=rest.reason)
 
 

@@ -24,7 +24,7 @@ from harness.supervisor.minimal_risk import hindrance
 from harness.supervisor.observations import ObservationBuffer
 from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.roles import RoleContexts
-from harness.supervisor.standstill import AGE_S, Rest, at_rest
+from harness.supervisor.standstill import AGE_S, Rest
 from harness.supervisor.zones import ARRIVED_M
 from harness.verification.predicates.arrival import SAMPLES
 from harness.verification.sources import Sources
@@ -174,7 +174,7 @@ class Returning:
         seen_s, clock_s = self._roles.observations.robot_s, self._connection.clock.now().mission_s
         self._ended_since = seen_s if self._ended_since is None else self._ended_since
         settled_s = self._ended_since + invocation_monitor.SETTLE_S
-        rest = at_rest(self._roles.observations.recent, seen_s)
+        rest = self._roles.observations.rest()
         away, why = self._measured(retreat.intent, seen_s)
         shown = rest.static and (why is None or why.code != "no_fresh_poses")
         if seen_s < settled_s or (not shown and seen_s < settled_s + invocation_monitor.REST_WITHIN_S):
@@ -192,7 +192,9 @@ class Returning:
         self._end(retreat.intent, outcome, declared=said, reason=reason, measured=away | rest.measured)
         return clock_s
 
-    def _measured(self, intent: retreat_events.RetreatIntended, seen_s: float) -> tuple[dict[str, float], Reason | None]:
+    def _measured(
+        self, intent: retreat_events.RetreatIntended, seen_s: float
+    ) -> tuple[dict[str, float], Reason | None]:
         """The largest distance of the newest poses from the place, metres, and why that shows no arrival; tested as in
         D18."""
         recent = self._roles.observations.recent
@@ -249,7 +251,7 @@ class Returning:
         A body at rest away from the place runs the zone's fallback there, before its lease is released.
         """
         now_s = self._connection.clock.now().mission_s
-        rest = at_rest(self._roles.observations.recent, self._roles.observations.robot_s)
+        rest = self._roles.observations.rest()
         free = outcome != "unknown" and rest.static
         token = max(intent.resources.values())
         done = (
@@ -281,7 +283,7 @@ class Returning:
         """A new look at the robot: its standstill by odometry and its own status, each at its time."""
         seen = self._roles.observations
         seen.collect(None)
-        return at_rest(seen.recent, seen.robot_s), seen.status
+        return seen.rest(), seen.status
 
 
 def _stopped(retreat: Retreating, report: protocol.InvocationReport) -> Reason | None:

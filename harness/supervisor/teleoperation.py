@@ -30,7 +30,7 @@ from harness.supervisor.minimal_risk import Order, planned_retreat, sending
 from harness.supervisor.observations import ObservationBuffer, looked
 from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.roles import RoleContexts
-from harness.supervisor.standstill import WINDOW_S, Rest, at_rest
+from harness.supervisor.standstill import WINDOW_S, Rest
 from harness.workers import Worker
 
 BASE = "mobile_base"
@@ -182,7 +182,7 @@ class Teleoperation:
 
     def _rest_now(self, connection: RobotConnection) -> tuple[Rest, RobotStatus | None]:
         seen = looked(self._runtime, connection)
-        return at_rest(seen.recent, seen.robot_s), seen.status
+        return seen.rest(), seen.status
 
     def to_safety(self, robot_id: ids.RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
         """Send a robot to the safe place of its zone, ordered by this person; one that is being stopped is waited for.
@@ -282,7 +282,7 @@ class Teleoperation:
             try:
                 report = _released(hand, teleoperation.session)
                 connection.clock.wait_until(connection.clock.now().mission_s + WINDOW_S + LOOK_S)
-                rest = at_rest(looked(self._runtime, connection).recent, connection.clock.now().mission_s)
+                rest = looked(self._runtime, connection).rest()
             except ProviderFailed as error:
                 return Rest(static=False, reason=error.reason, measured={})
             if rest.static and report.status == "ended":
