@@ -12,9 +12,6 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command, get_group
 
-from app.cli.output import complain
-from harness.contracts.errors import HarnessError
-
 GROUPS = {
     "mission": "missions:app",
     "handoff": "handoffs:app",
@@ -50,8 +47,40 @@ COMMANDS = {
 """Which module of app.cli has it, and under which name there. A second word: a command beside a group's own."""
 
 
+SUMMARIES = {
+    "up": "Start the console and everything behind it; prints one sign-in link.",
+    "login": "Sign in to an account of this data folder: what you decide at this terminal is then that person's word.",
+    "logout": "End the session of this terminal, and forget its token.",
+    "whoami": "Who acts here: an account, or a user of this machine without one.",
+    "verify": "Check a dossier with nothing but the file: signature, digests, chain, and every decision derived again.",
+    "evaluate": "Compare direct, monitored and evidence-gated execution, a behaviour tree and giving up, "
+    "fault by fault.",
+    "doctor": "Look at a data folder: owner, log, blobs; and at the identity provider, if one is set up.",
+    "backup": "Copy log, blobs and accounts, also while a console runs, and verify the copy.",
+    "restore": "Make a new data folder from a backup: every file is compared with its digest, and the log verified.",
+    "mission": "Run and read missions.",
+    "handoff": "Answer the questions that missions ask people.",
+    "lease": "See who holds the robot's resources; free what nobody accounts for.",
+    "alert": "See what went wrong, one row per cause, and look after it.",
+    "rsi": "Propose, evaluate, review, release and roll back configurations.",
+    "robot": "See and stop the robots of a running console.",
+    "map": "Point clouds of maps, for the 3D view.",
+    "audit": "Reconstruct and check what happened.",
+    "data": "Where the event log lies.",
+    "provider": "See and check what can act.",
+    "account": "People who may use the console.",
+    "token": "Tokens for robots and integrations on the API.",
+}
+"""What the list of commands says of each, so that it imports none of them."""
+
+
 class CommandGroups(TyperGroup):
     """Imports what a command needs when it is asked for: `regen audit` waits for no web server."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """The list of commands, which imports none of them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, SUMMARIES[name]) for name in self.list_commands(ctx)])
 
     def list_commands(self, ctx: Any) -> list[str]:
         """All of the first words."""
@@ -98,8 +127,11 @@ def main() -> None:
     """Entry point. A typed error becomes one sentence on standard error and an exit code."""
     try:
         app()
-    except HarnessError as error:
-        sys.exit(complain(error, as_json="--json" in sys.argv))
+    except Exception as error:
+        code = _named("output:complained")(error, as_json="--json" in sys.argv)
+        if code is None:
+            raise
+        sys.exit(code)
 
 
 if __name__ == "__main__":

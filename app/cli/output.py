@@ -68,6 +68,11 @@ class ActRefused(HarnessError):
         self.problem = problem
 
 
+def complained(error: Exception, *, as_json: bool) -> int | None:
+    """Complain of a typed error and return its exit code; None for any other error, which nobody has explained."""
+    return complain(error, as_json=as_json) if isinstance(error, HarnessError) else None
+
+
 def complain(error: HarnessError, *, as_json: bool = False) -> int:
     """Say what happened, where, and what to do; the exit code that goes with it. A refusal is JSON for a program."""
     sys.stderr.write(f"regen: {visible_at_terminal(reasons.explained(error))}\n")
