@@ -51,6 +51,8 @@ Cards = Callable[[], Iterable[CapabilityCard]]
 Dossier = Callable[[MissionId, Path, str], object]
 """Writes a mission's signed dossier to a file, on behalf of somebody."""
 Starts = Callable[[MissionId], Sequence[PhysicalStart] | None]
+ClearWay = Callable[[RobotId], None]
+"""Simulation only: somebody takes away what stands in a robot's way."""
 T = TypeVar("T")
 SPENT_KEYS = 1024
 BASE = "mobile_base"
@@ -121,6 +123,7 @@ class Console:
     presence: Presence = field(default_factory=Presence)
     teleoperation: TeleoperationPort | None = None
     dossier: Dossier | None = None
+    clear_way: ClearWay | None = None
     issuer: OidcLogin | None = None
 
     def head(self) -> LogHead:

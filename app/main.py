@@ -29,7 +29,7 @@ from app.background.notifications import Notices
 from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
 from app.background.trajectories import Measurements
-from app.console import Cards, Console, Dossier, Starts, TeleoperationPort, no_cards, no_journal
+from app.console import Cards, ClearWay, Console, Dossier, Starts, TeleoperationPort, no_cards, no_journal
 from app.i18n.languages import Languages
 from app.routes import (
     account,
@@ -106,13 +106,15 @@ def create_app(
     folder: Path | None = None,
     fleet: Fleet | None = None,
     teleoperation: TeleoperationPort | None = None,
+    clear_way: ClearWay | None = None,
 ) -> FastAPI:
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
     The runtime's gate was built with the authority of these `accounts`; the console closes them when it ends. `answer`
     takes what people answer at handoffs, `free` frees resources in quarantine and `halt` stops at once: a supervisor's.
 
-    `fleet` shows what robots say of themselves, `wheel` lets people drive them; both are ended with the console.
+    `clear_way` takes away what stands in a simulated robot's way. `fleet` shows what robots say of themselves,
+    `wheel` lets people drive them; both are ended with the console.
 
     Sign-in links come from `app.state.sessions`. Its lists are kept in `folder`, or in memory without one, and have
     caught up with the log on return.
@@ -160,6 +162,7 @@ def create_app(
         cards=cards,
         fleet=fleet or no_fleet(),
         teleoperation=teleoperation,
+        clear_way=clear_way,
         dossier=_dossiers(runtime, folder),
         issuer=oidc_login(settings, sessions, clock=time.time, fresh=_fresh),
     )

@@ -23,16 +23,19 @@ from app.cli.data_folder import duplicate_starts, opened
 from app.cli.identity import examine_issuer
 from app.cli.person import host_user
 from app.cli.shipped_candidate import put_in_review
+from app.console import ClearWay
 from app.i18n.reasons.rendering import explained, sentence
 from app.main import bind, create_app, open_accounts, serve
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.web.starting import starting
+from harness.adapters.providers.http.robot import HttpRobot
 from harness.anchors import compared_with_file
 from harness.bootstrap import Harness, open_harness, owner_of, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError
+from harness.contracts.ids import RobotId
 from harness.extra_templates import begin
 from harness.runtime import Start
 from rsi_reviews.candidate_queries import on_trial, selected
@@ -113,6 +116,7 @@ def up(
             folder=chosen.data_folder,
             fleet=fleet,
             teleoperation=harness.teleoperation,
+            clear_way=_clear_way(harness),
         )
         app.state.alert_watch.watch()
         _watch_releases(stack, harness, evaluator_folder(chosen.data_folder) if start is not None else None)
@@ -122,6 +126,17 @@ def up(
         way_in = f"Sign in once: {link}" if link else "Sign in with your account."
         typer.echo(f"RegenHarness is at {console.address}  {way_in}")
         serve(app, listener)
+
+
+def _clear_way(harness: Harness) -> ClearWay:
+    """Somebody takes away what stands in a simulated robot's way; another robot has nothing that could be."""
+
+    def clear(robot_id: RobotId) -> None:
+        robot = harness.robots[robot_id]
+        if isinstance(robot, HttpRobot):
+            robot.clear_way()
+
+    return clear
 
 
 def _watch_releases(stack: ExitStack, harness: Harness, evaluator: Path | None) -> None:

@@ -22,7 +22,8 @@ from harness.contracts.any_events import AnyEvent
 from harness.contracts.control import CONTROL
 from harness.contracts.decisions import Decision, Refused
 from harness.contracts.errors import UnknownName
-from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.handoff_commands import LookAgain
+from harness.contracts.ids import HandoffId, MissionId, RobotId
 from harness.contracts.read_models import ListQuery
 from harness.contracts.reasons import because
 from harness.projections.mission import Mission
@@ -133,6 +134,20 @@ def kept_picture(console: ConsoleDep, robot_id: RobotPath, number: int) -> Respo
     return Response(shot.picture.body, media_type=JPEG, headers={"Cache-Control": "private, max-age=60"})
 
 
+@router.post("/{robot_id}/simulation/clear-way")
+def clear_way(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep) -> Response:
+    """Simulation only: somebody takes away what stands in the robot's way; the question is then looked at again."""
+    principal.acting("drive")
+    if console.clear_way is None or robot_id not in console.fleet.names:
+        raise UnknownName(because("unknown_robot", robot_id=robot_id, known=tuple(console.fleet.names)))
+    console.clear_way(robot_id)
+    handoff_id = HandoffId(typed.get("handoff_id", ""))
+    if not handoff_id:
+        return RedirectResponse(f"/robots/{robot_id}", status_code=303)
+    console.runtime.answer(handoff_id, LookAgain(actor=principal.actor))
+    return RedirectResponse(f"/handoffs/{handoff_id}", status_code=303)
+
+
 @router.post("/{robot_id}/release")
 def release(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath) -> Response:
     """Look at the robot again, and release what nobody can account for where it is shown at rest (D14)."""
@@ -179,9 +194,9 @@ def safe(
         return _one(console, actor, robot_id, errors=[one.text for one in act], status=422)
     under_way = console.control().retreating(robot_id) is not None
     if typed.get("meant") == ("go" if under_way else "stay"):
-        return _one(console, actor, robot_id, errors=[OTHERWISE[under_way]], status=409)
+        return _one(console, actor, robot_id, errors=[OTHERWISE[under_way]], status=409, typed=act.reason)
     decision = robot_acts.made_safe(console, principal, robot_id, act.reason)
-    return _after(console, actor, robot_id, decision)
+    return _after(console, actor, robot_id, decision, typed=act.reason)
 
 
 @router.post("/{robot_id}/stand")
@@ -191,7 +206,8 @@ def stand(
     act = OrderPostureAct.from_form(typed | {"posture": "standing"})
     if isinstance(act, tuple):
         return _one(console, actor, robot_id, errors=[one.text for one in act], status=422)
-    return _after(console, actor, robot_id, robot_acts.posed(console, principal, robot_id, act.posture, act.reason))
+    decision = robot_acts.posed(console, principal, robot_id, act.posture, act.reason)
+    return _after(console, actor, robot_id, decision, typed=act.reason)
 
 
 def cards(console: Console) -> tuple[RobotCard, ...]:
@@ -249,6 +265,7 @@ def _one(
     errors: list[str] | None = None,
     status: int = 200,
     stopped: bool = False,
+    typed: str = "",
 ) -> HTMLResponse:
     found = card(console, robot_id)
     page = RobotPage(
@@ -257,6 +274,7 @@ def _one(
         levels=robots.levels(found.mission.autonomy if found.mission else ""),
         errors=tuple(errors or ()),
         stopped=stopped,
+        typed=typed,
         reasons=forms.STOP_REASONS,
     )
     return render("robots/detail.html", page, status=status)
@@ -270,14 +288,16 @@ def _submitted(console: Console, actor: Actor, robot_id: RobotId, typed: dict[st
         return _one(console, actor, robot_id, errors=[one.text for one in act], status=422)
     if found.mission is None or found.mission.mission_id != typed.get("mission_id"):
         wrong = [N_("The robot works on another mission by now: look again, then decide.")]
-        return _one(console, actor, robot_id, errors=wrong, status=409)
+        return _one(console, actor, robot_id, errors=wrong, status=409, typed=typed.get("reason", ""))
     decision = console.runtime.submit(MissionId(found.mission.mission_id), act.to_command(actor))
-    return _after(console, actor, robot_id, decision)
+    return _after(console, actor, robot_id, decision, typed=typed.get("reason", ""))
 
 
-def _after(console: Console, actor: Actor, robot_id: RobotId, decision: Decision[AnyEvent]) -> Response:
+def _after(
+    console: Console, actor: Actor, robot_id: RobotId, decision: Decision[AnyEvent], *, typed: str = ""
+) -> Response:
     if isinstance(decision, Refused):
-        return _one(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409)
+        return _one(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409, typed=typed)
     return RedirectResponse(f"/robots/{robot_id}", status_code=303)
 
 

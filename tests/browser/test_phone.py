@@ -3,7 +3,7 @@
 from playwright.sync_api import expect
 
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
-from tests.builders.serving import VIEWER, serving
+from tests.builders.serving import VIEWER, hold, serving
 
 WIDTH, HEIGHT, THUMB = 390, 844, 44
 
@@ -39,7 +39,7 @@ def test_a_phone_leads_from_the_overview_to_the_answer_in_two_taps(
         reject.scroll_into_view_if_needed()
         box = reject.bounding_box()
         assert box is not None and box["x"] >= 0 and box["x"] + box["width"] <= WIDTH and box["height"] >= THUMB
-        reject.click()
+        hold(page, "#reject")
         expect(page.locator(".steps")).to_contain_text("not safe")
         assert served.asked.handoff.status == "rejected"
 
