@@ -14,7 +14,7 @@ from rsi_reviews.acceptance import accepted
 from rsi_reviews.release_service import ReleaseService
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.builders.releases import PREDICATE, Bench, candidate, routed
-from tests.builders.serving import Serving, VIEWER, hold, serving
+from tests.builders.serving import VIEWER, Serving, hold, serving
 
 CHINESE = {"Accept-Language": "zh-CN,zh;q=0.9,en;q=0.4"}
 PASSWORD = "seven green bottles"

@@ -84,7 +84,8 @@ def console(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Console]:
     At a speed above 1 the robot's dead man would strike sooner than a busy machine lets the supervisor speak.
     """
     folder = tmp_path_factory.mktemp("console")
-    running = Console(folder / "var", "--speed", "1", "--fidelity", "kinematic", "--start", "warehouse-inspection")
+    start = ("--start", "warehouse-inspection", "--start-now")
+    running = Console(folder / "var", "--speed", "1", "--fidelity", "kinematic", *start)
     yield running
     running.stop()
 
