@@ -15,7 +15,7 @@ from app.auth.guarded_runtime import GuardedRuntime
 from app.auth.oidc_login import OidcLogin
 from app.auth.sessions import SessionService
 from app.background.alerts import Alerts
-from app.background.evaluations import Evaluated
+from app.background.evaluations import EvaluationCache
 from app.background.lists import Lists
 from app.background.mission_history import Histories
 from app.background.presence import Presence
@@ -23,7 +23,7 @@ from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
 from app.background.trajectories import Measurements
 from app.i18n.messages import reasoned
-from app.scene.servers import Scenes
+from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
 from app.views.shell import Shell, Surroundings, shell
 from app.web.security import actor_of
@@ -41,7 +41,6 @@ from harness.contracts.proposals import CandidateSet, RoutingExplanation
 from harness.contracts.protocol import DriveReport, PhysicalStart
 from harness.projections.alerts import status
 from harness.projections.control import SiteControl
-from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 from harness.routing.explanation import explained
@@ -107,14 +106,14 @@ class Console:
     runtime: GuardedRuntime
     settings: ConsoleSettings
     broker: SignalBroker
-    scenes: Scenes
+    scenes: SceneViews
     sessions: SessionService
     histories: Histories
     lists: Lists
     measurements: Measurements
     alerts: Alerts
     releases: GuardedReleaseService
-    evaluated: Evaluated
+    evaluated: EvaluationCache
     clock: Callable[[], float]
     starts: Starts = no_journal
     cards: Cards = no_cards
@@ -174,15 +173,6 @@ class Console:
     def open_missions(self) -> list[Mission]:
         """Missions that have not ended, newest first."""
         return self.runtime.open_missions()
-
-    def mission_of(self, handoff: Handoff) -> Mission | None:
-        """The mission a handoff belongs to, if the log still has it."""
-        if handoff.opened is None:
-            return None
-        try:
-            return self.runtime.mission(handoff.opened.mission_id)
-        except UnknownName:
-            return None
 
     def check(self, digest: Digest) -> str:
         """Empty if a blob's bytes match its digest at this moment, else why not."""

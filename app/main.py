@@ -20,9 +20,9 @@ from app.auth.guarded_runtime import GuardedRuntime
 from app.auth.oidc_settings import oidc_login
 from app.auth.rate_limits import Buckets
 from app.auth.sessions import SessionService
-from app.background.alert_watch import AlertWatch, Watched
+from app.background.alert_watch import AlertSources, AlertWatch
 from app.background.alerts import Alerts
-from app.background.evaluations import Evaluated, evaluator_folder
+from app.background.evaluations import EvaluationCache, evaluator_folder
 from app.background.lists import Lists
 from app.background.mission_history import Histories
 from app.background.notifications import Notices
@@ -69,7 +69,7 @@ from app.routes import (
     sign_in,
     watch,
 )
-from app.scene.servers import Scenes
+from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
 from app.web import errors
 from app.web.connections import ConnectionLimits, bounded_protocol
@@ -95,7 +95,7 @@ def create_app(
     runtime: Runtime,
     settings: ConsoleSettings,
     broker: SignalBroker,
-    scenes: Scenes,
+    scenes: SceneViews,
     *,
     accounts: Accounts,
     answer: AnswerHandoff = unsupervised,
@@ -123,8 +123,8 @@ def create_app(
     lists.catch_up()
     sessions = _sessions(accounts, settings)
     inbox = Alerts(runtime)
-    release_service = GuardedReleaseService(runtime, accounts.told)
-    watched = Watched(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
+    release_service = GuardedReleaseService(runtime, accounts.record)
+    watched = AlertSources(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
     services = AppriseNotifier({name: address.get_secret_value() for name, address in settings.notify.items()})
     notices = Notices(runtime, services, time.time, settings.address)
     alert_watch = AlertWatch(runtime, inbox, watched, tell=notices.offer)
@@ -146,7 +146,7 @@ def create_app(
     app.state.alert_watch = alert_watch
     app.state.notices = notices
     app.state.console = Console(
-        runtime=GuardedRuntime(runtime, answer=answer, free=free, halt=halt, audit_log=accounts.told),
+        runtime=GuardedRuntime(runtime, answer=answer, free=free, halt=halt, audit_log=accounts.record),
         settings=settings,
         broker=broker,
         scenes=scenes,
@@ -156,7 +156,7 @@ def create_app(
         measurements=Measurements(runtime),
         alerts=inbox,
         releases=release_service,
-        evaluated=Evaluated(release_service, evaluator_folder(folder) if folder else None),
+        evaluated=EvaluationCache(release_service, evaluator_folder(folder) if folder else None),
         clock=time.time,
         starts=starts,
         cards=cards,

@@ -17,10 +17,10 @@ from harness.adapters.stores.anchors import anchor_key, anchoring
 from harness.adapters.stores.blobs import FileBlobStore, owned_blobs
 from harness.adapters.stores.folder import DataFolder, existing, prepare
 from harness.adapters.stores.installation_key import installation_key
+from harness.adapters.stores.log_address import is_server, open_log
+from harness.adapters.stores.log_transfer import move_log as moved
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
-from harness.adapters.stores.moving import move_log as moved
-from harness.adapters.stores.opening import is_server, open_log
 from harness.adapters.stores.owner import Owner, OwnerLock, read_owner
 from harness.adapters.stores.postgres_listener import Listener
 from harness.adapters.stores.read_models import SqlReadModels
@@ -121,13 +121,13 @@ def open_harness(
         stack.enter_context(_anchored(store, folder, settings))
         if signals and is_server(settings.database):
             stack.enter_context(closing(Listener(settings.database, signals.changed)))
-        kept = _started(stack, folder, settings)
+        processes = _started(stack, folder, settings)
         parts = Parts(
             store=store,
             blobs=owned_blobs(folder.blobs),
             spool=FileSpool(folder.spool),
             ids=ids,
-            clock=kept[0].clock,
+            clock=processes[0].clock,
             signals=signals or NullSignals(),
             index=stack.enter_context(closing(SqlMemoryIndex(f"sqlite:///{folder.root / 'memory.db'}"))),
             snapshots=snapshots,
@@ -137,7 +137,7 @@ def open_harness(
             trial=trial,
             site=site,
         )
-        members = [_kept_member(parts, one, folder) for one in kept]
+        members = [_kept_member(parts, one, folder) for one in processes]
         yield replace(joined(stack, settings, parts, members), token=token)
 
 
@@ -267,24 +267,24 @@ def _simulated_member(parts: Parts, simulated_robot: InProcessRobot, clock: port
     )
 
 
-def _kept_member(parts: Parts, kept: SupervisedProcess, folder: DataFolder) -> Member:
+def _kept_member(parts: Parts, process: SupervisedProcess, folder: DataFolder) -> Member:
     def configure(mission: Mission) -> None:
-        kept.configure(mission.mission_id, mission.seed, _faults(mission))
+        process.configure(mission.mission_id, mission.seed, _faults(mission))
 
-    own = replace(parts, clock=kept.clock)
+    own = replace(parts, clock=process.clock)
     beside = local_services(
-        own, camera=camera_of(kept.robot), folder=folder.root, robot_id=kept.robot_id, room=kept.robot
+        own, camera=camera_of(process.robot), folder=folder.root, robot_id=process.robot_id, room=process.robot
     )
     return Member(
-        robot_id=RobotId(kept.robot_id),
-        robot=kept.robot,
-        clock=kept.clock,
+        robot_id=RobotId(process.robot_id),
+        robot=process.robot,
+        clock=process.clock,
         local=beside.providers,
         sources=beside.sources,
         configure=configure,
-        revive=kept.revive,
-        camera=kept.robot,
-        hand=kept.robot,
+        revive=process.revive,
+        camera=process.robot,
+        hand=process.robot,
     )
 
 
@@ -344,7 +344,7 @@ def _started(stack: ExitStack, folder: DataFolder, settings: HarnessSettings) ->
     """All robot processes, started side by side. The stack ends those that came up."""
 
     def start(robot_id: str, seed: int) -> SupervisedProcess:
-        kept = SupervisedProcess(
+        process = SupervisedProcess(
             RobotSettings(
                 command=settings.robot_command,
                 folder=str(folder.robots / robot_id),
@@ -354,8 +354,8 @@ def _started(stack: ExitStack, folder: DataFolder, settings: HarnessSettings) ->
                 fidelity=settings.fidelity,
             )
         )
-        stack.callback(kept.close)
-        return kept
+        stack.callback(process.close)
+        return process
 
     seeds = range(settings.seed, settings.seed + len(settings.fleet))
     with ThreadPoolExecutor(max_workers=len(settings.fleet)) as pool:

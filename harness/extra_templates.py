@@ -14,8 +14,8 @@ from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.ids import Digest, RobotId
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import encode
-from harness.goals.understanding import Understood
-from harness.planning.decomposition import ONE_AFTER_ANOTHER, Decomposed, StagePlanner, decomposed
+from harness.goals.understanding import UnderstoodGoal
+from harness.planning.decomposition import ONE_AFTER_ANOTHER, DecompositionResult, StagePlanner, decomposed
 from harness.runtime import Start
 
 
@@ -24,7 +24,7 @@ class MissionStarter(Protocol):
 
     def current_configuration(self, robot_id: RobotId) -> Configuration: ...
 
-    def understood(self, start: Start) -> Understood: ...
+    def understood(self, start: Start) -> UnderstoodGoal: ...
 
     def start(self, start: Start, *, template: TaskTemplate | None = None) -> Accepted[AnyEvent] | Refused: ...
 
@@ -64,7 +64,7 @@ def draft(runtime: MissionStarter, start: Start) -> TaskContract:
     return runtime.draft(start, template=taken.template if taken else None)
 
 
-def _taken_apart(runtime: MissionStarter, start: Start, planner: StagePlanner) -> Decomposed | None:
+def _taken_apart(runtime: MissionStarter, start: Start, planner: StagePlanner) -> DecompositionResult | None:
     """The stages of the one template beside H_0 that the goal takes, as the planner orders them; None if it takes none.
 
     The stages of several templates are done in the order that the goal says, and no planner is asked.

@@ -47,7 +47,7 @@ from harness.gate.site_versions import SiteVersions
 from harness.goals.contract_compiler import ContractCompiler
 from harness.goals.reader import GRAMMAR, GoalReader
 from harness.goals.sources import RobotSources
-from harness.goals.understanding import GoalRequest, Understood
+from harness.goals.understanding import GoalRequest, UnderstoodGoal
 from harness.memory.fabric import MemoryFabric
 from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
@@ -226,7 +226,7 @@ class Runtime:
         """The contract that `start` would create now; nothing is written. Raises as `start` does."""
         return self._compiled(start, self._configurations.current(start.robot_id), template)
 
-    def understood(self, start: Start) -> Understood:
+    def understood(self, start: Start) -> UnderstoodGoal:
         """What the goal of a request means now; nothing is written. Raises as `start` does."""
         configuration = self._configurations.current(start.robot_id)
         return self._compiler.understood(start.request, configuration, site=self.site)

@@ -21,7 +21,7 @@ from harness.contracts.places import Place, Site
 from harness.contracts.ports import LogHead, Record, SnapshotFindings, StoredEvent
 from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskContract, TaskTemplate
-from harness.goals.understanding import Understood
+from harness.goals.understanding import UnderstoodGoal
 from harness.memory.fabric import MemoryFabric
 from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
@@ -145,7 +145,7 @@ class GuardedRuntime:
         """The contract that `start` would create now; nothing is written."""
         return self._runtime.draft(start, template=template)
 
-    def understood(self, start: Start) -> Understood:
+    def understood(self, start: Start) -> UnderstoodGoal:
         """What the goal of a request means now; nothing is written."""
         return self._runtime.understood(start)
 
@@ -250,4 +250,6 @@ def _signed(command: Any, actor: Actor) -> Any:
 def _same_robot(robot_id: str) -> None:
     found = principal()
     if found.robot_id not in ("", robot_id):
-        raise NotPermitted(because("token_of_other_robot", robot_id=found.robot_id), where=f"token {found.name}")
+        raise NotPermitted(
+            because("token_of_other_robot", robot_id=found.robot_id), where=because("at_token", name=found.name)
+        )

@@ -4,13 +4,17 @@ Exit: 0 succeeded; 3 waits for a person or is paused; 1 any other end, or a bad 
 2 a bad argument, name or contract; 4 the goal was verified in part only: something is declared and not verified.
 """
 
+import ast
 import sys
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import typer
 from typer.core import TyperGroup
 from typer.main import get_command, get_group
+
+from harness.contracts.errors import HarnessError
 
 GROUPS = {
     "mission": "missions:app",
@@ -47,44 +51,17 @@ COMMANDS = {
 """Which module of app.cli has it, and under which name there. A second word: a command beside a group's own."""
 
 
-SUMMARIES = {
-    "up": "Start the console and everything behind it; prints one sign-in link.",
-    "login": "Sign in to an account of this data folder: what you decide at this terminal is then that person's word.",
-    "logout": "End the session of this terminal, and forget its token.",
-    "whoami": "Who acts here: an account, or a user of this machine without one.",
-    "verify": "Check a dossier with nothing but the file: signature, digests, chain, and every decision derived again.",
-    "evaluate": "Compare direct, monitored and evidence-gated execution, a behaviour tree and giving up, "
-    "fault by fault.",
-    "doctor": "Look at a data folder: owner, log, blobs; and at the identity provider, if one is set up.",
-    "backup": "Copy log, blobs and accounts, also while a console runs, and verify the copy.",
-    "restore": "Make a new data folder from a backup: every file is compared with its digest, and the log verified.",
-    "mission": "Run and read missions.",
-    "handoff": "Answer the questions that missions ask people.",
-    "lease": "See who holds the robot's resources; free what nobody accounts for.",
-    "alert": "See what went wrong, one row per cause, and look after it.",
-    "rsi": "Propose, evaluate, review, release and roll back configurations.",
-    "robot": "See and stop the robots of a running console.",
-    "map": "Point clouds of maps, for the 3D view.",
-    "audit": "Reconstruct and check what happened.",
-    "data": "Where the event log lies.",
-    "provider": "See and check what can act.",
-    "account": "People who may use the console.",
-    "token": "Tokens for robots and integrations on the API.",
-}
-"""What the list of commands says of each, so that it imports none of them."""
-
-
 class CommandGroups(TyperGroup):
     """Imports what a command needs when it is asked for: `regen audit` waits for no web server."""
-
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """The list of commands, which imports none of them."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, SUMMARIES[name]) for name in self.list_commands(ctx)])
 
     def list_commands(self, ctx: Any) -> list[str]:
         """All of the first words."""
         return [*(name for name in COMMANDS if " " not in name), *GROUPS]
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """The first words with what each is for, read from the sources: importing all of them takes seconds."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, _summary({**COMMANDS, **GROUPS}[name])) for name in self.list_commands(ctx)])
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command or group of that name; None if there is none."""
@@ -96,6 +73,19 @@ class CommandGroups(TyperGroup):
                     group.add_command(_command(second, where), second)
             return group
         return _command(cmd_name, COMMANDS[cmd_name]) if cmd_name in COMMANDS else None
+
+
+def _summary(where: str) -> str:
+    module, _, name = where.partition(":")
+    source = (Path(__file__).parent / f"{module}.py").read_text(encoding="utf-8")
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.FunctionDef) and node.name == name:
+            return (ast.get_docstring(node) or "").partition("\n")[0]
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == name and isinstance(node.value, ast.Call):
+            return "".join(ast.literal_eval(one.value) for one in node.value.keywords if one.arg == "help")
+        if isinstance(node, ast.ImportFrom) and name in [one.asname or one.name for one in node.names]:
+            return _summary(f"{str(node.module).removeprefix('app.cli.')}:{name}")
+    return ""
 
 
 def _named(where: str) -> Any:
@@ -127,11 +117,10 @@ def main() -> None:
     """Entry point. A typed error becomes one sentence on standard error and an exit code."""
     try:
         app()
-    except Exception as error:
-        code = _named("output:complained")(error, as_json="--json" in sys.argv)
-        if code is None:
-            raise
-        sys.exit(code)
+    except HarnessError as error:
+        from app.cli.output import complain  # noqa: PLC0415  what renders an error loads for half a second
+
+        sys.exit(complain(error, as_json="--json" in sys.argv))
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ from harness.contracts.errors import UnknownName
 from harness.contracts.ids import Digest, MissionId
 from harness.contracts.observations import SINGLE_SOURCE
 from harness.contracts.proposals import CandidateSet, RoutingExplanation
+from harness.contracts.reasons import because
 from harness.contracts.upcasting import name_of
 from harness.contracts.values import decode
 from harness.projections.exploration import ExplorationDecision, decisions
@@ -263,7 +264,7 @@ def routing(
         mission = runtime.mission(MissionId(mission_id))
         if stage and stage not in mission.nodes:
             raise UnknownName(
-                f"There is no stage {stage!r}", where=mission_id, do=f"name one of {', '.join(mission.nodes)}"
+                because("unknown_stage_of_mission", node_id=stage, known=tuple(mission.nodes)), where=mission_id
             )
         entries = Histories(runtime).of(mission.mission_id)
         records = RoutingRecords(runtime)

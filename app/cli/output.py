@@ -68,11 +68,6 @@ class ActRefused(HarnessError):
         self.problem = problem
 
 
-def complained(error: Exception, *, as_json: bool) -> int | None:
-    """Complain of a typed error and return its exit code; None for any other error, which nobody has explained."""
-    return complain(error, as_json=as_json) if isinstance(error, HarnessError) else None
-
-
 def complain(error: HarnessError, *, as_json: bool = False) -> int:
     """Say what happened, where, and what to do; the exit code that goes with it. A refusal is JSON for a program."""
     sys.stderr.write(f"regen: {visible_at_terminal(reasons.explained(error))}\n")
@@ -85,8 +80,8 @@ def complain(error: HarnessError, *, as_json: bool = False) -> int:
 
 def _question_lines(question: ReadingQuestion) -> list[str]:
     """The question for a terminal: the text with its unread words in brackets, and how to confirm the reading."""
-    shown = "".join(f"[{part.text}]" if part.kind == "unread" else part.text for part in question_view(question).parts)
-    lines = [f"  {shown}"]
+    text = "".join(f"[{part.text}]" if part.kind == "unread" else part.text for part in question_view(question).parts)
+    lines = [f"  {text}"]
     for one in question.unread:
         why = reasons.sentence(unread_in_words(one.why))
         lines.append(f"    {question.text[one.span.start : one.span.end]!r}: {why}")

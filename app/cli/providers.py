@@ -14,9 +14,9 @@ from app.cli.output import Json, settings, show, table
 from app.i18n.visible_text import visible_at_terminal
 from harness.conformance.address import addressed
 from harness.conformance.declaration import ConformanceFile, read, shipped
-from harness.conformance.findings import Checked, ConformanceFinding
-from harness.conformance.hostile.kit import Fuzzed, chosen, fuzzed
-from harness.conformance.hostile.missions import Met, met, met_at
+from harness.conformance.findings import ConformanceFinding, ConformanceResult
+from harness.conformance.hostile.kit import LieReport, chosen, fuzzed
+from harness.conformance.hostile.missions import MissionUnderLie, met, met_at
 from harness.conformance.kit import FIRST_TOKEN, check
 from harness.conformance.provider_setup import fresh_name, installed, installed_cards, protocol
 from harness.conformance.subject import Stand
@@ -88,8 +88,8 @@ def check_provider(
     """
     declared = {one.provider_id: one for one in map(read, file or [])}
     with _stands(target, token=token, fidelity=fidelity, recording=recording) as (stands, cards):
-        wanted = _wanted(target, stands, cards, only=provider or [], still=still)
-        results = [_checked(name, stands[name], declared, fencing=fencing) for name in wanted]
+        checks = _selected_providers(target, stands, cards, only=provider or [], still=still)
+        results = [_checked(name, stands[name], declared, fencing=fencing) for name in checks]
     ok = bool(results) and all(result.ok for result in results)
     show({"ok": ok, "providers": [_row(result) for result in results]}, as_json=as_json, lines=_lines(results))
     raise typer.Exit(0 if ok else 1)
@@ -117,12 +117,12 @@ def fuzz_harness(
     raise typer.Exit(0 if result.ok else 1)
 
 
-def _tell_met(one: Met) -> None:
+def _tell_met(one: MissionUnderLie) -> None:
     sys.stderr.write(f"{'ok' if one.harmless else 'WRONG':<6} {one.mode:<40} {one.ended} ({one.wall_s:.1f} s)\n")
     sys.stderr.flush()
 
 
-def _met_lines(result: Fuzzed) -> list[str]:
+def _met_lines(result: LieReport) -> list[str]:
     rows = [["lie", "ended", "stages accepted", "motions", "wrong"]] + [
         [one.mode, one.ended, str(len(one.committed)), str(one.motions), "" if one.harmless else "yes"]
         for one in result.met
@@ -156,7 +156,7 @@ def _stands(
             yield stands, installed_cards(Path(folder), SIMULATOR)
 
 
-def _wanted(
+def _selected_providers(
     target: str, stands: Stands, cards: tuple[CapabilityCard, ...], *, only: list[str], still: bool
 ) -> list[ProviderId]:
     named = only or ([target] if "://" not in target and target != "all" else list(stands))
@@ -169,7 +169,9 @@ def _wanted(
     return [ProviderId(name) for name in named if not (still and name in moving)]
 
 
-def _checked(name: ProviderId, stand: Stand, declared: dict[ProviderId, ConformanceFile], *, fencing: int) -> Checked:
+def _checked(
+    name: ProviderId, stand: Stand, declared: dict[ProviderId, ConformanceFile], *, fencing: int
+) -> ConformanceResult:
     declaration = declared[name] if name in declared else shipped(name)
     sys.stderr.write(f"{visible_at_terminal(name)}\n")
     return check(stand, declaration, mission_id=fresh_name(), fencing=fencing, watch=_tell)
@@ -180,7 +182,7 @@ def _tell(finding: ConformanceFinding) -> None:
     sys.stderr.flush()
 
 
-def _row(result: Checked) -> dict[str, Any]:
+def _row(result: ConformanceResult) -> dict[str, Any]:
     return {
         "provider_id": result.provider_id,
         "version": result.version,
@@ -190,7 +192,7 @@ def _row(result: Checked) -> dict[str, Any]:
     }
 
 
-def _lines(results: list[Checked]) -> list[str]:
+def _lines(results: list[ConformanceResult]) -> list[str]:
     lines: list[str] = []
     for result in results:
         counts = ", ".join(f"{len(result.rows(word))} {word}" for word in ("met", "not met", "exempt"))

@@ -29,7 +29,7 @@ from app.i18n.reasons.rendering import explained, sentence
 from app.main import bind, create_app, open_accounts, serve
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
-from app.web.starting import starting
+from app.web.starting_page import starting
 from harness.adapters.providers.http.robot import HttpRobot
 from harness.anchors import compared_with_file
 from harness.bootstrap import Harness, open_harness, owner_of, read_harness

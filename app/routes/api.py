@@ -72,13 +72,13 @@ def preview(console: ConsoleDep, principal: PrincipalDep, body: StartMissionAct)
     """
     order = ordered(console, principal.acting("drive"), body, channel="api")
     contract = draft(console.runtime, order)
-    shown = previewed(contract, console.runtime.site)
+    content = previewed(contract, console.runtime.site)
     found = schemas.MissionPreview(
         robot_id=order.robot_id,
         configuration=console.runtime.current_configuration_id(order.robot_id),
-        highest_risk=shown.highest_risk,
-        longest_s=shown.longest_s,
-        stages=tuple(one.node_id for one in shown.stages),
+        highest_risk=content.highest_risk,
+        longest_s=content.longest_s,
+        stages=tuple(one.node_id for one in content.stages),
         contract=contract,
         reading=msgspec.convert(reading_json(contract.goal.text, contract.reading), schemas.ReadingResource)
         if isinstance(contract.reading, Reading)

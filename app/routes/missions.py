@@ -16,7 +16,7 @@ from app.routes.handoff_page import word_of
 from app.routes.listing import listed_page, searching
 from app.views import events, forms, missions
 from app.views import preview as previews
-from app.views.forms import Again, Before, FormOptions, StopPage, Wrong
+from app.views.forms import Before, FormOptions, RepeatedMission, StopPage, Wrong
 from app.views.list_params import ListParams
 from app.views.preview import Preview
 from app.views.readings import goal_words, question_view
@@ -80,7 +80,7 @@ def preview(console: ConsoleDep, principal: PrincipalDep, actor: ActorDep, typed
         return _form(console, actor, typed, question=drafted)
     if isinstance(drafted, tuple):
         return _form(console, actor, typed, wrong=drafted)
-    return _form(console, actor, typed, shown=previews.preview(drafted, console.runtime.site))
+    return _form(console, actor, typed, content=previews.preview(drafted, console.runtime.site))
 
 
 @router.post("")
@@ -174,12 +174,12 @@ def _as_before(console: Console, mission_id: MissionId) -> dict[str, str]:
     return typed | forms.chosen_before(mission.contract, template)
 
 
-def _again(console: Console, typed: dict[str, str]) -> Again | None:
+def _again(console: Console, typed: dict[str, str]) -> RepeatedMission | None:
     if not typed.get("rerun_of"):
         return None
     mission = console.runtime.mission(MissionId(typed["rerun_of"]))
     done = ("committed", "superseded")
-    return Again(
+    return RepeatedMission(
         mission_id=mission.mission_id,
         goal=goal_words(mission),
         status=mission.status,
@@ -193,7 +193,7 @@ def _form(
     typed: dict[str, str],
     *,
     wrong: Sequence[Wrong] = (),
-    shown: Preview | None = None,
+    content: Preview | None = None,
     question: ReadingQuestion | None = None,
 ) -> HTMLResponse:
     """The form again; 422 where something must be corrected, or a reading confirmed."""
@@ -207,7 +207,7 @@ def _form(
         wrong=wrong,
         again=_again(console, typed),
         ahead=[Before(one.mission_id, goal_words(one), one.status) for one in waiting_line(console, robot_id)],
-        preview=shown,
+        preview=content,
         reading=question_view(question) if question else None,
     )
     return render("missions/new.html", page, status=422 if wrong or question else 200)

@@ -59,7 +59,7 @@ def stopped_all(
 def _stopped(
     console: Console, principal: Principal, robots: Sequence[RobotId], reason: str
 ) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
-    why, asked, left = reason or UNSAID, [], []
+    why, stopping, left = reason or UNSAID, [], []
     for mission in console.open_missions():
         if mission.robot_id not in robots or mission.replay or mission.status == "stopping":
             continue
@@ -67,7 +67,7 @@ def _stopped(
             mission.mission_id, StopMission(actor=principal.actor, reason=reason or UNEXPLAINED)
         )
         if isinstance(decision, Accepted):
-            asked.append(mission.mission_id)
+            stopping.append(mission.mission_id)
         elif not console.runtime.mission(mission.mission_id).ended:
             who = f"{mission.robot_id}, {mission.mission_id}"
             left.append(lazy_gettext("{who}: {reason}", who=who, reason=decision.reason))
@@ -80,7 +80,7 @@ def _stopped(
         released = wheel_returned(console, principal, robot_id, why)
         if isinstance(released, Refused) and released.rule != "not_at_the_wheel":
             left.append(lazy_gettext("{who}: {reason}", who=robot_id, reason=released.reason))
-    return tuple(asked), tuple(left)
+    return tuple(stopping), tuple(left)
 
 
 def explained(console: Console, principal: Principal, robot_id: RobotId, act: ExplainStopAct) -> None:
@@ -90,7 +90,7 @@ def explained(console: Console, principal: Principal, robot_id: RobotId, act: Ex
     for mission in console.open_missions():
         if mission.robot_id == robot_id and mission.status == "stopping":
             console.runtime.submit(mission.mission_id, StopMission(actor=principal.actor, reason=act.reason))
-    console.sessions.accounts.told(principal, actor, "ExplainStop", f"robot/{robot_id}", act.reason)
+    console.sessions.accounts.record(principal, actor, "ExplainStop", f"robot/{robot_id}", act.reason)
 
 
 def observed_and_released(console: Console, principal: Principal, robot_id: RobotId) -> tuple[str, ...]:
@@ -137,12 +137,13 @@ def limited(console: Console, principal: Principal, act: LimitAutonomyAct) -> No
     """Set the autonomy limit of the whole fleet. Raises NotPermitted for a token that is bound to one robot."""
     if principal.robot_id:
         raise NotPermitted(
-            because("token_cannot_set_limit", robot_id=principal.robot_id), where=f"token {principal.name}"
+            because("token_cannot_set_limit", robot_id=principal.robot_id),
+            where=because("at_token", name=principal.name),
         )
     console.runtime.decide([(CONTROL, act.to_command(principal.actor))])
     for mission in console.open_missions():
-        told = SetAutonomy(autonomy=act.autonomy, actor=principal.actor, reason=act.reason, scope="house")
-        console.runtime.decide([(mission_stream(mission.mission_id), told)])
+        command = SetAutonomy(autonomy=act.autonomy, actor=principal.actor, reason=act.reason, scope="house")
+        console.runtime.decide([(mission_stream(mission.mission_id), command)])
 
 
 def made_safe(console: Console, principal: Principal, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
@@ -208,7 +209,7 @@ def posed(
 def signed(
     console: Console,
     principal: Principal,
-    asked: tuple[type[Command], RobotId],
+    subject: tuple[type[Command], RobotId],
     act: Callable[[TeleoperationPort, Actor], Decision[AnyEvent]],
     *,
     permission: Permission | None = None,
@@ -217,11 +218,11 @@ def signed(
 
     `permission` where the act needs another one than its command.
     """
-    kind, robot_id = asked
+    kind, robot_id = subject
     actor, teleoperation = principal.acting(permission or required_permission(kind)), console.teleoperation
     if principal.robot_id not in ("", robot_id):
         raise NotPermitted(
-            because("token_of_other_robot", robot_id=principal.robot_id), where=f"token {principal.name}"
+            because("token_of_other_robot", robot_id=principal.robot_id), where=because("at_token", name=principal.name)
         )
     if teleoperation is None:
         return refused("no_supervisor", because("no_supervisor_here"))
@@ -232,5 +233,5 @@ def signed(
     outcome = f"refused: {decision.rule}" if isinstance(decision, Refused) else "accepted"
     if robot_id in console.fleet.names:
         console.fleet.hear(robot_id)
-    console.sessions.accounts.told(principal, actor, kind.__name__, f"robot/{robot_id}", outcome)
+    console.sessions.accounts.record(principal, actor, kind.__name__, f"robot/{robot_id}", outcome)
     return decision

@@ -1,5 +1,6 @@
 """/robots: every robot's report, camera and mission, its stop, the fleet's autonomy limit, and a stop of all robots."""
 
+from collections.abc import Callable
 from typing import Annotated
 
 from fastapi import APIRouter, Path
@@ -8,6 +9,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from app.acts.base import Act
 from app.acts.missions import LimitAutonomyAct, PauseMissionAct, ResumeMissionAct, SetAutonomyAct
 from app.acts.robots import ExplainStopAct, OrderPostureAct, SendToSafetyAct, StopRobotAct, StopRobotsAct
+from app.auth.permissions import Permission
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
@@ -119,10 +121,12 @@ def camera(console: ConsoleDep, robot_id: RobotPath) -> HTMLResponse:
 @router.get("/{robot_id}/camera.jpg")
 def newest_picture(console: ConsoleDep, robot_id: RobotPath) -> Response:
     """The newest picture. X-Taken-At is its mission time, X-Age-S how old it is in wall seconds."""
-    kept = console.fleet.shots(robot_id)
-    if not kept.kept:
-        raise UnknownName(because("no_picture", robot_id=robot_id, trouble=kept.trouble or N_("nothing came yet")))
-    shot = kept.kept[-1]
+    frames = console.fleet.shots(robot_id)
+    if not frames.kept:
+        raise UnknownName(
+            because("no_picture", robot_id=robot_id, trouble=frames.trouble or because("nothing_came_yet"))
+        )
+    shot = frames.kept[-1]
     age_s = max(console.clock() - shot.taken_s, 0.0)
     headers = {"X-Taken-At": f"{shot.picture.at_s:.3f}", "X-Age-S": f"{age_s:.1f}", "Cache-Control": "no-store"}
     return Response(shot.picture.body, media_type=JPEG, headers=headers)
@@ -157,28 +161,22 @@ def release(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot
     return RedirectResponse(f"/robots/{robot_id}", status_code=303)
 
 
-@router.post("/{robot_id}/autonomy")
-def autonomy(
-    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
-) -> Response:
-    principal.acting("drive")
-    return _submitted(console, actor, robot_id, typed, SetAutonomyAct)
+def _route(path: str, kind: type[Act], permission: Permission) -> Callable[..., Response]:
+    """The handler of one act on the mission of a robot."""
+
+    @router.post(f"/{{robot_id}}/{path}", name=path)
+    def handler(
+        console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
+    ) -> Response:
+        principal.acting(permission)
+        return _submitted(console, actor, robot_id, typed, kind)
+
+    return handler
 
 
-@router.post("/{robot_id}/pause")
-def pause(
-    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
-) -> Response:
-    principal.acting("stop")
-    return _submitted(console, actor, robot_id, typed, PauseMissionAct)
-
-
-@router.post("/{robot_id}/resume")
-def resume(
-    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
-) -> Response:
-    principal.acting("drive")
-    return _submitted(console, actor, robot_id, typed, ResumeMissionAct)
+autonomy = _route("autonomy", SetAutonomyAct, "drive")
+pause = _route("pause", PauseMissionAct, "stop")
+resume = _route("resume", ResumeMissionAct, "drive")
 
 
 @router.post("/{robot_id}/safe")

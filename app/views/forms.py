@@ -45,7 +45,7 @@ class ParameterField:
 
 
 @dataclass(frozen=True)
-class Again:
+class RepeatedMission:
     """The mission that a new one repeats, and the stages it did not get accepted."""
 
     mission_id: str
@@ -88,7 +88,7 @@ class StartPage:
     robot_wrong: str
     key: str
     errors: tuple[str, ...]
-    again: Again | None
+    again: RepeatedMission | None
     ahead: tuple[Before, ...]
     preview: Preview | None
     reading: ReadingView | None = None
@@ -124,21 +124,21 @@ def start_page(
     *,
     key: str,
     wrong: Sequence[Wrong] = (),
-    again: Again | None = None,
+    again: RepeatedMission | None = None,
     ahead: Sequence[Before] = (),
     preview: Preview | None = None,
     reading: ReadingView | None = None,
 ) -> StartPage:
     """The form as the person left it; the first template is chosen before anything was typed."""
     templates = offer.templates
-    wanted = typed.get("template", "") or (templates[0].name if templates else "")
-    template = next((one for one in templates if one.name == wanted), None)
+    template_name = typed.get("template", "") or (templates[0].name if templates else "")
+    template = next((one for one in templates if one.name == template_name), None)
     beside = {one.field: one.text for one in wrong if one.field}
     return StartPage(
         shell=shell,
         templates=(
-            *(SelectOption(one.name, one.title, one.name == wanted) for one in templates),
-            SelectOption(BY_GOAL, N_("What the goal says"), wanted == BY_GOAL),
+            *(SelectOption(one.name, one.title, one.name == template_name) for one in templates),
+            SelectOption(BY_GOAL, N_("What the goal says"), template_name == BY_GOAL),
         ),
         robots=tuple(SelectOption(one, one, one == typed.get("robot_id", "")) for one in offer.robots),
         fields=_fields(template, offer.places, typed, beside) if template else (),

@@ -90,19 +90,19 @@ def question_view(question: ReadingQuestion) -> ReadingView:
     )
 
 
-def goal_words(shown: Mission | MissionItem) -> str:
+def goal_words(text: Mission | MissionItem) -> str:
     """What a mission is for: what was read; the goal's own text for one without a reading."""
-    if isinstance(shown, MissionItem):
-        return reasoned(shown.reading) if isinstance(shown.reading, Reason) else shown.goal
-    reading = mission_reading(shown)
-    return reasoned(reading_in_words(reading)) if reading else shown.goal
+    if isinstance(text, MissionItem):
+        return reasoned(text.reading) if isinstance(text.reading, Reason) else text.goal
+    reading = mission_reading(text)
+    return reasoned(reading_in_words(reading)) if reading else text.goal
 
 
-def source_words(shown: Mission | MissionItem) -> str:
+def source_words(text: Mission | MissionItem) -> str:
     """The goal's own text, where what is shown above it is a reading; empty otherwise."""
-    if isinstance(shown, MissionItem):
-        return shown.goal if isinstance(shown.reading, Reason) else ""
-    return shown.goal if mission_reading(shown) else ""
+    if isinstance(text, MissionItem):
+        return text.goal if isinstance(text.reading, Reason) else ""
+    return text.goal if mission_reading(text) else ""
 
 
 def mission_reading(mission: Mission) -> Reading | None:

@@ -252,9 +252,9 @@ def stop_steps(mission: Mission) -> tuple[StopStep, ...]:
     acknowledged = running is None
     static = stopped is not None and stopped.static
     if stopped is None:
-        shown = N_("the body is watched by its odometry")
+        evidence = N_("the body is watched by its odometry")
     else:
-        shown = reasoned(stopped.reason) or (
+        evidence = reasoned(stopped.reason) or (
             N_("the body is static") if static else N_("nothing shows the body at rest")
         )
     return (
@@ -266,7 +266,7 @@ def stop_steps(mission: Mission) -> tuple[StopStep, ...]:
             acknowledged,
             N_("no execution runs") if acknowledged else N_("the provider has not answered yet"),
         ),
-        StopStep("static", static, shown),
+        StopStep("static", static, evidence),
     )
 
 

@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 
 from experiments.campaigns.regen import ROOT
-from harness.conformance.hostile.kit import MOST_MIB, Fuzzed, chosen, fuzzed
-from harness.conformance.hostile.missions import Met, met
+from harness.conformance.hostile.kit import MOST_MIB, LieReport, chosen, fuzzed
+from harness.conformance.hostile.missions import MissionUnderLie, met
 from simulator.in_process import SIMULATOR
 
 PAGE = ROOT / "docs" / "reliability.md"
@@ -14,17 +14,17 @@ BEGIN, END = "<!-- hostile robots: written by `make campaign` -->", "<!-- end of
 COMMAND = "regen provider fuzz --builtin --json"
 
 
-def run(asked: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> None:
     """Every lie, or those that are named. Exit 1 if something happened that must not happen."""
-    result = fuzzed(chosen(asked.modes), lambda mode: met(mode, SIMULATOR, seed=asked.seed), watch=_tell)
+    result = fuzzed(chosen(arguments.modes), lambda mode: met(mode, SIMULATOR, seed=arguments.seed), watch=_tell)
     print(*counts(result), sep="\n")
-    if asked.publish:
-        publish(result, seed=asked.seed)
+    if arguments.publish:
+        publish(result, seed=arguments.seed)
     if not result.ok:
         raise SystemExit(1)
 
 
-def publish(result: Fuzzed, *, seed: int, page: Path = PAGE) -> None:
+def publish(result: LieReport, *, seed: int, page: Path = PAGE) -> None:
     """Replace the part of the page between its two marks. Raises ValueError without the marks."""
     before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN)
     _, end, after = rest.partition(END)
@@ -45,7 +45,7 @@ def publish(result: Fuzzed, *, seed: int, page: Path = PAGE) -> None:
     page.write_text(f"{before}{BEGIN}\n\n" + "\n".join(made) + f"\n\n{END}{after}", encoding="utf-8")
 
 
-def counts(result: Fuzzed) -> list[str]:
+def counts(result: LieReport) -> list[str]:
     """The counts as a table in Markdown."""
     return [
         "| what must not happen | count |",
@@ -61,5 +61,5 @@ def counts(result: Fuzzed) -> list[str]:
     ]
 
 
-def _tell(one: Met) -> None:
+def _tell(one: MissionUnderLie) -> None:
     print(f"{'ok' if one.harmless else 'WRONG':<6} {one.mode:<42} {one.ended}", file=sys.stderr, flush=True)

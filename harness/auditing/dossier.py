@@ -25,7 +25,7 @@ _DOCUMENT = b"{"
 
 
 @dataclass(frozen=True)
-class Collected:
+class DossierContent:
     """The contents to sign and the files they name."""
 
     contents: DossierContents
@@ -56,7 +56,7 @@ class DossierVerdict(Value):
     judged: JudgedGoal | None = None
 
 
-def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, exported_at_s: float) -> Collected:
+def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, exported_at_s: float) -> DossierContent:
     """Events of the mission, its handoffs and its places, every record and blob they cite, directly or through others.
 
     Raises UnknownName for a mission that does not exist.
@@ -91,7 +91,7 @@ def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, ex
         absent=tuple(sorted(digest for digest in needed if f"blobs/{digest}" not in files)),
         judged=judged_goal(mission) or msgspec.UNSET,
     )
-    return Collected(contents=contents, files=files)
+    return DossierContent(contents=contents, files=files)
 
 
 def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trusted: bool) -> DossierVerdict:

@@ -125,8 +125,8 @@ def read_yaml(text: str, kind: type[T], *, where: str) -> T:
         ) from error
 
 
-class _Loader(yaml.SafeLoader):
-    """SafeLoader that takes no key twice, no key that is a list or mapping, and no merged keys."""
+class _Loader(yaml.CSafeLoader):
+    """CSafeLoader that takes no key twice, no key that is a list or mapping, and no merged keys."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen: set[str] = set()
@@ -143,7 +143,7 @@ class _Loader(yaml.SafeLoader):
 
 def _check_events(text: str, where: str) -> None:
     depth = 0
-    for event in yaml.parse(text, Loader=yaml.SafeLoader):
+    for event in yaml.parse(text, Loader=yaml.CSafeLoader):
         line = event.start_mark.line + 1 if event.start_mark else 0
         if isinstance(event, yaml.AliasEvent):
             raise ContractInvalid(because("yaml_alias", line=line), where=where)

@@ -10,6 +10,7 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.ids import ProviderId
 from harness.contracts.ports import Clock
+from harness.contracts.reasons import because
 
 REAL_TIME = 1.0
 
@@ -25,7 +26,7 @@ def addressed(url: str, token: str) -> Iterator[tuple[dict[ProviderId, Stand], t
         stack.callback(robot.close)
         cards = tuple(provider.card for provider in robot.providers())
         if len({card.provider_id for card in cards}) != len(cards):
-            raise ProviderFailed("Two providers have one name", where=f"{url}/providers", do="give each its own")
+            raise ProviderFailed(because("providers_share_name"), where=f"{url}/providers")
 
         clock = _clock(robot)
 

@@ -8,7 +8,7 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.configuration import Configuration
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.measurements import Measurement, Sound, StoredMessage
-from harness.contracts.memory import FollowPosition, MemoryQuery, MemoryRecord, Remembered
+from harness.contracts.memory import FollowPosition, MemoryEntry, MemoryQuery, MemoryRecord
 from harness.contracts.observations import AnySample
 from harness.contracts.reasons import Reason
 from harness.contracts.values import Moment, Value
@@ -325,13 +325,13 @@ class MemoryIndex(Protocol):
     def clear(self) -> None:
         """Delete everything; the position becomes 0."""
 
-    def get(self, record_id: str) -> Remembered:
+    def get(self, record_id: str) -> MemoryEntry:
         """Raises UnknownName."""
 
-    def current(self, kind: str, subject: str) -> list[Remembered]:
+    def current(self, kind: str, subject: str) -> list[MemoryEntry]:
         """Records of one kind and subject that nothing has superseded, oldest first; disputed ones included."""
 
-    def find(self, query: MemoryQuery) -> list[Remembered]:
+    def find(self, query: MemoryQuery) -> list[MemoryEntry]:
         """Newest first."""
 
     def close(self) -> None: ...

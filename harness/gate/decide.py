@@ -138,8 +138,8 @@ def _autonomy(mission: Mission, command: SetAutonomy) -> Decision[events.Mission
     stands = mission.autonomy if command.scope == "mission" else mission.autonomy_limit
     if stands == command.autonomy:
         return Accepted(())
-    said = AutonomySet(autonomy=command.autonomy, scope=command.scope, actor=command.actor, reason=command.reason)
-    return Accepted((said,))
+    event = AutonomySet(autonomy=command.autonomy, scope=command.scope, actor=command.actor, reason=command.reason)
+    return Accepted((event,))
 
 
 def _noted(

@@ -102,7 +102,7 @@ class NodeState(Value):
         return sum(spend.cost for spend in self.spends)
 
 
-class Superseded(Value):
+class SupersededResult(Value):
     """A stage's result before a revision of the graph reopened it: kept, never decisive any more (D29)."""
 
     revision: Count
@@ -157,7 +157,7 @@ class Mission(Value):
     relooks: Count = 0
     report: Explanation = ""
     reason: Explanation = ""
-    history: tuple[Superseded, ...] = ()
+    history: tuple[SupersededResult, ...] = ()
     disputes: tuple[DisputedFact, ...] = ()
 
     @property

@@ -136,7 +136,7 @@ def check_site(site: Site) -> None:
     profile = profile_of(site)
     if profile is not None and all(place.place_id != profile.home for place in site.places):
         raise ContractInvalid(
-            f"There is no place {profile.home}", where=because("at_site", site=site.name), do="name a place of the site"
+            because("home_place_unknown", place_id=profile.home), where=because("at_site", site=site.name)
         )
     for zone in site.zones:
         if zone.retreat is not None or zone.no_answer == "retreat":

@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from app.i18n.reasons.rendering import sentence
-from harness.auditing.legacy import asked
+from harness.auditing.legacy import guessed_command
 from harness.auditing.replay import replay_mission
 from harness.baseline.load import further
 from harness.contracts.decisions import Accepted, Refused
@@ -69,7 +69,7 @@ class Explored:
         """The mission as it was when a revision was asked for, and the command that asked."""
         events: list[MissionEvent] = self.ran.events
         places = [index for index, event in enumerate(events) if isinstance(event, GraphRevised)]
-        command = asked(events[places[revision] :])
+        command = guessed_command(events[places[revision] :])
         assert isinstance(command, ReviseContract)
         return DECIDER.fold(DECIDER.initial, events[: places[revision]]), command
 

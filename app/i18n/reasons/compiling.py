@@ -1,4 +1,4 @@
-"""Why a goal, a template or an argument gives no contract, by code."""
+"""Holds the sentences of goals, templates and arguments that give no contract, by reason code."""
 
 from collections.abc import Mapping
 

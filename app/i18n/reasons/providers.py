@@ -1,4 +1,4 @@
-"""Why a provider that runs inside the harness refused a request or failed, by code."""
+"""Holds the sentences of providers that run inside the harness, by reason code."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""What the verifier found, and why a precondition holds or does not, by code."""
+"""Holds the sentences about findings of the verifier and about preconditions, by reason code."""
 
 from collections.abc import Mapping
 
@@ -43,6 +43,7 @@ SENTENCES: Mapping[str, str] = {
     "held_at_looks": N_("held at {held} of {looks} looks in {interval_s:g} s"),
     "image_not_of_panorama": N_("an image is not of the accepted panorama"),
     "image_not_whole": N_("image {image} cannot be decoded to its end ({error})"),
+    "image_rows_missing": N_("rows are missing"),
     "image_of_another_capture": N_("image {image} is labelled for another request or another time than its capture"),
     "image_of_another_heading": N_("image {image} is labelled {off_rad:.2f} rad beside the heading that was measured"),
     "image_too_large": N_("an image claims {width_px} by {height_px} pixels"),

@@ -96,7 +96,7 @@ def analyse(frames: Sequence[OrientedFrame], *, camera: Camera, position: Point,
         key=lambda finding: -finding.share_of_passage,
     )
     in_view = float(seen.any(axis=0).mean())
-    shown = int(seen.any(axis=1).sum())
+    visible = int(seen.any(axis=1).sum())
     return Report(
         method=METHOD,
         frames=tuple(frame.digest for frame in frames),
@@ -104,8 +104,8 @@ def analyse(frames: Sequence[OrientedFrame], *, camera: Camera, position: Point,
         findings=tuple(found),
         blocked=bool(found),
         in_view=in_view,
-        frames_with_passage=shown,
-        text=_text(found, shown=shown),
+        frames_with_passage=visible,
+        text=_text(found, visible=visible),
         passage=passage,
     )
 
@@ -121,11 +121,11 @@ def _in_sight(pixels: Pixels, view: View, ground: Floats) -> np.ndarray[tuple[in
     The floor ends at the horizon: a patch that also fills the picture above it is something upright, whatever its
     colour, and hides the floor behind it.
     """
-    shown = view.shows(ground)
-    if not shown.any():
-        return shown
+    visible = view.shows(ground)
+    if not visible.any():
+        return visible
     labels = look(pixels, view, top=0).labels
-    places = np.rint(view.pixels(np.column_stack([ground[shown], np.zeros(int(shown.sum()))]))).astype(np.int64)
+    places = np.rint(view.pixels(np.column_stack([ground[visible], np.zeros(int(visible.sum()))]))).astype(np.int64)
     rows = places[:, 1].clip(0, labels.shape[0] - 1)
     under = labels[rows, places[:, 0].clip(0, labels.shape[1] - 1)]
     horizon = round(view.horizon_px)
@@ -134,8 +134,8 @@ def _in_sight(pixels: Pixels, view: View, ground: Floats) -> np.ndarray[tuple[in
     risen = np.bincount(above[above > 0].ravel(), minlength=len(whole))
     upright = risen > _RISEN_SHARE * np.maximum(whole, 1)
     clear = np.array([label <= 0 or not upright[label] for label in under.tolist()])
-    found = shown.copy()
-    found[shown] = clear
+    found = visible.copy()
+    found[visible] = clear
     return found
 
 
@@ -227,10 +227,10 @@ def _finding(
     )
 
 
-def _text(found: Sequence[FloorObject], *, shown: int) -> str:
+def _text(found: Sequence[FloorObject], *, visible: int) -> str:
     """The finding in words, for a message and for the voice. Things that hide one another are counted as one."""
     if not found:
-        frames = f"{shown} frame{'s' if shown != 1 else ''}"
+        frames = f"{visible} frame{'s' if visible != 1 else ''}"
         return f"The passage is clear: nothing stands on its floor in the {frames} that show it."
     stand = "one thing stands" if len(found) == 1 else f"{len(found)} things stand"
     shares = " and ".join(f"{finding.share_of_passage:.0%}" for finding in found)

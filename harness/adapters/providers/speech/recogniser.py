@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from pocketsphinx import get_model_path
 
-from harness.adapters.providers.speech.language import bigrams, pronunciations, sentences, spoken
+from harness.adapters.providers.speech.language_model import bigrams, pronunciations, sentences, spoken
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import sha256
 from harness.contracts.measurements import Recognition
@@ -34,17 +34,17 @@ def recognised(recording: bytes, *, text: str, names: tuple[str, ...]) -> Recogn
     words = sorted({word for sentence, _ in expected for word in sentence})
     sounds = pronunciations(words, known)
     understood = [(tuple(word for word in sentence if word in sounds), weight) for sentence, weight in expected]
-    heard = _heard(_samples(recording), model=bigrams(understood), dictionary=_lines(sounds))
+    recognised_text = _decode(_samples(recording), model=bigrams(understood), dictionary=_lines(sounds))
     return Recognition(
         sound=sha256(recording),
         recogniser=f"pocketsphinx {version('pocketsphinx')} en-us",
         asked=tuple(" ".join(spoken(text, names)).replace("_", " ").split()),
-        heard=tuple(heard.replace("_", " ").split()),
+        heard=tuple(recognised_text.replace("_", " ").split()),
         unknown=tuple(word.replace("_", " ") for word in words if word not in sounds),
     )
 
 
-def _heard(samples: bytes, *, model: str, dictionary: str) -> str:
+def _decode(samples: bytes, *, model: str, dictionary: str) -> str:
     job = json.dumps({"model": model, "dictionary": dictionary}).encode() + b"\n" + samples
     try:
         child = subprocess.run(
