@@ -59,8 +59,8 @@ def stop_all(console: ConsoleDep, principal: PrincipalDep, body: acts.StopRobots
 @router.post("/robots/{robot_id}/stop", responses=api_requests.answers(schemas.StopsAsked))
 def stop(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: acts.StopRobotAct) -> Any:
     """Stop whatever moves this robot: its mission, a person's hand, its way to safety. It always may be asked."""
-    asked, refused = robot_acts.stopped(console, principal, robot_id, body)
-    return api_requests.plain(schemas.StopsAsked(asked=tuple(asked), refused=tuple(refused)))
+    stopping, refused = robot_acts.stopped(console, principal, robot_id, body)
+    return api_requests.plain(schemas.StopsAsked(asked=tuple(stopping), refused=tuple(refused)))
 
 
 @router.post("/robots/{robot_id}/stop/reason", responses=api_requests.answers(schemas.RobotResource))

@@ -36,11 +36,11 @@ def regions(console: Console) -> OverviewRegions:
 
 
 def _marks(
-    running: Sequence[MissionItem], heard: Sequence[Live | None], asking: Mapping[str, str]
+    running: Sequence[MissionItem], observations: Sequence[Live | None], asking: Mapping[str, str]
 ) -> list[OverviewMark]:
     """Where the robots of running missions are, by their own localisers; `asking` is the open question by robot."""
     found = []
-    for mission, live in zip(running, heard, strict=True):
+    for mission, live in zip(running, observations, strict=True):
         poses = [one for one in live.samples if isinstance(one, Pose)] if live is not None else []
         if poses:
             found.append(overview_mark(mission.robot_id, poses, handoff_id=asking.get(mission.robot_id, "")))

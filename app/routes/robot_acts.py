@@ -33,9 +33,9 @@ UNSAID = N_("stopped at the console")
 def stopped(
     console: Console, principal: Principal, robot_id: RobotId, act: StopRobotAct
 ) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
-    """Stop whatever moves this robot: (missions that were asked, why something could not be stopped).
+    """Stop whatever moves this robot: (missions that stop, why something could not be stopped).
 
-    Missions and moves to safety are asked first, for they are asked in an instant; a person's hand is waited for.
+    Missions and moves to safety are stopping first, for they are stopping in an instant; a person's hand is waited for.
     """
     principal.acting("stop")
     if robot_id not in (*console.settings.robots, *console.fleet.names):
@@ -46,14 +46,14 @@ def stopped(
 def stopped_all(
     console: Console, principal: Principal, act: StopRobotsAct
 ) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
-    """Stop whatever moves any robot, each for itself: (missions that were asked, why something could not be stopped).
+    """Stop whatever moves any robot, each for itself: (missions that stop, why something could not be stopped).
 
     `safe`: then send every robot to safety.
     """
     principal.acting("stop")
     robots = (*console.settings.robots, *console.fleet.names, *(one.robot_id for one in console.open_missions()))
-    asked, left = _stopped(console, principal, tuple(dict.fromkeys(map(RobotId, robots))), act.reason)
-    return asked, (*left, *(all_made_safe(console, principal, act.reason or UNSAID) if act.safe else ()))
+    stopping, left = _stopped(console, principal, tuple(dict.fromkeys(map(RobotId, robots))), act.reason)
+    return stopping, (*left, *(all_made_safe(console, principal, act.reason or UNSAID) if act.safe else ()))
 
 
 def _stopped(

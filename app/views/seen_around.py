@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.contracts.observations import Pose
 
@@ -40,5 +41,5 @@ def seen_around(sweep: bytes, pose: Pose) -> SeenAround:
     return SeenAround(_path(x[~ahead], y[~ahead]), _path(x[ahead], y[ahead]), nearest_m)
 
 
-def _path(x: "np.ndarray[tuple[int], np.dtype[np.float64]]", y: "np.ndarray[tuple[int], np.dtype[np.float64]]") -> str:
+def _path(x: NDArray[np.float64], y: NDArray[np.float64]) -> str:
     return "".join(f"M{one:.2f} {-other:.2f}h0" for one, other in zip(x, y, strict=True))

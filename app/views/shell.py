@@ -134,7 +134,7 @@ def safety_notices(
 
     `acknowledged`: robots whose alert about a move to safety somebody has acknowledged.
     """
-    found = [
+    notices = [
         notice
         for robot_id, retreat in control.retreats.items()
         if (notice := _of_retreat(retreat)) is not None and (retreat.open or robot_id not in acknowledged)
@@ -147,8 +147,8 @@ def safety_notices(
             resource=word(resource),
             reason=reasoned(lease.reason),
         )
-        found.append(SafetyNotice(robot_id=robot_id, text=text, tone="bad", quarantined=True))
-    return tuple(found)
+        notices.append(SafetyNotice(robot_id=robot_id, text=text, tone="bad", quarantined=True))
+    return tuple(notices)
 
 
 def _of_retreat(retreat: Retreating) -> SafetyNotice | None:

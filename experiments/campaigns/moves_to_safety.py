@@ -29,6 +29,7 @@ from harness.contracts.control import CONTROL
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.observations import Pose
 from harness.contracts.reasons import plain
 from harness.projections.control import SiteControl
 from harness.runtime import Start
@@ -57,12 +58,12 @@ class Move(msgspec.Struct, frozen=True):
 
 def main() -> None:
     """Run the campaign that the command line asks for and print it."""
-    asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("--moves", type=int, default=50)
-    asked.add_argument("--speeds", default="1,2,4")
-    asked.add_argument("--loads", default="0,8")
-    asked.add_argument("--publish", action="store_true")
-    given = asked.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--moves", type=int, default=50)
+    parser.add_argument("--speeds", default="1,2,4")
+    parser.add_argument("--loads", default="0,8")
+    parser.add_argument("--publish", action="store_true")
+    given = parser.parse_args()
     cells = [
         cell(speed=float(speed), load=int(load), moves=given.moves)
         for load in given.loads.split(",")
@@ -177,13 +178,13 @@ def _unanswered(harness: Harness, mission_id: MissionId) -> float:
 
 def _away_m(harness: Harness, mission_id: MissionId) -> float:
     live = harness.runtime.observations(mission_id)
-    poses = [one for one in live.samples if type(one).__name__ == "Pose"] if live is not None else []
+    poses = [one for one in live.samples if isinstance(one, Pose)] if live is not None else []
     return hypot(poses[-1].x_m, poses[-1].y_m) if poses else 0.0
 
 
-def _until(shown: Any) -> None:
+def _until(condition: Any) -> None:
     until_s = time.monotonic() + PATIENCE_S
-    while not shown() and time.monotonic() < until_s:
+    while not condition() and time.monotonic() < until_s:
         time.sleep(0.05)
 
 

@@ -49,14 +49,14 @@ def decide(control: SiteControl, command: ControlCommand, now: Moment) -> Decisi
             )
             return Accepted((ordered,))
         case RecordPosture():
-            shown = PostureShown(
+            event = PostureShown(
                 robot_id=command.robot_id,
                 posture=command.posture,
                 done=command.done,
                 measured=command.measured,
                 reason=command.reason,
             )
-            return Accepted((shown,))
+            return Accepted((event,))
         case retreat_events.SendRetreat() | retreat_events.StopRetreat() | retreat_events.EndRetreat():
             return _retreat(control, command)
         case _:

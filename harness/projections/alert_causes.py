@@ -133,7 +133,7 @@ def of_control(event: ControlEvent, *, position: int, at_s: float) -> tuple[Aler
         case RetreatEnded() if event.outcome != "reached":
             rests = event.outcome == "short" and event.then_done
             what = because("alert_safety_lies" if rests else "alert_safety_unknown", robot_id=event.robot_id)
-            told = Occurrence(
+            occurrence = Occurrence(
                 cause=safety_cause(event.robot_id),
                 kind="safety_not_reached",
                 priority="critical",
@@ -144,9 +144,9 @@ def of_control(event: ControlEvent, *, position: int, at_s: float) -> tuple[Aler
                 robot_id=event.robot_id,
                 link=f"/robots/{event.robot_id}",
             )
-            return ((told.cause, RaiseAlert(occurrence=told, at_s=at_s)),)
+            return ((occurrence.cause, RaiseAlert(occurrence=occurrence, at_s=at_s)),)
         case PostureShown() if not event.done:
-            told = Occurrence(
+            occurrence = Occurrence(
                 cause=safety_cause(event.robot_id),
                 kind="safety_not_reached",
                 priority="critical",
@@ -157,11 +157,11 @@ def of_control(event: ControlEvent, *, position: int, at_s: float) -> tuple[Aler
                 robot_id=event.robot_id,
                 link=f"/robots/{event.robot_id}",
             )
-            return ((told.cause, RaiseAlert(occurrence=told, at_s=at_s)),)
+            return ((occurrence.cause, RaiseAlert(occurrence=occurrence, at_s=at_s)),)
         case RetreatEnded() | PostureShown():
             reason = event.reason
-            cleared = ClearAlert(condition="safety", reason=reason, at_s=at_s, source=position)
-            return ((safety_cause(event.robot_id), cleared),)
+            clear = ClearAlert(condition="safety", reason=reason, at_s=at_s, source=position)
+            return ((safety_cause(event.robot_id), clear),)
         case _:
             return ()
 

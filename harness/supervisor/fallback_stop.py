@@ -50,8 +50,8 @@ def shown_in_posture(connection: RobotConnection, posture: Posture, look: Look) 
         rest, status = look()
         found = status.posture if status is not None else "unknown"
         if found == posture and rest.static:
-            shown = because("posture_at_rest", posture=posture, moved_m=rest.measured["displacement_m"])
-            return StopOutcome(done=True, reason=shown, measured=rest.measured)
+            result = because("posture_at_rest", posture=posture, moved_m=rest.measured["displacement_m"])
+            return StopOutcome(done=True, reason=result, measured=rest.measured)
         if clock.now().mission_s >= until_s:
             why = rest.reason if found == posture else because("declares_posture", posture=found)
             return StopOutcome(done=False, reason=why or because("rest_not_shown"), measured=rest.measured)

@@ -55,8 +55,8 @@ class ObservationBuffer:
         An answer that repeats a status of long ago, by the robot's own clock, is none.
         """
         now = self._connection.clock.now()
-        heard = self._answered and self._heard_s is not None and now.wall_s - self._heard_s <= LINK_S
-        return heard and now.mission_s - self.robot_s <= STATUS_S
+        recent = self._answered and self._heard_s is not None and now.wall_s - self._heard_s <= LINK_S
+        return recent and now.mission_s - self.robot_s <= STATUS_S
 
     @property
     def robot_s(self) -> float:

@@ -176,8 +176,8 @@ class Returning:
         settled_s = self._ended_since + invocation_monitor.SETTLE_S
         rest = self._roles.observations.rest()
         away, why = self._measured(retreat.intent, seen_s)
-        shown = rest.static and (why is None or why.code != "no_fresh_poses")
-        if seen_s < settled_s or (not shown and seen_s < settled_s + invocation_monitor.REST_WITHIN_S):
+        at_rest_there = rest.static and (why is None or why.code != "no_fresh_poses")
+        if seen_s < settled_s or (not at_rest_there and seen_s < settled_s + invocation_monitor.REST_WITHIN_S):
             if self._roles.observations.linked:
                 return clock_s + invocation_monitor.POLL_S
             return self._silence(retreat.intent, clock_s, because("robot_status_old"))

@@ -159,25 +159,25 @@ class Teleoperation:
         if isinstance(decision, Refused):
             return decision
         released = ReleaseLease(invocation_id=ids.InvocationId(holder), reason=f"posture: {posture}")
-        shown = StopOutcome(done=False, reason=because("robot_did_not_answer"))
+        outcome = StopOutcome(done=False, reason=because("robot_did_not_answer"))
         try:
             connection.hand.rest(PostureOrder(posture=posture, token=token))
-            shown = shown_in_posture(connection, posture, lambda: self._rest_now(connection))
+            outcome = shown_in_posture(connection, posture, lambda: self._rest_now(connection))
         except ProviderFailed as error:
-            shown = StopOutcome(done=False, reason=error.reason)
+            outcome = StopOutcome(done=False, reason=error.reason)
             raise
         finally:
-            told = RecordPosture(
-                robot_id=robot_id, posture=posture, done=shown.done, measured=shown.measured, reason=shown.reason
+            record = RecordPosture(
+                robot_id=robot_id, posture=posture, done=outcome.done, measured=outcome.measured, reason=outcome.reason
             )
             self._runtime.commit(
                 [
-                    CommandEnvelope(CONTROL, told, robot_id),
+                    CommandEnvelope(CONTROL, record, robot_id),
                     CommandEnvelope(ids.lease_stream(base), released, robot_id),
                 ]
             )
-        if not shown.done:
-            raise ProviderFailed(because("posture_not_shown", robot_id=robot_id, why=shown.reason), where=robot_id)
+        if not outcome.done:
+            raise ProviderFailed(because("posture_not_shown", robot_id=robot_id, why=outcome.reason), where=robot_id)
         return decision
 
     def _rest_now(self, connection: RobotConnection) -> tuple[Rest, RobotStatus | None]:

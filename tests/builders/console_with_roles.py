@@ -13,7 +13,7 @@ from tests.builders.releases import candidate, tried
 
 TURNS = ("claim", "release", "on-my-way", "choose", "take-over", "hand-back", "close")
 ALERT_TURNS = ("acknowledge", "shelve", "suppress", "restore", "assign")
-REASONED = ("stop", "pause", "resume", "dispute", "withdraw", "case", "free")
+REASONED = ("stop", "reason", "pause", "resume", "dispute", "withdraw", "case", "free")
 
 
 @dataclass(frozen=True)
