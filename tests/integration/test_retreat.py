@@ -379,7 +379,7 @@ def test_where_the_zone_has_no_safe_place_it_lies_down_and_the_log_says_why() ->
         told = [HOUSE.codec.decode(one) for one in asked.runtime.stream(CONTROL)]
         assert isinstance(told[-1], PostureShown) and told[-1].done, "lying is measured"
         assert isinstance(told[-2], PostureOrdered) and isinstance(told[-2].reason, Reason)
-        assert told[-1].reason.facts["why"] == because("zone_without_safe_place", zone="office")
+        assert told[-2].reason.facts["why"] == because("zone_without_safe_place", zone="office")
 
 
 def stopped(asked: Waiting) -> None:
