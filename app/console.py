@@ -9,6 +9,7 @@ from typing import Annotated, Protocol, TypeVar
 import msgspec
 from cachetools import LRUCache
 from fastapi import Depends, Request
+from starlette.datastructures import UploadFile
 
 from app.auth.guarded_releases import GuardedReleaseService
 from app.auth.guarded_runtime import GuardedRuntime
@@ -209,6 +210,16 @@ class Console:
 def console_of(request: Request) -> Console:
     console: Console = request.app.state.console
     return console
+
+
+async def file_of(request: Request, name: str) -> bytes:
+    """The bytes of a file that a form carries; none where nobody chose one."""
+    given = (await request.form()).get(name)
+    if not isinstance(given, UploadFile):
+        return b""
+    body = await given.read()
+    await given.close()
+    return body
 
 
 async def form_of(request: Request) -> dict[str, str]:

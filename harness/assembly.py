@@ -20,6 +20,7 @@ from harness.adapters.providers.models.description import OpenCvDescription
 from harness.adapters.providers.speech.microphone import RoomMicrophone
 from harness.adapters.providers.speech.recordings import RecordingClaims
 from harness.adapters.providers.speech.speaker import PacedSpeaker, RoomSpeaker
+from harness.adapters.providers.speech.transcriber import SphinxTranscriber
 from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.configurations import StoredConfigurations
 from harness.adapters.stores.memory_index import VolatileMemoryIndex
@@ -134,6 +135,7 @@ class Parts:
     verifier: Verifier = verify
     planner: Planner = GRAPH_ORDER
     reader: GoalReader = GRAMMAR
+    transcriber: ports.Transcriber = field(default_factory=SphinxTranscriber)
     proposer: Proposer = NEAREST_EDGE
     deciders: Deciders = field(default_factory=dict)
     authority: Authority = unquestioned
@@ -310,6 +312,7 @@ def runtime_on(
         reader=parts.reader,
         rules=parts.rules,
         sources=sources,
+        transcriber=parts.transcriber,
     )
     return runtime
 

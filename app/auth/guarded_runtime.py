@@ -20,6 +20,7 @@ from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Place, Site
 from harness.contracts.ports import LogHead, Record, SnapshotFindings, StoredEvent
 from harness.contracts.reasons import because
+from harness.contracts.spoken_goals import Transcription
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.goals.understanding import UnderstoodGoal
 from harness.memory.fabric import MemoryFabric
@@ -112,6 +113,11 @@ class GuardedRuntime:
         decision = self._free(resource, actor=actor, reason=reason)
         self._record(actor, FreeLease, f"lease/{resource}", decision)
         return decision
+
+    def hear(self, recording: bytes) -> Transcription:
+        """What a recording of a goal says, stored for a mission that the principal may start. Raises as the runtime."""
+        _acting(CreateMission)
+        return self._runtime.hear(recording)
 
     def keep(self, body: bytes) -> ids.Digest:
         """Store bytes that a command or a page refers to; returns their digest."""

@@ -14,7 +14,7 @@ from pydantic import SecretStr
 from app.auth.accounts import Accounts
 from app.auth.commit_authority import authority
 from app.background.signals import SignalBroker
-from app.cli.api_client import Api
+from app.cli.api_client import Api, content
 from app.cli.data_folder import opened, running
 from app.cli.interruption import EXIT, interruptible
 from app.cli.logins import token_of
@@ -112,14 +112,14 @@ class LocalApi(Api):
             raise HarnessError(because("no_robot_connected"))
         return self._harness
 
-    def _sent(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
+    def _sent(self, method: str, path: str, body: dict[str, Any] | bytes | None, *, kind: str = "") -> httpx.Response:
         self._broker.changed("terminal")
-        return asyncio.run(self._requested(method, path, body))
+        return asyncio.run(self._requested(method, path, content(body, kind)))
 
-    async def _requested(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
+    async def _requested(self, method: str, path: str, sent: dict[str, Any]) -> httpx.Response:
         transport = httpx.ASGITransport(app=self._app, client=("terminal", 0))
         async with httpx.AsyncClient(transport=transport, base_url=self._base, headers=self._headers) as client:
-            return await client.request(method, path, json=body)
+            return await client.request(method, path, **sent)
 
 
 @contextmanager

@@ -82,6 +82,8 @@ def _question_lines(question: ReadingQuestion) -> list[str]:
     """The question for a terminal: the text with its unread words in brackets, and how to confirm the reading."""
     text = "".join(f"[{part.text}]" if part.kind == "unread" else part.text for part in question_view(question).parts)
     lines = [f"  {text}"]
+    if question.heard is not None:
+        lines.append(f"  heard without the site's words: {question.heard.free or '-'}")
     for one in question.unread:
         why = reasons.sentence(unread_in_words(one.why))
         lines.append(f"    {question.text[one.span.start : one.span.end]!r}: {why}")

@@ -76,7 +76,8 @@ class StartPage:
     """The form that starts a mission; `errors` are shown above it and take the focus, `wrong` beside their fields.
 
     `ahead` are the missions of the chosen robot that are done first, oldest first. `preview` is a compiled contract,
-    `reading` what was read of a goal that was not understood as a whole.
+    `reading` what was read of a goal that was not understood as a whole. `recording` is the stored one that the goal
+    was `heard` from.
     """
 
     shell: Shell
@@ -92,6 +93,9 @@ class StartPage:
     ahead: tuple[Before, ...]
     preview: Preview | None
     reading: ReadingView | None = None
+    recording: str = ""
+    heard: str = ""
+    recording_wrong: str = ""
 
 
 @dataclass(frozen=True)
@@ -151,6 +155,9 @@ def start_page(
         ahead=tuple(ahead),
         preview=preview,
         reading=reading,
+        recording=typed.get("recording", ""),
+        heard=typed.get("heard", ""),
+        recording_wrong=beside.get("recording_file", ""),
     )
 
 

@@ -13,6 +13,7 @@ from app.i18n.task_texts import task_text
 from harness.contracts.read_models import MissionItem
 from harness.contracts.readings import PROFILE, Reading, ReadingQuestion, TextSpan, Unread
 from harness.contracts.reasons import Reason
+from harness.contracts.spoken_goals import Transcription
 from harness.projections.judged_goal import TestedCondition, tested_clauses
 from harness.projections.mission import Mission
 from harness.projections.readings import (
@@ -56,7 +57,10 @@ class ClauseVerdict:
 
 @dataclass(frozen=True)
 class ReadingView:
-    """A reading beside its text. `digest` is what a person confirms; empty where there is nothing to confirm."""
+    """A reading beside its text. `digest` is what a person confirms; empty where there is nothing to confirm.
+
+    `heard`: what the text was written down from, where it was spoken.
+    """
 
     text: str
     parts: tuple[TextPart, ...]
@@ -64,6 +68,7 @@ class ReadingView:
     digest: str
     whole: bool
     template: str = ""
+    heard: Transcription | None = None
 
 
 def reading_view(text: str, reading: Reading) -> ReadingView:
@@ -87,6 +92,7 @@ def question_view(question: ReadingQuestion) -> ReadingView:
         digest=nearest.digest if nearest else "",
         whole=False,
         template=question.template,
+        heard=question.heard,
     )
 
 

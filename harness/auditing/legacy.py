@@ -102,6 +102,7 @@ def _started(tail: Tail) -> MissionCommand | None:
                 trial=created.trial,
                 rules=compiled.rules,
                 channel=created.channel,
+                spoken=created.spoken,
             )
         case [ContractRecompiled() as again, *_]:
             return RecompileContract(

@@ -137,7 +137,11 @@ def _request(view: StateView, conditions: tuple[Condition, ...]) -> list[Selecti
         return []
     channel = view.mission.channel if isinstance(view.mission.channel, str) else "unnamed"
     record = RequestRecord(
-        text=view.contract.goal.digest, requested_by=requester.name, role=requester.role, channel=channel
+        text=view.contract.goal.digest,
+        requested_by=requester.name,
+        role=requester.role,
+        channel=channel,
+        spoken=view.mission.spoken,
     )
     return [SelectionItem(accepted("request", "log", record, at_s=view.at_s, mandatory=True))]
 

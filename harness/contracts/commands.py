@@ -21,6 +21,7 @@ from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.rules import FIRST_RULES, RulesVersion
+from harness.contracts.spoken_goals import SpokenGoal
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
@@ -42,6 +43,7 @@ class CreateMission(Command, tag=True):
     trial: bool = False
     rules: RulesVersion = FIRST_RULES
     channel: str | msgspec.UnsetType = msgspec.UNSET
+    spoken: SpokenGoal | msgspec.UnsetType = msgspec.UNSET
 
 
 class RecompileContract(Command, tag=True):

@@ -11,6 +11,7 @@ from harness.contracts.measurements import Measurement, Sound, StoredMessage
 from harness.contracts.memory import FollowPosition, MemoryEntry, MemoryQuery, MemoryRecord
 from harness.contracts.observations import AnySample
 from harness.contracts.reasons import Reason
+from harness.contracts.spoken_goals import SpokenVocabulary, Transcription
 from harness.contracts.values import Moment, Value
 
 State = TypeVar("State")
@@ -286,6 +287,16 @@ class Room(Protocol):
 
     def recording(self, from_s: float, until_s: float) -> bytes:
         """What was heard between two instants of mission time, as a WAV."""
+
+
+class Transcriber(Protocol):
+    """Writes down what a person said. `name` with its version is stored with every transcript."""
+
+    @property
+    def name(self) -> str: ...
+
+    def transcribe(self, recording: bytes, *, expected: SpokenVocabulary) -> Transcription:
+        """What a WAV says. Raises RecordingUnusable for what is no speech, ProviderFailed if the recogniser fails."""
 
 
 class IndependentSource(Protocol):

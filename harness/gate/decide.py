@@ -124,6 +124,7 @@ def _create(mission: Mission, command: commands.CreateMission) -> Decision[event
         replay=command.replay,
         trial=command.trial,
         channel=command.channel,
+        spoken=command.spoken,
     )
     compiled = events.ContractCompiled(
         contract=command.contract,

@@ -11,6 +11,7 @@ from harness.contracts.places import Site
 from harness.contracts.readings import Clause, ClauseObject, Reading, ReadingQuestion, TextSpan, Unread
 from harness.contracts.reasons import because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
+from harness.contracts.spoken_goals import Transcription
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.goals.names import object_of_place, object_of_route
 from harness.goals.reader import GRAMMAR, GoalReader, admitted, site_version
@@ -27,13 +28,15 @@ from harness.planning.templates import LONGEST_GOAL, by_name, goal_of
 class GoalRequest:
     """What a person asked for: a template by name, a goal in words, or both; what they chose beside it.
 
-    `confirm` is the digest of the reading that they confirmed.
+    `confirm` is the digest of the reading that they confirmed. `heard`: what the text was written down from, where it
+    was spoken.
     """
 
     template: str = ""
     text: str = ""
     arguments: Mapping[str, Argument] | None = None
     confirm: str = ""
+    heard: Transcription | None = None
 
 
 @dataclass(frozen=True)
@@ -49,11 +52,27 @@ class UnderstoodGoal:
 def understand(
     request: GoalRequest, *, templates: Sequence[TaskTemplate], site: Site, reader: GoalReader = GRAMMAR
 ) -> UnderstoodGoal:
-    """What the request means under these templates and at this site.
+    """What the request means under these templates and at this site. What two decodings of a recording do not agree
+    on is asked, however well the text itself can be read (D48).
 
     Raises GoalNotUnderstood with the nearest reading, ReadingStale for another reading than the one confirmed,
     UnknownName for a template or place, ContractInvalid for a text that is empty, too long or no text.
     """
+    try:
+        found = _understood(request, templates=templates, site=site, reader=reader)
+    except GoalNotUnderstood as error:
+        question = replace(error.question, heard=request.heard)
+        raise GoalNotUnderstood(error.what, question=question, where=error.where) from error
+    if request.heard is None or request.heard.agreed or request.confirm:
+        return found
+    nearest = found.plan.reading if found.plan else None
+    question = ReadingQuestion(text=found.text, nearest=nearest, unread=(), heard=request.heard)
+    raise GoalNotUnderstood(because("goal_heard_in_two_ways"), question=question, where="goal")
+
+
+def _understood(
+    request: GoalRequest, *, templates: Sequence[TaskTemplate], site: Site, reader: GoalReader
+) -> UnderstoodGoal:
     named = by_name(request.template, templates) if request.template else _by_phrase(request.text, templates)
     if named is not None and not request.template:
         return _by_name(named, request, templates, site)

@@ -159,6 +159,7 @@ def _created(m: Mission, event: events.MissionCreated) -> Mission:
         replay=event.replay,
         trial=event.trial,
         channel=event.channel,
+        spoken=event.spoken,
     )
 
 

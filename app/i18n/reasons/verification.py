@@ -221,6 +221,7 @@ SENTENCES: Mapping[str, str] = {
     "report_of_another_passage": N_("the report is about another passage"),
     "request_differs_from_record": N_("the request differs from the record of what was submitted"),
     "request_recorded": N_("{requested_by} submitted it, channel {channel}"),
+    "request_spoken": N_("{requested_by} spoke it, channel {channel}; written down by {recogniser}"),
     "stored_images_of_elsewhere": N_("{images} stored images are not of the analysis"),
     "sweep_cut_short": N_("a lidar sweep is cut short: {points} points in {bytes} bytes"),
     "sweep_from_elsewhere": N_(

@@ -21,13 +21,13 @@ def test_help_loads_neither_the_harness_nor_the_web_framework() -> None:
         "import sys\nfrom app.cli.main import main\nsys.argv = ['regen', '--help']\n"
         "try:\n    main()\nexcept SystemExit:\n    pass"
     )
-    assert not loaded & {"fastapi", "harness.bootstrap", "numpy", "sqlalchemy", *HEAVY}
+    assert loaded.isdisjoint({"fastapi", "harness.bootstrap", "numpy", "sqlalchemy", *HEAVY})
 
 
 def test_a_command_that_shows_no_page_loads_no_viewer_no_mesh_reader_and_no_pdf_writer() -> None:
     loaded = _loaded_by("import app.cli.local_api")
     assert "fastapi" in loaded
-    assert not loaded & set(HEAVY)
+    assert loaded.isdisjoint(HEAVY), loaded.intersection(HEAVY)
 
 
 def test_every_word_of_the_help_says_what_it_is_for() -> None:

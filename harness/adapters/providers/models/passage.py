@@ -7,13 +7,13 @@ import cv2
 import msgspec
 import numpy as np
 
-from harness.adapters.providers.models.faces import Face, Pixels, look, upright_faces
+from harness.adapters.providers.models.faces import Face, Pixels, look, risen, upright_faces
 from harness.adapters.providers.models.projection import Floats, View
 from harness.contracts.ids import Digest
 from harness.contracts.observations import Camera
 from harness.contracts.values import Count, Point, Share, Value
 
-METHOD = "upright-faces-2"
+METHOD = "upright-faces-3"
 
 _INSET_M = 0.04
 _LEAST_CONTACT_M = 0.08
@@ -24,8 +24,6 @@ _SAME_THING_M = 0.15
 _ABOVE_M = 1.2
 _MARGIN_PX = 20
 _SAMPLES = 24
-_RISEN_SHARE = 0.15
-"""A patch of which more than this lies above the horizon is no floor."""
 
 
 class OrientedFrame(msgspec.Struct, frozen=True):
@@ -124,16 +122,13 @@ def _in_sight(pixels: Pixels, view: View, ground: Floats) -> np.ndarray[tuple[in
     visible = view.shows(ground)
     if not visible.any():
         return visible
-    labels = look(pixels, view, top=0).labels
+    window = look(pixels, view, top=0)
+    labels = window.labels
     places = np.rint(view.pixels(np.column_stack([ground[visible], np.zeros(int(visible.sum()))]))).astype(np.int64)
     rows = places[:, 1].clip(0, labels.shape[0] - 1)
     under = labels[rows, places[:, 0].clip(0, labels.shape[1] - 1)]
-    horizon = round(view.horizon_px)
-    whole = np.bincount(labels[labels > 0].ravel(), minlength=int(labels.max()) + 1)
-    above = labels[: max(horizon, 0)]
-    risen = np.bincount(above[above > 0].ravel(), minlength=len(whole))
-    upright = risen > _RISEN_SHARE * np.maximum(whole, 1)
-    clear = np.array([label <= 0 or not upright[label] for label in under.tolist()])
+    upright = risen(window)
+    clear = np.array([label not in upright for label in under.tolist()])
     found = visible.copy()
     found[visible] = clear
     return found
@@ -191,7 +186,7 @@ def _things(sightings: list[_Sighting]) -> list[list[_Sighting]]:
 
 
 def _gap(one: _Sighting, other: _Sighting) -> float:
-    apart = one.inside_m[::4, None] - other.inside_m[None, ::4]
+    apart = one.inside_m[:, None] - other.inside_m[None, :]
     return float(np.hypot(apart[..., 0], apart[..., 1]).min())
 
 
