@@ -29,7 +29,7 @@ from app.background.notifications import Notices
 from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
 from app.background.trajectories import Measurements
-from app.console import Cards, Console, Dossier, Starts, TeleoperationPort, no_cards, no_journal
+from app.console import Cards, ClearWay, Console, Dossier, Starts, TeleoperationPort, no_cards, no_journal
 from app.i18n.languages import Languages
 from app.routes import (
     account,
@@ -89,7 +89,7 @@ from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId, ProviderId, RobotId
 from harness.contracts.reasons import Reason, because
 from harness.dossiers import export_dossier
-from harness.runtime import AnswerHandoff, FreeResource, Runtime, unobserved, unsupervised
+from harness.runtime import AnswerHandoff, FreeResource, HaltRobot, Runtime, unhalted, unobserved, unsupervised
 
 GRACE_S = 3
 
@@ -103,6 +103,7 @@ def create_app(
     accounts: Accounts,
     answer: AnswerHandoff = unsupervised,
     free: FreeResource = unobserved,
+    halt: HaltRobot = unhalted,
     starts: Starts = no_journal,
     cards: Cards = no_cards,
     folder: Path | None = None,
@@ -110,15 +111,18 @@ def create_app(
     teleoperation: TeleoperationPort | None = None,
     absent: Mapping[RobotId, Reason] = MappingProxyType({}),
     unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = MappingProxyType({}),
+    clear_way: ClearWay | None = None,
 ) -> FastAPI:
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
     The runtime's gate was built with the authority of these `accounts`; the console closes them when it ends. `answer`
-    takes what people answer at handoffs and `free` frees resources in quarantine: a supervisor's.
+    takes what people answer at handoffs, `free` frees resources in quarantine and `halt` stops at once: a supervisor's.
 
     `absent`: robots of the site that could not be connected; `unused`: providers that are not admitted; each with why.
+    `clear_way` takes away what stands in a simulated robot's way.
 
-    `fleet` shows what robots say of themselves, `wheel` lets people drive them; both are ended with the console.
+    `fleet` shows what robots say of themselves, `teleoperation` lets people drive them; both are ended with the
+    console.
 
     Sign-in links come from `app.state.sessions`. Its lists are kept in `folder`, or in memory without one, and have
     caught up with the log on return.
@@ -153,7 +157,7 @@ def create_app(
     app.state.alert_watch = alert_watch
     app.state.notices = notices
     app.state.console = Console(
-        runtime=GuardedRuntime(runtime, answer=answer, free=free, audit_log=accounts.record),
+        runtime=GuardedRuntime(runtime, answer=answer, free=free, halt=halt, audit_log=accounts.record),
         settings=settings,
         broker=broker,
         scenes=scenes,
@@ -171,6 +175,7 @@ def create_app(
         teleoperation=teleoperation,
         absent=absent,
         unused=unused,
+        clear_way=clear_way,
         dossier=_dossiers(runtime, folder),
         issuer=oidc_login(settings, sessions, clock=time.time, fresh=_fresh),
     )

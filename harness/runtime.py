@@ -87,6 +87,14 @@ class FreeResource(Protocol):
         """Raises UnknownName for a resource that was never leased."""
 
 
+HaltRobot = Callable[[RobotId], None]
+"""Tells a robot's providers to stop at once, by a component that knows what they run."""
+
+
+def unhalted(robot_id: RobotId) -> None:
+    """Used where nobody supervises the robot: its stop stands in the log."""
+
+
 def unobserved(resource: ResourceId, *, actor: Actor, reason: str) -> Decision[AnyEvent]:
     """Refuse to free anything because no supervisor runs."""
     return refused("no_supervisor", because("no_supervisor_observes"))

@@ -101,6 +101,7 @@ HARNESS_COMMANDS: frozenset[type[Command]] = frozenset(
         commands.RefusePrecondition,
         commands.AcceptInvocation,
         commands.StopInvocation,
+        control.RecordPosture,
         commands.ResumeInvocation,
         commands.EndInvocation,
         commands.CompleteNode,

@@ -13,7 +13,7 @@ from harness import erasures
 from harness.contracts import ids
 from harness.contracts.actors import Actor, Command
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import CreateMission, FreeLease, MissionCommand
+from harness.contracts.commands import CreateMission, FreeLease, MissionCommand, StopMission
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.erasure_events import BlobErased, EraseBlob
@@ -30,7 +30,7 @@ from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 from harness.projections.places import Places
-from harness.runtime import AnswerHandoff, FreeResource, Live, Runtime, Start, unobserved
+from harness.runtime import AnswerHandoff, FreeResource, HaltRobot, Live, Runtime, Start, unhalted, unobserved
 
 PRINCIPAL: ContextVar[Principal] = ContextVar("principal")
 """The principal of the present request, set by the security middleware only."""
@@ -47,11 +47,18 @@ class GuardedRuntime:
     """
 
     def __init__(
-        self, runtime: Runtime, *, answer: AnswerHandoff, audit_log: AuditLog, free: FreeResource = unobserved
+        self,
+        runtime: Runtime,
+        *,
+        answer: AnswerHandoff,
+        audit_log: AuditLog,
+        free: FreeResource = unobserved,
+        halt: HaltRobot = unhalted,
     ) -> None:
         self._runtime = runtime
         self._answer = answer
         self._free = free
+        self._halt = halt
         self._audit_log = audit_log
 
     # commands -------------------------------------------------------------------------------------------------------
@@ -67,10 +74,13 @@ class GuardedRuntime:
         return decision
 
     def submit(self, mission_id: ids.MissionId, command: MissionCommand) -> Accepted[AnyEvent] | Refused:
-        """One command for one mission. Raises UnknownName for a mission that does not exist."""
-        actor = _acting(type(command))
-        _same_robot(self._runtime.mission(mission_id).robot_id)
+        """One command for one mission; a stop also goes to the robot at once. Raises UnknownName for a mission that
+        does not exist."""
+        actor, robot_id = _acting(type(command)), self._runtime.mission(mission_id).robot_id
+        _same_robot(robot_id)
         decision = self._runtime.submit(mission_id, _signed(command, actor))
+        if isinstance(command, StopMission) and isinstance(decision, Accepted):
+            self._halt(robot_id)
         self._record(actor, type(command), f"mission/{mission_id}", decision)
         return decision
 
@@ -91,6 +101,12 @@ class GuardedRuntime:
         decision = self._answer(handoff_id, msgspec.structs.replace(command, actor=actor))
         self._record(actor, type(command), f"handoff/{handoff_id}", decision)
         return decision
+
+    def halt(self, robot_id: ids.RobotId) -> None:
+        """Tell a robot whose stop is in the log to stop at once. Raises NotPermitted."""
+        _acting(StopMission)
+        _same_robot(robot_id)
+        self._halt(robot_id)
 
     def free(self, resource: ids.ResourceId, *, reason: str) -> Decision[AnyEvent]:
         """Free a quarantined resource on a new look at its robot. Raises UnknownName for one that was never leased."""

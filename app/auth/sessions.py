@@ -10,7 +10,7 @@ import hmac
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from threading import Lock
+from threading import Event, Lock
 
 from msgspec.structs import replace
 
@@ -56,6 +56,7 @@ class SessionService:
         self._idle_s, self._age_s = limits
         self._clock, self._fresh = clock, fresh
         self._invitations: dict[str, float] = {}
+        self.entered = Event()
         self._unwritable_until_s = 0.0
         self._lock = Lock()
 
@@ -213,6 +214,7 @@ class SessionService:
             agent=origin.agent[:200],
         )
         self.accounts.store.open_session(session)
+        self.entered.set()
         return cookie
 
     def _lasts(self, session: Session, digest: str) -> bool:

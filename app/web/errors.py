@@ -64,7 +64,10 @@ REFUSALS = {
     "signed_out": (
         N_("You are not signed in"),
         N_("This console answers only to people who were let in."),
-        N_("Sign in with your account. Before there are accounts: open the one-time link that `regen up` printed."),
+        N_(
+            "Sign in with your account. Before there are accounts: open the one-time link that `regen up` printed; "
+            "`regen account link` prints a new one."
+        ),
     ),
     "cross_site": (
         N_("This request came from another page"),

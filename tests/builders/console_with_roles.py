@@ -14,7 +14,7 @@ from tests.builders.releases import candidate, tried
 TURNS = ("claim", "release", "on-my-way", "choose", "take-over", "hand-back", "close")
 ALERT_TURNS = ("acknowledge", "shelve", "suppress", "restore", "assign")
 PHOTOGRAPH = b"\xff\xd8\xff a photograph that nothing refers to"
-REASONED = ("stop", "pause", "resume", "dispute", "withdraw", "case", "free", "erase")
+REASONED = ("stop", "reason", "pause", "resume", "dispute", "withdraw", "case", "free", "erase")
 
 
 @dataclass(frozen=True)

@@ -132,6 +132,7 @@ def console_stand(
                     accounts=accounts,
                     answer=harness.supervisor.answer,
                     free=harness.supervisor.free,
+                    halt=harness.supervisor.halt,
                     starts=harness.starts,
                     fleet=Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s),
                     teleoperation=harness.teleoperation,
