@@ -224,6 +224,31 @@ def _first_again(body: bytes, seen: Seen, *, mirrored: bool) -> bytes:
     return _encoded(picture, 60 + seen.kept["n"] % 35)
 
 
+def _earlier(body: bytes, seen: Seen) -> bytes:
+    """The image that an earlier mission took at the same heading."""
+    return seen.images[_number(seen) % len(seen.images)]
+
+
+def _earlier_again(body: bytes, seen: Seen) -> bytes:
+    return _encoded(_decoded(_earlier(body, seen)), 70)
+
+
+def _earlier_mirrored(body: bytes, seen: Seen) -> bytes:
+    return _encoded(cv2.flip(_decoded(_earlier(body, seen)), 1), 80)
+
+
+def _earlier_elsewhere(body: bytes, seen: Seen) -> bytes:
+    """The image of another heading, blurred: no noise is left to be known by."""
+    other = _decoded(seen.images[(_number(seen) + 3) % len(seen.images)])
+    return _encoded(cv2.GaussianBlur(other, (5, 5), 0), 85)
+
+
+def _number(seen: Seen) -> int:
+    """Of the image at hand, from 0."""
+    seen.kept["n"] = seen.kept.get("n", -1) + 1
+    return int(seen.kept["n"])
+
+
 def _grey(body: bytes, seen: Seen) -> bytes:
     seen.kept["n"] = seen.kept.get("n", 0) + 1
     return _encoded(np.full((720, 1280, 3), 90 + seen.kept["n"], dtype=np.uint8), 90)
@@ -297,6 +322,17 @@ IMAGES = (
          template=WHOLE),
     Mode("images-mirrored", "images", "The first image and its mirror image for all", tampered(_mirrored),
          template=WHOLE),
+    Mode("images-of-an-earlier-mission", "images", "The images of an earlier mission, byte for byte",
+         tampered(_earlier), template=WHOLE, second=True),
+    Mode("images-of-an-earlier-mission-encoded-again", "images", "The images of an earlier mission, encoded anew",
+         tampered(_earlier_again), template=WHOLE, second=True),
+    Mode("images-of-an-earlier-mission-mirrored", "images", "Mirror images of those of an earlier mission",
+         tampered(_earlier_mirrored), template=WHOLE, second=True),
+    Mode("images-of-an-earlier-mission-at-other-headings", "images",
+         "The images of an earlier mission at other headings, blurred", tampered(_earlier_elsewhere),
+         template=WHOLE, second=True),
+    Mode("nothing-forged-twice", "images", "Nothing: an honest second look", instead("none", Answer()), template=WHOLE,
+         second=True, may_succeed=True),
     Mode("images-of-another-request", "images", "Images labelled for another request",
          sampled("image", lambda one, seen: {**one, "request_id": "d" * 64}), template=WHOLE),
     Mode("images-of-another-time", "images", "Images dated an hour ago",

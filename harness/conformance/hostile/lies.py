@@ -20,7 +20,8 @@ PAGE = b"<html><body>502 Bad Gateway</body></html>"
 @dataclass(frozen=True)
 class Mode:
     """One lie and the mission that meets it. `may_succeed`: the mission's effects are real in spite of the lie, so that
-    success is no false completion. `undetectable`: every source is forged consistently (D17): counted as epistemic."""
+    success is no false completion. `undetectable`: every source is forged consistently (D17): counted as epistemic.
+    `second`: an honest mission goes before."""
 
     name: str
     group: Group
@@ -30,6 +31,7 @@ class Mode:
     may_succeed: bool = False
     undetectable: bool = False
     patience_s: float = 5.0
+    second: bool = False
 
 
 def instead(kind: str, answer: Answer, *, forwarded: bool = True, moving: bool = True) -> Lie:

@@ -20,7 +20,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, ProviderFailed
 from harness.contracts.events import DispatchIntended, InvocationEnded, NodeCommitted, PacketRetained
-from harness.contracts.ids import ResourceId, RobotId
+from harness.contracts.ids import MissionId, ResourceId, RobotId
 from harness.contracts.measurements import Sound
 from harness.contracts.protocol import PhysicalStart
 from harness.contracts.reasons import because, plain
@@ -166,12 +166,19 @@ def _run(course: _Course, mode: Mode, url: str, proxy: LyingProxy, stack: ExitSt
         sources=beside.sources,
         configure=lambda mission: simulation.configure(mission.mission_id, mission.seed),
     )
+    if mode.second:
+        harness.supervisor.run(_started(harness, mode, seed=seed))
+    mission_id = _started(harness, mode, seed=seed + mode.second)
+    proxy.armed = True
+    course.mission = harness.supervisor.run(mission_id)
+
+
+def _started(harness: Harness, mode: Mode, *, seed: int) -> MissionId:
+    before = {one.mission_id for one in harness.runtime.missions()}
     decision = harness.runtime.start(Start(actor=KIT, robot_id=ROBOT, template=mode.template, seed=seed))
     if isinstance(decision, Refused):
         raise ContractInvalid(decision.reason)
-    mission_id = harness.runtime.missions()[0].mission_id
-    proxy.armed = True
-    course.mission = harness.supervisor.run(mission_id)
+    return next(one.mission_id for one in harness.runtime.missions() if one.mission_id not in before)
 
 
 def _counted(
