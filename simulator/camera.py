@@ -63,8 +63,7 @@ def with_grain(picture: Picture, *, key: str) -> Picture:
     generator = np.random.Generator(np.random.Philox(int.from_bytes(hashlib.sha256(key.encode()).digest()[:16])))
     drawn = generator.integers(0, 256, size=picture.shape[:2], dtype=np.uint8)
     grain = cv2.LUT(drawn, _levels())
-    noisy: Picture = cv2.add(picture, cv2.merge([grain, grain, grain]), dtype=cv2.CV_8U)
-    return noisy
+    return np.asarray(cv2.add(picture, cv2.merge([grain, grain, grain]), dtype=cv2.CV_8U), dtype=np.uint8)
 
 
 def jpeg(picture: Picture) -> bytes:

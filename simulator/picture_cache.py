@@ -47,7 +47,7 @@ def photograph_nearby(site: SiteModel, pose: Pose, *, key: str) -> bytes:
     Missions of a suite share what is rendered, without the noise.
     """
     shared = _remembered(site, round(pose[0] / GRID_M), round(pose[1] / GRID_M), round(pose[2] / GRID_RAD))
-    coarse = cv2.imdecode(np.frombuffer(shared, dtype=np.uint8), cv2.IMREAD_COLOR_RGB)
+    coarse = np.asarray(cv2.imdecode(np.frombuffer(shared, dtype=np.uint8), cv2.IMREAD_COLOR_RGB), dtype=np.uint8)
     whole = cv2.resize(coarse, (CAMERA.width_px, CAMERA.height_px), interpolation=cv2.INTER_LINEAR)
     return jpeg(with_grain(np.asarray(whole, dtype=np.uint8), key=key))
 

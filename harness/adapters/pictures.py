@@ -67,8 +67,8 @@ def decoded(request: bytes) -> bytes:
     if request[:1] == LOOK:
         image, _, body = request[1:].partition(b"\n")
         return encode(looked_at(Digest(image.decode()), body))
-    body = np.frombuffer(request, dtype=np.uint8)[1:]
-    colour = cv2.imdecode(body, cv2.IMREAD_COLOR_RGB) if body.size else None
+    _grey(Digest(""), request[1:])
+    colour = cv2.imdecode(np.frombuffer(request, dtype=np.uint8)[1:], cv2.IMREAD_COLOR_RGB)
     if colour is None:
         raise ProviderFailed(because("blob_no_picture"))
     return _SHAPE.pack(*colour.shape[:2]) + np.ascontiguousarray(colour).tobytes()
@@ -100,7 +100,7 @@ def _grey(image: Digest, body: bytes) -> Pixels:
                 raise ProviderFailed(because("image_too_large", width_px=width, height_px=height))
             grey: Pixels = simplejpeg.decode_jpeg(body, colorspace="GRAY", strict=True)[:, :, 0]
             return grey
-        found = cv2.imdecode(np.frombuffer(body, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
+        found = cv2.imdecode(np.frombuffer(body, dtype=np.uint8), cv2.IMREAD_GRAYSCALE) if body else None
     except (ValueError, cv2.error) as error:
         raise ProviderFailed(because("image_not_whole", image=image[:12], error=str(error)[:120])) from error
     if found is None:

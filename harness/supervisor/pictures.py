@@ -96,7 +96,7 @@ class PictureExaminer:
         small = content_of(look).small
         alike = np.maximum(contents @ small.reshape(-1), contents @ small[:, ::-1].reshape(-1))
         found = 0
-        for index in np.flatnonzero(alike >= COPY):
+        for index in np.flatnonzero(alike >= COPY).tolist():
             record, other = others[index]
             earlier = capture_of(record, image.blob, other)
             if earlier is not None and other.image != image.blob and copied(image, look, earlier, other):

@@ -114,7 +114,11 @@ def _content(image: Digest, examined: Examined, evidence: Evidence) -> PictureCo
     if look.problem or not look.grey:
         raise Undecidable(because("image_unreadable", image=image[:12], problem=look.problem))
     if image_size(body) != (look.width_px, look.height_px):
-        raise Undecidable(because("image_unreadable", image=image[:12], problem="size"))
+        raise Undecidable(
+            because(
+                "image_unreadable", image=image[:12], problem=because("image_not_whole", image=image[:12], error="size")
+            )
+        )
     return content_of(look)
 
 

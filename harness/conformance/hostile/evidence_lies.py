@@ -13,7 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from harness.conformance.hostile.lies import LOCAL, WHOLE, Mode, instead, rewritten, together
+from harness.conformance.hostile.lies import LATER, LOCAL, LOOKALIKES, WHOLE, Mode, instead, rewritten, together
 from harness.conformance.hostile.proxy import Answer, Ask, Forward, Lie, Seen
 
 SPEED_MPS, RATE_MPS2 = 0.4, 0.5
@@ -279,6 +279,8 @@ RECEIPTS = (
          received(lambda one, said: {**one, "at_s": one["at_s"] + 3600.0})),
     Mode("receipts-of-another-request", "receipts", "Receipts of another request",
          received(lambda one, said: {**one, "request_id": "d" * 64})),
+    Mode("receipts-of-a-lookalike-request", "receipts", "Receipts of a request that looks like ours",
+         received(lambda one, said: {**one, "request_id": one["request_id"].translate(LOOKALIKES)})),
     Mode("panorama-receipts-of-another-request", "receipts", "Receipts of another request in an inspection",
          received(lambda one, said: {**one, "request_id": "d" * 64}), template=WHOLE),
     Mode("panorama-receipts-an-hour-early", "receipts", "Receipts of an hour ago in an inspection",
@@ -306,6 +308,14 @@ SENSORS = (
          sampled("pose", lambda one, seen: {**one, "map_version": "elsewhere"})),
     Mode("poses-unsure", "sensors", "Poses with confidence 0",
          sampled("pose", lambda one, seen: {**one, "confidence": 0.0})),
+    Mode("poses-of-the-year-9999", "sensors", "Poses dated in the year 9999",
+         sampled("pose", lambda one, seen: {**one, "at_s": LATER})),
+    Mode("poses-beyond-the-world", "sensors", "Poses at 1e308 metres",
+         sampled("pose", lambda one, seen: {**one, "x_m": 1e308, "y_m": -1e308})),
+    Mode("poses-of-a-lookalike-map", "sensors", "Poses of a map whose name looks like ours",
+         sampled("pose", lambda one, seen: {**one, "map_version": one["map_version"].translate(LOOKALIKES)})),
+    Mode("battery-beyond-empty", "sensors", "A battery at -500 %",
+         sampled("battery", lambda one, seen: {**one, "charge": -5.0}), may_succeed=True),
     Mode("inertia-left-out", "sensors", "No inertia in motion; everything else is honest",
          sampled("imu", lambda one, seen: None), may_succeed=True),
     Mode("proposals-left-out", "sensors", "No proposed facts",

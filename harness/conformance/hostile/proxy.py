@@ -171,8 +171,7 @@ class LyingProxy:
 @contextmanager
 def listening(proxy: LyingProxy) -> Iterator[str]:
     """The proxy on a loopback port of its own; gives its address."""
-    server = ThreadingHTTPServer(("127.0.0.1", 0), type("Handler", (_Handler,), {"proxy": proxy}))
-    server.daemon_threads, server.block_on_close = True, False
+    server = _Server(("127.0.0.1", 0), type("Handler", (_Handler,), {"proxy": proxy}))
     thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
     thread.start()
     try:
@@ -182,6 +181,13 @@ def listening(proxy: LyingProxy) -> Iterator[str]:
         server.shutdown()
         server.server_close()
         thread.join()
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads, block_on_close = True, False
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """A client that hangs up on a lie is what the kit wants to see."""
 
 
 class _Handler(BaseHTTPRequestHandler):
