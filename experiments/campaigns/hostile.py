@@ -96,8 +96,8 @@ def counts(result: Fuzzed, looks: SecondLooks) -> list[str]:
         f"| leases that stayed held without a holder | {result.held} |",
         f"| memory at the peak, of at most {MOST_MIB} MiB | {result.peak_mib} MiB |",
         f"| completions where every source was forged alike (epistemic) | {result.epistemic} |",
-        f"| honest missions of which an image was taken for a copy, of {looks.missions} in one log, with {looks.images} "
-        f"images of one place | {looks.refused} |",
+        f"| honest missions of which an image was taken for a copy, of {looks.missions} in one log, with "
+        f"{looks.images} images of one place | {looks.refused} |",
     ]
 
 
