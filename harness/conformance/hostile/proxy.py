@@ -171,7 +171,7 @@ class LyingProxy:
 @contextmanager
 def listening(proxy: LyingProxy) -> Iterator[str]:
     """The proxy on a loopback port of its own; gives its address."""
-    server = _Server(("127.0.0.1", 0), type("Handler", (_Handler,), {"proxy": proxy}))
+    server = _ProxyServer(("127.0.0.1", 0), type("Handler", (_Handler,), {"proxy": proxy}))
     thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
     thread.start()
     try:
@@ -183,7 +183,7 @@ def listening(proxy: LyingProxy) -> Iterator[str]:
         thread.join()
 
 
-class _Server(ThreadingHTTPServer):
+class _ProxyServer(ThreadingHTTPServer):
     daemon_threads, block_on_close = True, False
 
     def handle_error(self, request: object, client_address: object) -> None:
