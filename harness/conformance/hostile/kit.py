@@ -11,8 +11,8 @@ from harness.contracts.reasons import because
 from harness.contracts.values import Value
 
 MODES: tuple[Mode, ...] = (*BOUNDS, *OUTCOMES, *IDENTITIES, *RECEIPTS, *SENSORS, *IMAGES)
-ARENAS_AT_MOST = -8
-"""M_ARENA_MAX of malloc.h."""
+ARENAS_AT_MOST, GIVEN_BACK_FROM = -8, -1
+"""M_ARENA_MAX and M_TRIM_THRESHOLD of malloc.h; a threshold that is set no longer rises by itself."""
 MOST_MIB = 400
 """How much memory the whole run may take at its peak, simulator and liar included."""
 
@@ -40,13 +40,14 @@ class Fuzzed(Value):
 
 
 def share_memory() -> None:
-    """Let all threads allocate from two arenas, where the C library is glibc.
+    """Let all threads allocate from two arenas and give back what they free, where the C library is glibc.
 
     The liar's server has a thread per connection; each would keep what it freed, and it would count as the harness's.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:
         mallopt(ARENAS_AT_MOST, 2)
+        mallopt(GIVEN_BACK_FROM, 128 << 10)
 
 
 def chosen(names: Sequence[str]) -> tuple[Mode, ...]:
