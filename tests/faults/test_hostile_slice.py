@@ -63,7 +63,7 @@ def test_a_start_that_a_gateway_lost_the_answer_of_is_found_again_and_goes_on() 
 
 
 def test_an_honest_second_mission_at_the_same_place_succeeds() -> None:
-    found = met(one("nothing-forged-twice"), SIMULATOR)
+    found = met(one("honest-second-mission"), SIMULATOR)
     assert (found.ended, found.false_completion) == ("succeeded", False)
 
 

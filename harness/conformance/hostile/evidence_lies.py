@@ -341,7 +341,7 @@ IMAGES = (
     Mode("images-of-an-earlier-mission-at-other-headings", "images",
          "The images of an earlier mission at other headings, blurred", tampered(_earlier_elsewhere),
          template=WHOLE, second=True),
-    Mode("nothing-forged-twice", "images", "Nothing: an honest second look", instead("none", Answer()), template=WHOLE,
+    Mode("honest-second-mission", "images", "Nothing: an honest second look", instead("none", Answer()), template=WHOLE,
          second=True, may_succeed=True),
     Mode("images-of-another-request", "images", "Images labelled for another request",
          sampled("image", lambda one, seen: {**one, "request_id": "d" * 64}), template=WHOLE),
