@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any, get_args
 
 from harness.adapters.failpoints import parse, provider_with_failpoint
+from harness.adapters.pictures import PICTURES
 from harness.adapters.providers.archive import EvidenceArchiver
 from harness.adapters.providers.intake import TextIntake
 from harness.adapters.providers.lidar import PassageSweep
@@ -252,6 +253,7 @@ def _connection(settings: HarnessSettings, parts: Parts, member: Member) -> Robo
         spool=parts.spool,
         prepare=member.configure,
         revive=member.revive,
+        pictures=PICTURES,
         waits_for_people=settings.speed > 0,
         verifier=parts.verifier,
         planner=parts.planner,

@@ -3,8 +3,10 @@
 Body frame: x ahead, y left, z up. Image: u right, v down. A positive `pitch_rad` looks down.
 """
 
+import hashlib
 import math
 from functools import lru_cache
+from statistics import NormalDist
 from threading import Lock
 
 import cv2
@@ -35,8 +37,13 @@ Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
 
-def render(site: SiteModel, pose: tuple[float, float, float], camera: Camera = CAMERA) -> Picture:
-    """What the camera sees from body pose (x_m, y_m, yaw_rad): uint8 RGB of shape (height_px, width_px, 3)."""
+def render(
+    site: SiteModel, pose: tuple[float, float, float], camera: Camera = CAMERA, *, grain: bool = True
+) -> Picture:
+    """What the camera sees from body pose (x_m, y_m, yaw_rad): uint8 RGB of shape (height_px, width_px, 3).
+
+    `grain`: with one that is always the same; captures get their own, see `with_grain`.
+    """
     x, y, yaw = pose
     cos, sin = math.cos(yaw), math.sin(yaw)
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
@@ -44,9 +51,19 @@ def render(site: SiteModel, pose: tuple[float, float, float], camera: Camera = C
     with _one_at_a_time:
         view = _View(site=_compiled(site), origin=origin, lamp=_lamp(site, origin), brightness=site.brightness)
         bands = [_band(view, rays @ turn) for rays in _rays(camera)]
-    picture = np.concatenate(bands) + _grain(camera)
+    picture = np.concatenate(bands)
+    if grain:
+        picture += _grain(camera)
     frame: Picture = np.clip(picture, 0, 255).astype(np.uint8).reshape(camera.height_px, camera.width_px, 3)
     return frame
+
+
+def with_grain(picture: Picture, *, key: str) -> Picture:
+    """The picture with the sensor's noise of one capture: the same key gives the same noise, no other one does."""
+    generator = np.random.Generator(np.random.Philox(int.from_bytes(hashlib.sha256(key.encode()).digest()[:16])))
+    drawn = generator.integers(0, 256, size=picture.shape[:2], dtype=np.uint8)
+    grain = cv2.LUT(drawn, _levels())
+    return np.asarray(cv2.add(picture, cv2.merge([grain, grain, grain]), dtype=cv2.CV_8U), dtype=np.uint8)
 
 
 def jpeg(picture: Picture) -> bytes:
@@ -120,7 +137,14 @@ def _rays(camera: Camera) -> tuple[Floats, ...]:
 
 @lru_cache(maxsize=4)
 def _grain(camera: Camera) -> Singles:
-    """The sensor's fixed grain, shape (pixels, 1)."""
+    """A grain that is always the same, shape (pixels, 1)."""
     generator = np.random.Generator(np.random.Philox(key=7))
     grain: Singles = GRAIN * generator.standard_normal((camera.width_px * camera.height_px, 1), dtype=np.float32)
     return grain
+
+
+@lru_cache(maxsize=1)
+def _levels() -> NDArray[np.int8]:
+    """The noise in whole steps of brightness for each of 256 equally likely draws: normal, with deviation GRAIN."""
+    drawn = NormalDist(0.0, GRAIN)
+    return np.array([round(drawn.inv_cdf((index + 0.5) / 256)) for index in range(256)], dtype=np.int8)

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from harness.contracts.observations import Camera
-from simulator.camera import CAMERA, jpeg, render
+from simulator.camera import CAMERA, jpeg, render, with_grain
 from simulator.solids import SiteModel
 
 GRID_M = 0.05
@@ -36,14 +36,20 @@ COARSE = _coarser(2)
 Pose = tuple[float, float, float]
 
 
-def photograph(site: SiteModel, pose: Pose) -> bytes:
-    """One JPEG from exactly this body pose."""
-    return jpeg(render(site, pose))
+def photograph(site: SiteModel, pose: Pose, *, key: str) -> bytes:
+    """One JPEG from exactly this body pose, with the noise of its own capture."""
+    return jpeg(with_grain(render(site, pose, grain=False), key=key))
 
 
-def photograph_nearby(site: SiteModel, pose: Pose) -> bytes:
-    """One JPEG from the nearest pose on a grid of GRID_M and GRID_RAD, so that missions of a suite share frames."""
-    return _remembered(site, round(pose[0] / GRID_M), round(pose[1] / GRID_M), round(pose[2] / GRID_RAD))
+def photograph_nearby(site: SiteModel, pose: Pose, *, key: str) -> bytes:
+    """One JPEG from the nearest pose on a grid of GRID_M and GRID_RAD, with the noise of its own capture.
+
+    Missions of a suite share what is rendered, without the noise.
+    """
+    shared = _remembered(site, round(pose[0] / GRID_M), round(pose[1] / GRID_M), round(pose[2] / GRID_RAD))
+    coarse = np.asarray(cv2.imdecode(np.frombuffer(shared, dtype=np.uint8), cv2.IMREAD_COLOR_RGB), dtype=np.uint8)
+    whole = cv2.resize(coarse, (CAMERA.width_px, CAMERA.height_px), interpolation=cv2.INTER_LINEAR)
+    return jpeg(with_grain(np.asarray(whole, dtype=np.uint8), key=key))
 
 
 def live_frame(site: SiteModel, pose: Pose) -> bytes:
@@ -53,6 +59,7 @@ def live_frame(site: SiteModel, pose: Pose) -> bytes:
 
 @lru_cache(maxsize=REMEMBERED)
 def _remembered(site: SiteModel, x: int, y: int, yaw: int) -> bytes:
-    coarse = render(site, (x * GRID_M, y * GRID_M, yaw * GRID_RAD), COARSE)
-    whole = cv2.resize(coarse, (CAMERA.width_px, CAMERA.height_px), interpolation=cv2.INTER_LINEAR)
-    return jpeg(np.asarray(whole, dtype=np.uint8))
+    """Packed without a loss: 700 kB of pixels for each of so many places would be too much."""
+    coarse = render(site, (x * GRID_M, y * GRID_M, yaw * GRID_RAD), COARSE, grain=False)
+    _, packed = cv2.imencode(".png", coarse[:, :, ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    return packed.tobytes()

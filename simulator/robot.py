@@ -36,7 +36,7 @@ class SimulatedRobot:
         self.robot_id = robot_id
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
-        self.world = World(settings, folder)
+        self.world = World(settings, folder, name=robot_id)
         self.room = SimulatedRoom()
         self._map = map_of(self.world.site)
         self._journal = RequestJournal(folder and folder / "requests.jsonl")

@@ -71,6 +71,11 @@ class Sensors:
             self._ring.add(observations.Battery(seq=self._ring.next(), at_s=at_s, source="battery", charge=self.charge))
 
     @property
+    def seed(self) -> int:
+        """Of the random streams of the mission under way."""
+        return self._streams.seed
+
+    @property
     def scan_due(self) -> bool:
         return self._tick % SCAN_TICKS == 0
 

@@ -50,8 +50,8 @@ class WorldSettings(Value):
 class World:
     """One robot in one site. Only `tick` lets time pass."""
 
-    def __init__(self, settings: WorldSettings, folder: Path | None) -> None:
-        self._settings, self._folder = settings, folder
+    def __init__(self, settings: WorldSettings, folder: Path | None, *, name: str = "") -> None:
+        self._settings, self._folder, self._name = settings, folder, name
         self._file = folder and folder / "world.json"
         saved = load_world(self._file) if self._file else None
         pose = saved.pose if saved else START
@@ -301,7 +301,8 @@ class World:
     def _capture(self, heading_rad: float, request: RequestId) -> Shot:
         state = self.body.state
         take = photograph if self._settings.fidelity == "mujoco" else photograph_nearby
-        blob = self.blobs.keep_image(take(self.site, (state.x_m, state.y_m, state.yaw_rad)))
+        noise = f"{self._name}\n{self.sensors.seed}\n{self.at_s!r}"
+        blob = self.blobs.keep_image(take(self.site, (state.x_m, state.y_m, state.yaw_rad), key=noise))
         image = Image(
             seq=self.ring.next(),
             at_s=self.at_s,

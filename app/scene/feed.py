@@ -19,8 +19,9 @@ from app.i18n.messages import lazy_gettext, listed
 from app.scene import point_cloud
 from app.scene.map_cloud import MapView
 from app.views.timeline import TimelineEntry
+from harness.adapters.pictures import PICTURES
 from harness.contracts.effects import Metric
-from harness.contracts.errors import BlobDamaged
+from harness.contracts.errors import BlobDamaged, ProviderFailed
 from harness.contracts.events import PacketRetained
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest, MissionId
@@ -216,10 +217,10 @@ class Feed:
 
     def _picture(self, blob: Digest) -> NDArray[np.uint8] | None:
         try:
-            raw = cv2.imdecode(np.frombuffer(self._runtime.blob(blob), dtype=np.uint8), cv2.IMREAD_COLOR_RGB)
-        except (BlobDamaged, cv2.error):
+            raw = PICTURES.pixels(self._runtime.blob(blob))
+        except (BlobDamaged, ProviderFailed):
             return None
-        return None if raw is None else np.asarray(cv2.resize(raw, FRAME_PX), dtype=np.uint8)
+        return np.asarray(cv2.resize(raw, FRAME_PX), dtype=np.uint8)
 
 
 def _points(value: Any) -> tuple[Point, ...]:

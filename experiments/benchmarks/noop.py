@@ -12,6 +12,7 @@ from typing import Any
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SystemIds
+from harness.adapters.pictures import PICTURES
 from harness.adapters.stores.blobs import FileBlobStore
 from harness.adapters.stores.installation_key import InstallationKey
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
@@ -333,5 +334,6 @@ def _connection(name: RobotId, parts: Parts, provider: NoopProvider, *, looked: 
         spool=parts.spool,
         prepare=lambda mission: None,
         revive=lambda: False,
+        pictures=PICTURES,
         waits_for_people=False,
     )

@@ -122,6 +122,7 @@ def main() -> None:
     lies = commands.add_parser("hostile", help="missions against robots that lie, flood, hang and break the protocol")
     lies.add_argument("modes", nargs="*", help="lies or groups of lies; all of them without any")
     lies.add_argument("--seed", type=int, default=3)
+    lies.add_argument("--second-looks", type=int, default=1000, help="honest images of one place, in one log")
     lies.add_argument("--publish", action="store_true", help="write the section of docs/reliability.md")
     cases = commands.add_parser("verifier", help="how often each predicate is right, against the simulated truth")
     cases.add_argument("--cases", type=int, default=verifier.CASES, help="cases of each predicate")

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
+from harness.adapters.pictures import PICTURES
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.postgres import PostgresEventStore
 from harness.bootstrap import Harness, NullSignals, Parts, local_services, runtime_on
@@ -105,6 +106,7 @@ class Robots:
             spool=self._parts.spool,
             prepare=configure,
             revive=lambda: False,
+            pictures=PICTURES,
             waits_for_people=False,
             sources=tuple(beside.sources),
         )

@@ -193,7 +193,7 @@ def _scene(chance: Random, seed: int, *, rendered: bool) -> PassageScene:
     )
     position = _measured(look)
     if rendered:
-        bodies = [photograph_nearby(model, (x, y, heading)) for heading in AHEAD_RAD]
+        bodies = [photograph_nearby(model, (x, y, heading), key="") for heading in AHEAD_RAD]
         frames = tuple(map(sha256, bodies))
         pictures = [
             OrientedFrame(digest=digest, heading_rad=heading, pixels=_pixels(body))

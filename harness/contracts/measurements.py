@@ -54,6 +54,44 @@ class LidarLook(Value):
     camera: Camera | None = None
 
 
+EXAMINATION = "examination"
+"""The value of an image's reference that names its PictureExamination."""
+
+
+class PictureLook(Value):
+    """What is compared of one image: the grey mean of each area, and of some blocks the finest that the noise left.
+
+    `noise` has seven waves for each of `blocks` (down, across), the same blocks from either side of the image. Both are
+    empty for an image that could not be decoded to its last pixel; `problem` says why.
+    """
+
+    image: Digest
+    width_px: int = 0
+    height_px: int = 0
+    grey: bytes = b""
+    noise: bytes = b""
+    blocks: tuple[int, int] = (0, 0)
+    problem: Explanation = ""
+
+
+class EarlierCapture(Value):
+    """An earlier capture that `image` may be a copy of, with what its bytes were first recorded for. `look` is the
+    earlier image's; none where its bytes are the same."""
+
+    image: Digest
+    request_id: RequestId
+    at_s: float
+    yaw_rad: float
+    look: PictureLook | None = None
+
+
+class PictureExamination(Value):
+    """The harness's own look at the images of an execution, and the earlier captures that resemble them."""
+
+    looks: tuple[PictureLook, ...]
+    earlier: tuple[EarlierCapture, ...] = ()
+
+
 class RequestRecord(Value):
     """The harness's own record of a request: its text's checksum, who gave it, in which role, over which channel.
 

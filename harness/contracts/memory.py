@@ -153,9 +153,20 @@ class KnownRules(Knowledge, tag="rules"):
     constraints: Constraints
 
 
+class KnownCapture(Knowledge, tag="capture"):
+    """Episodic: what an image's bytes were recorded for, and where the harness's own look at it is stored.
+
+    The image is the record's subject.
+    """
+
+    request_id: ids.RequestId
+    yaw_rad: float
+    examination: ids.Digest | None = None
+
+
 AnyKnowledge = (
     MapEpoch | KnownPlace | KnownRegion | KnownRelation | KnownPose | Sighting | DisputeRecord | Episode
-    | ProviderOutcome | KnownCard | KnownRules
+    | ProviderOutcome | KnownCard | KnownRules | KnownCapture
 )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from harness.contracts import ids, protocol, read_models
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.configuration import Configuration
 from harness.contracts.evidence import EvidenceReference
-from harness.contracts.measurements import Measurement, Sound, StoredMessage
+from harness.contracts.measurements import Measurement, PictureLook, Sound, StoredMessage
 from harness.contracts.memory import FollowPosition, MemoryEntry, MemoryQuery, MemoryRecord
 from harness.contracts.observations import AnySample
 from harness.contracts.reasons import Reason
@@ -320,6 +320,13 @@ class IndependentSource(Protocol):
 
     def measure(self, measurement: Measurement) -> Sequence[EvidenceReference]:
         """What is measured now; empty if there is nothing to measure with. Raises HarnessError if it fails."""
+
+
+class PictureReader(Protocol):
+    """Decodes images of robots apart from this process, within limits of memory and time."""
+
+    def look(self, image: ids.Digest, body: bytes) -> PictureLook:
+        """What is compared of an image. Raises ProviderFailed if it cannot be decoded to its last pixel."""
 
 
 class Signals(Protocol):

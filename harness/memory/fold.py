@@ -10,6 +10,7 @@ from harness.contracts.ids import StreamId
 from harness.contracts.memory import MemoryEntry, MemoryRecord
 from harness.contracts.ports import StoredEvent
 from harness.memory.attempts import episodic, operational
+from harness.memory.captures import captured
 from harness.memory.disputes import disputed
 from harness.memory.draft import Key, MemoryDraft, MissionStep
 from harness.memory.relations import relate
@@ -17,7 +18,7 @@ from harness.memory.semantic import ReadRecord, semantic
 from harness.memory.spatial import spatial
 from harness.projections.memory import MissionThread, follow
 
-FOLD = "1"
+FOLD = "2"
 """Raised whenever the same log would give other records: every index is then built again."""
 MISSIONS = "mission/"
 LoadCurrent = Callable[[str, str], list[MemoryEntry]]
@@ -51,7 +52,7 @@ class Fold:
         before, event = self._thread(stored), _codec.decode(stored)
         step = MissionStep(stored=stored, event=event, before=before)
         learnt = (*spatial(step), *episodic(step), *operational(step), *semantic(step, read=self._read))
-        drafts = [*learnt, *disputed(step)]
+        drafts = [*learnt, *captured(step), *disputed(step)]
         self._own.setdefault(stored.stream, []).extend(draft.key for draft in drafts if draft.fresh)
         self._threads[stored.stream] = follow(before, event)
         if self._threads[stored.stream].ended:

@@ -11,6 +11,7 @@ from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContextOverflow, ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.events import DispatchIntended, NodeCommitted
 from harness.contracts.ids import InvocationId, handoff_stream, mission_stream
+from harness.contracts.observations import Image
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.gate.commit import CommandEnvelope
 from harness.projections.mission import Invocation, Mission, required_contract
@@ -18,7 +19,9 @@ from harness.runtime import Live
 from harness.supervisor.approvals import clear_to_send, withdraw
 from harness.supervisor.leases import HeldLeases, MotionIntent, give_back, holds
 from harness.supervisor.measurements import IndependentMeasurements
+from harness.supervisor.observations import image_reference
 from harness.supervisor.packets import build_packet
+from harness.supervisor.pictures import PictureExaminer
 from harness.supervisor.roles import RoleContexts, context_record
 from harness.supervisor.standstill import WINDOW_S
 from harness.supervisor.verification import judgement
@@ -52,6 +55,7 @@ class InvocationMonitor:
         self._runtime = roles.runtime
         self._connection = roles.connection
         self._measurements = IndependentMeasurements(roles)
+        self._pictures = PictureExaminer(roles)
         self._handles: dict[InvocationId, str] = {}
         self._sent = {found.intent.invocation_id} if found else set[InvocationId]()
         self._ended_since: float | None = None
@@ -313,6 +317,7 @@ class InvocationMonitor:
         samples = [one for one in self._connection.spool.samples(intent.invocation_id) if one.at_s <= until_s]
         card = self._connection.provider(intent.provider_id).card
         self._roles.observations.keep_receipts(report.receipts)
+        images = [image_reference(one) for one in samples if isinstance(one, Image)]
         packet = build_packet(
             mission,
             invocation,
@@ -321,6 +326,7 @@ class InvocationMonitor:
             observations=self._roles.observations,
             collected_s=until_s,
             protocol=protocol.version_of(card.protocol),
+            images=self._pictures.examined(mission, images),
             measured=self._measurements.of_invocation(mission, invocation, report=report, until_s=until_s),
             begun=self._starts(mission, intent),
         )

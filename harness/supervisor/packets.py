@@ -8,11 +8,11 @@ from msgspec.structs import replace
 from harness.contracts.events import DispatchIntended
 from harness.contracts.evidence import EvidencePacket, EvidenceReference, PacketIdentity
 from harness.contracts.ids import packet_id
-from harness.contracts.observations import AnySample, Image
+from harness.contracts.observations import AnySample
 from harness.contracts.protocol import InvocationReport
 from harness.contracts.reasons import Explanation
 from harness.projections.mission import Invocation, Mission
-from harness.supervisor.observations import ObservationBuffer, image_reference
+from harness.supervisor.observations import ObservationBuffer
 
 
 def build_packet(
@@ -24,12 +24,14 @@ def build_packet(
     observations: ObservationBuffer,
     collected_s: float,
     protocol: str,
+    images: Sequence[EvidenceReference] = (),
     measured: Sequence[EvidenceReference] = (),
     begun: int | UnsetType = UNSET,
 ) -> EvidencePacket:
     """Z = (I, k_ctx, O_before, O_after, P, proposed facts). Identity and proposals are the provider's own, never ours.
 
-    `protocol` is the version of the provider protocol that the provider speaks. `measured` is what independent
+    `protocol` is the version of the provider protocol that the provider speaks. `images` are those among the samples,
+    `measured` is what independent
     sources found, `begun` how many starts of the request the robot's own journal holds.
     """
     intent = invocation.intent
@@ -39,7 +41,6 @@ def build_packet(
         trajectory, _ = observations.seal(samples, source="robot")
         tail, _ = observations.seal([s for s in samples if s.at_s >= report.at_s - 1.0], source="robot")
         estimates, after = (trajectory,), (replace(tail, kind="after"),)
-    images = tuple(image_reference(sample) for sample in samples if isinstance(sample, Image))
     return EvidencePacket(
         identity=PacketIdentity(
             mission_id=report.identity.mission_id,

@@ -22,7 +22,7 @@ class RobotConnection:
     robot that does not answer, and says whether it did. `verifier` judges packets, `planner` proposes what comes next
     and `proposer` where to explore; none of them decides anything. `camera` is its live camera and `hand` its
     teleoperation interface, where the robot has such. `origins`: the process or address behind each provider and each
-    source of samples. `sources` measure, without the providers, what a stage left.
+    source of samples. `sources` measure, without the providers, what a stage left; `pictures` decodes images.
     """
 
     robot_id: RobotId
@@ -33,6 +33,7 @@ class RobotConnection:
     spool: ports.Spool
     prepare: Callable[[Mission], None]
     revive: Callable[[], bool]
+    pictures: ports.PictureReader
     embodiment: str = "quadruped"
     waits_for_people: bool = True
     verifier: Verifier = verify

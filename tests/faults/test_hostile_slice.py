@@ -29,6 +29,7 @@ REFUSED = {
     "never-moved-with-journal": {"request"},
     "never-moved-with-inertia": {"request"},
     "images-of-another-request": {"request", "go"},
+    "images-of-an-earlier-mission": {"request", "go"},
     "images-mirrored": {"request", "go"},
     "headings-mirrored": {"request", "go"},
 }
@@ -61,6 +62,11 @@ def test_a_start_that_a_gateway_lost_the_answer_of_is_found_again_and_goes_on() 
     assert (found.ended, found.motions, found.second_motions) == ("succeeded", 1, 0)
 
 
+def test_an_honest_second_mission_at_the_same_place_succeeds() -> None:
+    found = met(one("honest-second-mission"), SIMULATOR)
+    assert (found.ended, found.false_completion) == ("succeeded", False)
+
+
 def test_a_robot_that_forges_every_source_alike_is_counted_as_epistemic() -> None:
     found = met(one("every-source-forged"), SIMULATOR)
     assert (found.completed, found.false_completion, found.epistemic) == (True, False, True)
@@ -79,7 +85,7 @@ def test_the_command_counts_what_must_not_happen_and_names_what_nobody_can_see()
 
 
 def test_the_kit_has_every_group_and_never_touches_what_is_no_simulation() -> None:
-    assert len(MODES) == len({mode.name for mode in MODES}) >= 70
+    assert len(MODES) == len({mode.name for mode in MODES}) >= 120
     assert {mode.group for mode in MODES} == {"bounds", "outcome", "identity", "receipts", "sensors", "images"}
     with raises_saying(UnknownName, match="knows no lie flattery"):
         chosen(["flattery"])

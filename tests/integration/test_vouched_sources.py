@@ -8,14 +8,18 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 import yaml
+from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from app.cli.main import app
-from harness.baseline.load import shipped_workspace
+from harness.baseline.load import baseline, shipped_workspace
+from harness.contracts.errors import HarnessError
 
-WALK = ("mission", "run", "Walk the circuit", "--speed", "0", "--fidelity", "kinematic", "--seed", "3", "--json")
+QUICK = ("--speed", "0", "--fidelity", "kinematic", "--seed", "3", "--json")
+WALK = ("mission", "run", "Walk the circuit", *QUICK)
 
 
 def site_folder(folder: Path, *vouched: str) -> Path:
@@ -29,15 +33,28 @@ def site_folder(folder: Path, *vouched: str) -> Path:
 
 def walked(data: Path, site: Path) -> tuple[int, dict[str, Any]]:
     """Exit code and the level of each condition of the walk, by a robot whose navigators steer by wheels alone."""
+    code, error, levels = invoked(data, site, WALK)
+    assert levels, error
+    return code, levels
+
+
+def invoked(data: Path, site: Path, command: tuple[str, ...]) -> tuple[int, str, dict[str, Any]]:
+    """Exit code, the refusal, and the level of each condition."""
     robot = json.dumps([sys.executable, "-m", "tests.fakes.robot_program", "wheels"])
     environment = {"REGEN_ROBOT_COMMAND": robot, "REGEN_SITE_FOLDER": str(site)}
-    done = CliRunner(env=environment).invoke(app, [*WALK, "--data", str(data)])
+    done = CliRunner(env=environment).invoke(app, [*command, "--data", str(data)])
+    if isinstance(done.exception, HarnessError):
+        return done.exit_code, str(done.exception), {}
     assert done.stdout, done.stderr
     read = CliRunner(env=environment).invoke(
         app, ["mission", "events", json.loads(done.stdout)["mission_id"], "--data", str(data), "--json"]
     )
     verdicts = [one["body"]["verdict"] for one in json.loads(read.stdout)["events"] if one["kind"] == "VerdictRecorded"]
-    return done.exit_code, {one["condition_id"]: one["independence"] for each in verdicts for one in each["results"]}
+    return (
+        done.exit_code,
+        "",
+        {one["condition_id"]: one["independence"] for each in verdicts for one in each["results"]},
+    )
 
 
 def test_a_source_that_the_site_vouches_for_gives_independence(tmp_path: Path) -> None:
@@ -45,6 +62,25 @@ def test_a_source_that_the_site_vouches_for_gives_independence(tmp_path: Path) -
     assert (code, levels["circuit.closed"]) == (0, 1), "pose and odometry come from the robot's own process"
     code, levels = walked(tmp_path / "vouched", site_folder(tmp_path / "site", "localiser", "odometry"))
     assert (code, levels["circuit.closed"], levels["circuit.static"]) == (0, 2, 2)
+
+
+def test_a_high_risk_mission_needs_a_second_source_that_the_site_vouches_for(tmp_path: Path) -> None:
+    walk = ("mission", "run", "high-risk-circuit", *QUICK)
+    code, error, _ = invoked(tmp_path / "plain", with_high_risk(site_folder(tmp_path / "site")), walk)
+    assert code != 0 and "needs evidence of independence 2" in error
+    vouched = with_high_risk(site_folder(tmp_path / "site", "localiser", "odometry"))
+    code, error, levels = invoked(tmp_path / "vouched", vouched, walk)
+    assert (code, error) == (3, ""), "it begins, and a person is asked before the motion"
+    assert "request.recorded" in levels
+
+
+def with_high_risk(folder: Path) -> Path:
+    """The site's folder with a mission whose circuit is of high risk."""
+    base = next(one for one in baseline().templates if one.name == "circuit")
+    nodes = tuple({**node, "risk": "high"} if node["node_id"] == "circuit" else node for node in base.nodes)
+    risky = replace(base, name="high-risk-circuit", phrases=(), serves=(), nodes=nodes)
+    (folder / "missions" / "high-risk-circuit.yaml").write_bytes(msgspec.yaml.encode(risky))
+    return folder
 
 
 @pytest.mark.parametrize(

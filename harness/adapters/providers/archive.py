@@ -2,18 +2,14 @@
 
 from pathlib import Path
 
-import cv2
-import numpy as np
-
+from harness.adapters.pictures import PICTURES
 from harness.adapters.providers.local import LocalProvider, Outcome, ReceiptDraft, Result
 from harness.adapters.providers.models.description import only_image
 from harness.contracts import capabilities
 from harness.contracts.effects import Relational
-from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import PROTOCOL, StartRequest
-from harness.contracts.reasons import because
 from harness.contracts.values import Count, Value, encode
 from harness.provider_protocol.proposals import claims
 
@@ -59,9 +55,7 @@ class EvidenceArchiver(LocalProvider):
 
     def work(self, request: StartRequest, now_s: float) -> Outcome:
         body = self._blobs.get(only_image(request))
-        pixels = cv2.imdecode(np.frombuffer(body, dtype=np.uint8), cv2.IMREAD_UNCHANGED) if body else None
-        if pixels is None:
-            raise ProviderFailed(because("blob_no_picture"), where=CARD.provider_id)
+        pixels = PICTURES.pixels(body)
         image = self._blobs.put(body)
         certificate = Certificate(
             image=image, width_px=pixels.shape[1], height_px=pixels.shape[0], size_bytes=len(body)

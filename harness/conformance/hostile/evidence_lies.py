@@ -13,7 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from harness.conformance.hostile.lies import LOCAL, WHOLE, Mode, instead, rewritten, together
+from harness.conformance.hostile.lies import LATER, LOCAL, LOOKALIKES, WHOLE, Mode, instead, rewritten, together
 from harness.conformance.hostile.proxy import Answer, Ask, Forward, Lie, ProxyState
 
 SPEED_MPS, RATE_MPS2 = 0.4, 0.5
@@ -224,6 +224,31 @@ def _first_again(body: bytes, seen: ProxyState, *, mirrored: bool) -> bytes:
     return _encoded(picture, 60 + seen.kept["n"] % 35)
 
 
+def _earlier(body: bytes, seen: ProxyState) -> bytes:
+    """The image that an earlier mission took at the same heading."""
+    return seen.images[_number(seen) % len(seen.images)]
+
+
+def _earlier_again(body: bytes, seen: ProxyState) -> bytes:
+    return _encoded(_decoded(_earlier(body, seen)), 70)
+
+
+def _earlier_mirrored(body: bytes, seen: ProxyState) -> bytes:
+    return _encoded(cv2.flip(_decoded(_earlier(body, seen)), 1), 80)
+
+
+def _earlier_elsewhere(body: bytes, seen: ProxyState) -> bytes:
+    """The image of another heading, blurred: no noise is left to be known by."""
+    other = _decoded(seen.images[(_number(seen) + 3) % len(seen.images)])
+    return _encoded(cv2.GaussianBlur(other, (5, 5), 0), 85)
+
+
+def _number(seen: ProxyState) -> int:
+    """Of the image at hand, from 0."""
+    seen.kept["n"] = seen.kept.get("n", -1) + 1
+    return int(seen.kept["n"])
+
+
 def _grey(body: bytes, seen: ProxyState) -> bytes:
     seen.kept["n"] = seen.kept.get("n", 0) + 1
     return _encoded(np.full((720, 1280, 3), 90 + seen.kept["n"], dtype=np.uint8), 90)
@@ -254,6 +279,8 @@ RECEIPTS = (
          received(lambda one, answer: {**one, "at_s": one["at_s"] + 3600.0})),
     Mode("receipts-of-another-request", "receipts", "Receipts of another request",
          received(lambda one, answer: {**one, "request_id": "d" * 64})),
+    Mode("receipts-of-a-lookalike-request", "receipts", "Receipts of a request that looks like ours",
+         received(lambda one, answer: {**one, "request_id": one["request_id"].translate(LOOKALIKES)})),
     Mode("panorama-receipts-of-another-request", "receipts", "Receipts of another request in an inspection",
          received(lambda one, answer: {**one, "request_id": "d" * 64}), template=WHOLE),
     Mode("panorama-receipts-an-hour-early", "receipts", "Receipts of an hour ago in an inspection",
@@ -281,6 +308,14 @@ SENSORS = (
          sampled("pose", lambda one, seen: {**one, "map_version": "elsewhere"})),
     Mode("poses-unsure", "sensors", "Poses with confidence 0",
          sampled("pose", lambda one, seen: {**one, "confidence": 0.0})),
+    Mode("poses-of-the-year-9999", "sensors", "Poses dated in the year 9999",
+         sampled("pose", lambda one, seen: {**one, "at_s": LATER})),
+    Mode("poses-beyond-the-world", "sensors", "Poses at 1e308 metres",
+         sampled("pose", lambda one, seen: {**one, "x_m": 1e308, "y_m": -1e308})),
+    Mode("poses-of-a-lookalike-map", "sensors", "Poses of a map whose name looks like ours",
+         sampled("pose", lambda one, seen: {**one, "map_version": one["map_version"].translate(LOOKALIKES)})),
+    Mode("battery-beyond-empty", "sensors", "A battery at -500 %",
+         sampled("battery", lambda one, seen: {**one, "charge": -5.0}), may_succeed=True),
     Mode("inertia-left-out", "sensors", "No inertia in motion; everything else is honest",
          sampled("imu", lambda one, seen: None), may_succeed=True),
     Mode("proposals-left-out", "sensors", "No proposed facts",
@@ -297,6 +332,17 @@ IMAGES = (
          template=WHOLE),
     Mode("images-mirrored", "images", "The first image and its mirror image for all", tampered(_mirrored),
          template=WHOLE),
+    Mode("images-of-an-earlier-mission", "images", "The images of an earlier mission, byte for byte",
+         tampered(_earlier), template=WHOLE, second=True),
+    Mode("images-of-an-earlier-mission-encoded-again", "images", "The images of an earlier mission, encoded anew",
+         tampered(_earlier_again), template=WHOLE, second=True),
+    Mode("images-of-an-earlier-mission-mirrored", "images", "Mirror images of those of an earlier mission",
+         tampered(_earlier_mirrored), template=WHOLE, second=True),
+    Mode("images-of-an-earlier-mission-at-other-headings", "images",
+         "The images of an earlier mission at other headings, blurred", tampered(_earlier_elsewhere),
+         template=WHOLE, second=True),
+    Mode("honest-second-mission", "images", "Nothing: an honest second look", instead("none", Answer()), template=WHOLE,
+         second=True, may_succeed=True),
     Mode("images-of-another-request", "images", "Images labelled for another request",
          sampled("image", lambda one, seen: {**one, "request_id": "d" * 64}), template=WHOLE),
     Mode("images-of-another-time", "images", "Images dated an hour ago",

@@ -1,5 +1,6 @@
 """The hostile provider kit as a whole: its modes, and the counts that are published of a run."""
 
+import ctypes
 from collections.abc import Callable, Iterable, Sequence
 
 from harness.conformance.hostile.evidence_lies import IMAGES, RECEIPTS, SENSORS
@@ -10,6 +11,8 @@ from harness.contracts.reasons import because
 from harness.contracts.values import Value
 
 MODES: tuple[Mode, ...] = (*BOUNDS, *OUTCOMES, *IDENTITIES, *RECEIPTS, *SENSORS, *IMAGES)
+ARENAS_AT_MOST, GIVEN_BACK_FROM = -8, -1
+"""M_ARENA_MAX and M_TRIM_THRESHOLD of malloc.h; a threshold that is set no longer rises by itself."""
 MOST_MIB = 400
 """How much memory the whole run may take at its peak, simulator and liar included."""
 
@@ -36,6 +39,17 @@ class LieReport(Value):
         return self.missions > 0 and not wrong and self.peak_mib <= MOST_MIB
 
 
+def share_memory() -> None:
+    """Let all threads allocate from two arenas and give back what they free, where the C library is glibc.
+
+    The liar's server has a thread per connection; each would keep what it freed, and it would count as the harness's.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(ARENAS_AT_MOST, 2)
+        mallopt(GIVEN_BACK_FROM, 128 << 10)
+
+
 def chosen(names: Sequence[str]) -> tuple[Mode, ...]:
     """The modes of these names or groups, all of them without any. Raises UnknownName."""
     known = {mode.name for mode in MODES} | {mode.group for mode in MODES}
@@ -49,6 +63,7 @@ def fuzzed(
     modes: Iterable[Mode], meet: Callable[[Mode], MissionUnderLie], *, watch: Callable[[MissionUnderLie], None]
 ) -> LieReport:
     """Every mode one after the other, each a mission of its own."""
+    share_memory()
     found: list[MissionUnderLie] = []
     for mode in modes:
         found.append(meet(mode))

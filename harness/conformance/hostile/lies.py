@@ -1,5 +1,6 @@
 """The lies of the kit about exchanges, requests and identities; those about evidence stand in `evidence_lies`."""
 
+import gzip
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -20,7 +21,8 @@ PAGE = b"<html><body>502 Bad Gateway</body></html>"
 @dataclass(frozen=True)
 class Mode:
     """One lie and the mission that meets it. `may_succeed`: the mission's effects are real in spite of the lie, so that
-    success is no false completion. `undetectable`: every source is forged consistently (D17): counted as epistemic."""
+    success is no false completion. `undetectable`: every source is forged consistently (D17): counted as epistemic.
+    `second`: an honest mission goes before."""
 
     name: str
     group: Group
@@ -30,6 +32,7 @@ class Mode:
     may_succeed: bool = False
     undetectable: bool = False
     patience_s: float = 5.0
+    second: bool = False
 
 
 def instead(kind: str, answer: Answer, *, forwarded: bool = True, moving: bool = True) -> Lie:
@@ -66,6 +69,16 @@ def garbled(kind: str, garble: Callable[[bytes], bytes]) -> Lie:
         return (
             replace(answer, body=garble(answer.body)) if ask.kind == kind and answer.ok and seen.in_motion else answer
         )
+
+    return lie
+
+
+def garbled_type(kind: str, content_type: str) -> Lie:
+    """Answers of one kind under another content type, once a motion was begun."""
+
+    def lie(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
+        answer = forward(ask)
+        return replace(answer, content_type=content_type) if ask.kind == kind and seen.in_motion else answer
 
     return lie
 
@@ -218,6 +231,93 @@ def _moved_away(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
     return forward(ask)
 
 
+LATER = 253_402_300_799.0
+"""The last second of the year 9999."""
+LOOKALIKES = str.maketrans("aceopx_", "\u0430\u0441\u0435\u043e\u0440\u0445\uff3f")
+"""Latin letters and what looks like them."""
+BOMB = gzip.compress(b" " * MANY_BYTES, mtime=0)
+
+
+def _informed() -> Iterator[bytes]:
+    while True:
+        yield b"HTTP/1.1 100 Continue\r\n\r\n" * 64
+
+
+def _chunked_without_end() -> Iterator[bytes]:
+    while True:
+        yield b"1\r\n \r\n" * 4096
+
+
+def _trailers_without_end() -> Iterator[bytes]:
+    yield b"2\r\n{}\r\n0\r\n"
+    while True:
+        yield b"X-More: 1\r\n" * 4096
+
+
+def _repeated_key(name: bytes, value: bytes) -> Callable[[bytes], bytes]:
+    """A second value for a key, at the end of the object."""
+    return lambda body: body.rstrip()[:-1] + b',"' + name + b'":' + value + b"}"
+
+
+def _nested(answer: Any, seen: ProxyState) -> Any:
+    deep: Any = 1.0
+    for _ in range(400):
+        deep = {"a": deep}
+    return {**answer, "declared": {"depth": deep}}
+
+
+def _lookalike_request(answer: Any, seen: ProxyState) -> Any:
+    identity = answer["identity"]
+    return {**answer, "identity": {**identity, "request_id": identity["request_id"].translate(LOOKALIKES)}}
+
+
+def _lookalike_mission(answer: Any, seen: ProxyState) -> Any:
+    identity = answer["identity"]
+    return {**answer, "identity": {**identity, "mission_id": identity["mission_id"].translate(LOOKALIKES)}}
+
+
+def _another_end(answer: Any, seen: ProxyState) -> Any:
+    """The first report that ended, in place of every one after it."""
+    if answer["status"] == "succeeded":
+        return seen.kept.setdefault("ended", answer)
+    return seen.kept.get("ended", answer)
+
+
+def _done_and_running(answer: Any, seen: ProxyState) -> Any:
+    seen.kept["turn"] = seen.kept.get("turn", 0) + 1
+    return {**answer, "status": ("succeeded", "running", "succeeded")[seen.kept["turn"] % 3], "failure": ""}
+
+
+def _stopping_in_turn(answer: Any, seen: ProxyState) -> Any:
+    seen.kept["stop"] = not seen.kept.get("stop", False)
+    return {**answer, "hardware_stop": seen.kept["stop"]}
+
+
+def _other_cards(answer: Any, seen: ProxyState) -> Any:
+    return [{**card, "moves": False, "resources": [], "version": "99", "risk": "low"} for card in answer]
+
+
+def _numbered_back(answer: Any, seen: ProxyState) -> Any:
+    return {**answer, "samples": [{**one, "seq": 1} for one in answer["samples"]], "next_seq": 1}
+
+
+def _stop_refused(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
+    """Stops are refused in the words of the protocol, and not passed on."""
+    return Answer(status=409, body=REFUSED) if ask.kind == "stop" else forward(ask)
+
+
+def _kept_alive_elsewhere(answer: Any, seen: ProxyState) -> Any:
+    return {**answer, "handle": "another"}
+
+
+def _started_twice(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
+    """The journal holds every start twice."""
+    answer = forward(ask)
+    if ask.kind != "starts" or not answer.ok:
+        return answer
+    return replace(answer, body=json.dumps([one for one in answer.json() for _ in range(2)]).encode())
+
+
 HTML = Answer(status=200, body=PAGE, content_type="text/html")
 BOUNDS = (
     Mode("robot-one-byte-a-second", "bounds", "The robot's condition comes one byte a second",
@@ -261,6 +361,37 @@ BOUNDS = (
          instead("observations", Answer(body=b'{"samples":', claimed=5000)), patience_s=1.0),
     Mode("samples-packed", "bounds", "A packed body that nobody asked for",
          instead("observations", Answer(body=b"\x1f\x8b" + b"0" * 500, headers=(("Content-Encoding", "gzip"),)))),
+    Mode("samples-packed-bomb", "bounds", "60 MB packed into 60 kB",
+         instead("observations", Answer(body=BOMB, headers=(("Content-Encoding", "gzip"),)))),
+    Mode("samples-chunked-without-end", "bounds", "Chunks of one byte without an end",
+         instead("observations", Answer(parts=_chunked_without_end, headers=(("Transfer-Encoding", "chunked"),))),
+         patience_s=0.3),
+    Mode("samples-chunk-beyond-memory", "bounds", "A chunk that claims 2^63 bytes",
+         instead("observations", Answer(parts=lambda: (b"7fffffffffffffff\r\n{}",),
+                                        headers=(("Transfer-Encoding", "chunked"),))), patience_s=0.3),
+    Mode("samples-trailers-without-end", "bounds", "Trailers behind the last chunk without an end",
+         instead("observations", Answer(parts=_trailers_without_end, headers=(("Transfer-Encoding", "chunked"),))),
+         patience_s=0.3),
+    Mode("samples-of-two-lengths", "bounds", "Two lengths for one body",
+         instead("observations", Answer(body=b'{"samples":[]}', headers=(("Content-Length", "4"),)))),
+    Mode("samples-informational-without-end", "bounds", "100 Continue for ever",
+         instead("observations", Answer(status=100, parts=_informed)), patience_s=0.3),
+    Mode("samples-ten-thousand-headers", "bounds", "10,000 headers",
+         instead("observations", Answer(body=b"{}", headers=tuple((f"X-{n}", "1") for n in range(10_000))))),
+    Mode("samples-header-of-a-megabyte", "bounds", "A header of a megabyte",
+         instead("observations", Answer(body=b"{}", headers=(("X-Long", "1" * 1_000_000),)))),
+    Mode("samples-redirected-in-a-circle", "bounds", "A redirect to itself",
+         instead("observations", Answer(status=302, headers=(("Location", "/observations"),)))),
+    Mode("samples-utf16", "bounds", "Text in UTF-16",
+         garbled("observations", lambda body: body.decode().encode("utf-16"))),
+    Mode("samples-numbered-back", "bounds", "Sequence numbers that begin again at 1",
+         rewritten("observations", _numbered_back)),
+    Mode("report-deep", "bounds", "400 objects in each other in a report", rewritten("report", _nested),
+         may_succeed=True),
+    Mode("report-integer-of-5000-digits", "bounds", "An integer of 5,000 digits",
+         garbled("report", _figure(b"share", b"9" * 5000)), may_succeed=True),
+    Mode("report-of-another-type", "bounds", "A report that calls itself a picture",
+         garbled_type("report", "image/png"), may_succeed=True),
     Mode("receipts-without-end", "bounds", "3,000 receipts in one report", rewritten("report", _receipts_without_end),
          may_succeed=True),
 )  # fmt: skip
@@ -302,6 +433,20 @@ OUTCOMES = (
          instead("report", Answer(status=504, body=PAGE, content_type="text/html")), may_succeed=True),
     Mode("reports-and-queries-unreadable", "outcome", "Neither handle nor request can be asked about",
          together(instead("report", HTML), instead("find", HTML))),
+    Mode("report-of-two-statuses", "outcome", "Two statuses in one report: running, then succeeded",
+         garbled("report", _repeated_key(b"status", b'"succeeded"')), may_succeed=True),
+    Mode("report-done-and-running", "outcome", "Succeeded, running and succeeded in turn",
+         rewritten("report", _done_and_running), may_succeed=True),
+    Mode("report-of-the-year-9999", "outcome", "Reports dated in the year 9999",
+         rewritten("report", lambda answer, seen: {**answer, "at_s": LATER}), may_succeed=True),
+    Mode("stop-refused", "outcome", "Running for ever, and stops are refused",
+         together(_stop_refused, rewritten("report", _never_ends)), may_succeed=True),
+    Mode("keepalive-of-another-handle", "outcome", "Keepalives are acknowledged for another handle",
+         rewritten("keepalive", _kept_alive_elsewhere), may_succeed=True),
+    Mode("journal-holds-starts-twice", "outcome", "The start journal holds every start twice", _started_twice,
+         may_succeed=True),
+    Mode("hardware-stop-in-turn", "outcome", "The hardware stop is pressed and released in turn",
+         rewritten("status", _stopping_in_turn), may_succeed=True),
     Mode("report-flips", "outcome", "Failed and running in turn", rewritten("report", _flips)),
     Mode("report-never-ends", "outcome", "Running for ever", rewritten("report", _never_ends)),
     Mode("report-done-at-once", "outcome", "Succeeded at once, while the body still moves",
@@ -322,5 +467,13 @@ IDENTITIES = (
          together(rewritten("report", _other_request), rewritten("find", _other_request))),
     Mode("report-of-another-mission", "identity", "Reports are about another mission",
          together(rewritten("report", _other_mission), rewritten("find", _other_mission))),
+    Mode("report-of-a-lookalike-request", "identity", "Cyrillic letters in the request that a report names",
+         together(rewritten("report", _lookalike_request), rewritten("find", _lookalike_request))),
+    Mode("report-of-a-lookalike-mission", "identity", "Cyrillic letters in the mission that a report names",
+         together(rewritten("report", _lookalike_mission), rewritten("find", _lookalike_mission))),
+    Mode("report-of-another-invocation", "identity", "The first stage's report for every stage after it",
+         together(rewritten("report", _another_end), rewritten("find", _another_end)), template=WHOLE),
+    Mode("cards-change", "identity", "Cards that change under way: nothing moves, no resources, another version",
+         rewritten("cards", _other_cards), may_succeed=True),
     Mode("map-changes", "identity", "Another map at each look", rewritten("status", _map)),
 )  # fmt: skip

@@ -20,12 +20,12 @@ from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, ProviderFailed
 from harness.contracts.events import DispatchIntended, InvocationEnded, NodeCommitted, PacketRetained
-from harness.contracts.ids import ResourceId, RobotId
+from harness.contracts.ids import MissionId, ResourceId, RobotId
 from harness.contracts.measurements import Sound
-from harness.contracts.protocol import PhysicalStart
+from harness.contracts.protocol import TERMINAL, PhysicalStart
 from harness.contracts.reasons import because, plain
 from harness.contracts.simulation import InProcessRobot, Simulator
-from harness.contracts.values import Value, decode
+from harness.contracts.values import Value, decode, encode
 from harness.gate.decide import DECIDER
 from harness.projections.mission import Mission
 from harness.provider_protocol import wire
@@ -39,6 +39,8 @@ TOKEN = "hostile-provider-kit"
 SIMULATION_S = 120.0
 LONGEST_S = 300.0
 """A mission of the kit that runs longer, wall seconds, hangs."""
+REST_S = 10.0
+"""Mission time in which a body that was stopped comes to rest."""
 ROBOT = RobotId("vbot-1")
 
 
@@ -97,6 +99,7 @@ def met_at(mode: Mode, url: str, token: str, *, seed: int = 3) -> MissionUnderLi
     """
     upstream = ForwardedRequests(url, token)
     check_simulated(upstream, url)
+    put_to_rest(upstream)
     return _met(mode, upstream, seed=seed)
 
 
@@ -135,6 +138,17 @@ def _met(mode: Mode, upstream: Forward, *, seed: int) -> MissionUnderLie:
         return _counted(mode, course, proxy, starts, hang=hang, wall_s=_wall_s() - began_s)
 
 
+def put_to_rest(upstream: Forward) -> None:
+    """Stop what an earlier mission left under way, so that the next one at the same simulation can move."""
+    starts = decode(upstream(Ask("GET", "/starts", {}, b"")).body, list[PhysicalStart])
+    for request in dict.fromkeys(one.request_id for one in starts if one.moves):
+        found = upstream(Ask("GET", f"/requests/{request}", {}, b""))
+        if found.ok and found.json()["status"] not in TERMINAL:
+            upstream(Ask("POST", f"/invocations/{found.json()['handle']}/stop", {}, b""))
+    at_s = float(upstream(Ask("GET", "/clock", {}, b"")).json()["at_s"])
+    upstream(Ask("POST", "/simulation/advance", {}, encode(wire.Advance(until_s=at_s + REST_S))))
+
+
 def _guarded(course: _Course, mode: Mode, url: str, proxy: LyingProxy, stack: ExitStack, seed: int) -> None:
     try:
         _run(course, mode, url, proxy, stack, seed)
@@ -166,12 +180,19 @@ def _run(course: _Course, mode: Mode, url: str, proxy: LyingProxy, stack: ExitSt
         sources=beside.sources,
         configure=lambda mission: simulation.configure(mission.mission_id, mission.seed),
     )
+    if mode.second:
+        harness.supervisor.run(_started(harness, mode, seed=seed))
+    mission_id = _started(harness, mode, seed=seed + mode.second)
+    proxy.armed = True
+    course.mission = harness.supervisor.run(mission_id)
+
+
+def _started(harness: Harness, mode: Mode, *, seed: int) -> MissionId:
+    before = {one.mission_id for one in harness.runtime.missions()}
     decision = harness.runtime.start(Start(actor=KIT, robot_id=ROBOT, template=mode.template, seed=seed))
     if isinstance(decision, Refused):
         raise ContractInvalid(decision.reason)
-    mission_id = harness.runtime.missions()[0].mission_id
-    proxy.armed = True
-    course.mission = harness.supervisor.run(mission_id)
+    return next(one.mission_id for one in harness.runtime.missions() if one.mission_id not in before)
 
 
 def _counted(

@@ -20,6 +20,7 @@ from harness.provider_protocol.operations import Operation
 from harness.provider_protocol.wire import Problem, problem, status_of
 
 JSON = "application/json"
+JPEG = b"\xff\xd8"
 _KINDS = (
     ("start", "POST", r"/providers/[^/]+/invocations"),
     ("keepalive", "POST", r"/invocations/[^/]+/keepalive"),
@@ -87,12 +88,13 @@ class Answer:
 @dataclass
 class ProxyState:
     """What passed the proxy so far. `moving`: motions that were begun; `overlapping`: motions that were to begin while
-    another one still had the body."""
+    another one still had the body. `images`: the pictures that were given out before the lie began."""
 
     asks: Counter[str] = field(default_factory=Counter)
     moving: list[str] = field(default_factory=list)
     overlapping: int = 0
     kept: dict[str, Any] = field(default_factory=dict)
+    images: list[bytes] = field(default_factory=list)
 
     @property
     def in_motion(self) -> bool:
@@ -144,7 +146,12 @@ class LyingProxy:
     def answer(self, ask: Ask) -> Answer:
         with self._turn:
             self.seen.asks[ask.kind] += 1
-            return self._lie(ask, self._forward, self.seen) if self.armed else self._forward(ask)
+            if self.armed:
+                return self._lie(ask, self._forward, self.seen)
+            answer = self._forward(ask)
+            if ask.kind == "blob" and answer.body.startswith(JPEG):
+                self.seen.images.append(answer.body)
+            return answer
 
     def _forward(self, ask: Ask) -> Answer:
         moves = ask.provider in self._moving
@@ -164,8 +171,7 @@ class LyingProxy:
 @contextmanager
 def listening(proxy: LyingProxy) -> Iterator[str]:
     """The proxy on a loopback port of its own; gives its address."""
-    server = ThreadingHTTPServer(("127.0.0.1", 0), type("Handler", (_Handler,), {"proxy": proxy}))
-    server.daemon_threads, server.block_on_close = True, False
+    server = _ProxyServer(("127.0.0.1", 0), type("Handler", (_Handler,), {"proxy": proxy}))
     thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
     thread.start()
     try:
@@ -175,6 +181,13 @@ def listening(proxy: LyingProxy) -> Iterator[str]:
         server.shutdown()
         server.server_close()
         thread.join()
+
+
+class _ProxyServer(ThreadingHTTPServer):
+    daemon_threads, block_on_close = True, False
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """A client that hangs up on a lie is what the kit wants to see."""
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -161,13 +161,14 @@ class Log:
         *,
         distance_m: float = 0.1,
         blocked: float = 1.0,
+        images: tuple[EvidenceReference, ...] = (),
         **changes: object,
     ) -> Mission:
         """The open invocation ends, is judged, and the gate decides."""
         self.clock.at_s += 12.0
         mission = self.mission(mission_id)
         assert mission.invocation is not None
-        left = packet(mission, after=(pose_evidence(self.clock.at_s),), **changes)
+        left = packet(mission, after=(pose_evidence(self.clock.at_s), *images), **changes)
         node = required_contract(mission).node(mission.invocation.intent.node_id)
         results = tuple(_result(one, word, distance_m=distance_m, blocked=blocked) for one in node.success_conditions)
         return self.commit(mission_id, CompleteNode(packet=left, verdict=verdict(mission, left, word, results=results)))

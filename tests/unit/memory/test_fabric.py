@@ -19,6 +19,7 @@ from harness.contracts.ports import Batch, MemoryIndex, NewEvent
 from harness.contracts.values import Moment, decode, encode
 from harness.followers import BATCH
 from harness.memory.fabric import BEHIND, MemoryFabric
+from harness.memory.fold import FOLD
 from tests.builders.gate import CONFIGURATION, GO
 from tests.saying import raises_saying
 from tests.unit.memory.building import EVERY_STANDING, EVERYTHING, Log
@@ -269,7 +270,7 @@ def _outcomes(memory: MemoryFabric) -> list[MemoryRecord]:
 
 def _mark_of(log: Log) -> FollowPosition:
     head = log.store.head()
-    return FollowPosition(fold="1", position=head.position, digest=head.digest)
+    return FollowPosition(fold=FOLD, position=head.position, digest=head.digest)
 
 
 def _cut(log: Log, position: int) -> MemoryEventStore:

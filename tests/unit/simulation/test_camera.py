@@ -102,6 +102,15 @@ def test_a_panorama_is_eight_turns_eight_frames_and_the_first_heading_again() ->
     assert cv2.imdecode(body, cv2.IMREAD_COLOR).shape == (720, 1280, 3)
 
 
+def test_every_capture_has_noise_of_its_own_that_a_second_run_repeats() -> None:
+    first, again = bench(), bench()
+    looks = [made.run("observer", {"duration_s": 1.0, "frames": 1.0}, node=node)
+             for made in (first, again) for node in ("one", "two")]  # fmt: skip
+    one, two, repeated_one, repeated_two = (look.blobs[0] for look in looks)
+    assert one != two
+    assert (one, two) == (repeated_one, repeated_two)
+
+
 def test_every_frame_is_taken_standing_for_a_second() -> None:
     made = bench()
     made.run("panorama-camera", {"frames": 3.0})

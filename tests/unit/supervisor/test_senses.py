@@ -8,6 +8,7 @@ from msgspec.structs import replace
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
+from harness.adapters.pictures import PICTURES
 from harness.adapters.stores.memory import MemorySpool
 from harness.bootstrap import simulated
 from harness.contracts.errors import ProviderUnreachable
@@ -77,6 +78,7 @@ def watch() -> Iterator[Watch]:
             spool=spool,
             prepare=lambda mission: None,
             revive=lambda: False,
+            pictures=PICTURES,
         )
         yield Watch(robot, spool, ObservationBuffer(runtime=harness.runtime, connection=connection), clock)
 

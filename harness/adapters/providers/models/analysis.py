@@ -3,10 +3,9 @@
 import math
 from pathlib import Path
 
-import cv2
 import msgspec
-import numpy as np
 
+from harness.adapters.pictures import PICTURES
 from harness.adapters.providers import local
 from harness.adapters.providers.models.faces import Pixels
 from harness.adapters.providers.models.passage import METHOD, OrientedFrame, analyse
@@ -111,20 +110,17 @@ class OpenCvAnalysis(local.LocalProvider):
         )
 
     def _pixels(self, image: Digest) -> Pixels:
-        body = np.frombuffer(self._blobs.get(image), dtype=np.uint8)
-        decoded = cv2.imdecode(body, cv2.IMREAD_COLOR_RGB) if len(body) else None
         size = (self._camera.height_px, self._camera.width_px)
-        if decoded is None or decoded.shape[:2] != size:
-            raise ProviderFailed(
-                because(
-                    "frame_unusable" if decoded is None else "frame_of_other_size",
-                    digest=image,
-                    width_px=size[1],
-                    height_px=size[0],
-                ),
-                where=CARD.provider_id,
-            )
-        return np.asarray(decoded, dtype=np.uint8)
+        body = self._blobs.get(image)
+        try:
+            decoded = PICTURES.pixels(body)
+        except ProviderFailed as error:
+            unusable = because("frame_unusable", digest=image, width_px=size[1], height_px=size[0])
+            raise ProviderFailed(unusable, where=CARD.provider_id) from error
+        if decoded.shape[:2] != size:
+            other = because("frame_of_other_size", digest=image, width_px=size[1], height_px=size[0])
+            raise ProviderFailed(other, where=CARD.provider_id)
+        return decoded
 
 
 class _AnalysisRequest(Value):

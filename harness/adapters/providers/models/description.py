@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.adapters.pictures import PICTURES
 from harness.adapters.providers.local import LocalProvider, Outcome, ReceiptDraft, Result
 from harness.contracts import capabilities, values
 from harness.contracts.effects import Relational
@@ -106,11 +107,7 @@ class OpenCvDescription(LocalProvider):
 
     def work(self, request: StartRequest, now_s: float) -> Outcome:
         image = only_image(request)
-        body = np.frombuffer(self._blobs.get(image), dtype=np.uint8)
-        decoded = cv2.imdecode(body, cv2.IMREAD_COLOR_RGB) if len(body) else None
-        if decoded is None:
-            raise ProviderFailed(because("blob_no_picture"), where=CARD.provider_id)
-        description = described(image, np.asarray(decoded, dtype=np.uint8))
+        description = described(image, PICTURES.pixels(self._blobs.get(image)))
         blob = self._blobs.put(values.encode(description))
         declared = {"brightness": description.brightness, "sharpness": description.sharpness}
         return Result(
