@@ -9,7 +9,7 @@ WORKERS ?= 2
 MUTANTS ?= 20
 SEED ?= 1
 
-.PHONY: targets install install-test run test check lint format types architecture ledger ledger-mutants bench campaign goals lock sbom clean
+.PHONY: targets install install-test run test check lint format types architecture ledger ledger-mutants bench campaign goals howto lock sbom clean
 
 targets: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -66,6 +66,9 @@ campaign: install-test ## every fault campaign: CAMPAIGN_MISSIONS=100000 CAMPAIG
 
 lock: ## resolve both locks again: universal, with hashes, without any index address
 	@tools/lock.sh
+
+howto: install-test ## follow the how-to pages literally: empty home, clean clone; publishes durations and deviations
+	@$(BIN)/python -m tools.howto --publish
 
 sbom: install-test ## the software bill of materials: build/regenharness.cdx.json (CycloneDX)
 	@$(BIN)/python -m tools.sbom

@@ -1,6 +1,6 @@
 """What every route of the console shares: the runtime, sign-in, 3D scenes, and the shell of a page."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
@@ -9,13 +9,14 @@ from typing import Annotated, Protocol, TypeVar
 import msgspec
 from cachetools import LRUCache
 from fastapi import Depends, Request
+from starlette.datastructures import UploadFile
 
 from app.auth.guarded_releases import GuardedReleaseService
 from app.auth.guarded_runtime import GuardedRuntime
 from app.auth.oidc_login import OidcLogin
 from app.auth.sessions import SessionService
 from app.background.alerts import Alerts
-from app.background.evaluations import Evaluated
+from app.background.evaluations import EvaluationCache
 from app.background.lists import Lists
 from app.background.mission_history import Histories
 from app.background.presence import Presence
@@ -23,7 +24,7 @@ from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
 from app.background.trajectories import Measurements
 from app.i18n.messages import reasoned
-from app.scene.servers import Scenes
+from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
 from app.views.shell import Shell, Surroundings, shell
 from app.web.security import actor_of
@@ -35,12 +36,12 @@ from harness.contracts.control import CONTROL, Posture
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
-from harness.contracts.ids import Digest, MissionId, RequestId, RobotId
+from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId, RobotId
 from harness.contracts.ports import LogHead
 from harness.contracts.proposals import CandidateSet, RoutingExplanation
 from harness.contracts.protocol import DriveReport, PhysicalStart
+from harness.contracts.reasons import Reason
 from harness.projections.control import SiteControl
-from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
 from harness.routing.explanation import explained
 from harness.routing.question import RoutingQuestion
@@ -102,14 +103,14 @@ class Console:
     runtime: GuardedRuntime
     settings: ConsoleSettings
     broker: SignalBroker
-    scenes: Scenes
+    scenes: SceneViews
     sessions: SessionService
     histories: Histories
     lists: Lists
     measurements: Measurements
     alerts: Alerts
     releases: GuardedReleaseService
-    evaluated: Evaluated
+    evaluated: EvaluationCache
     clock: Callable[[], float]
     starts: Starts = no_journal
     cards: Cards = no_cards
@@ -118,6 +119,8 @@ class Console:
     presence: Presence = field(default_factory=Presence)
     teleoperation: TeleoperationPort | None = None
     dossier: Dossier | None = None
+    absent: Mapping[RobotId, Reason] = field(default_factory=dict)
+    unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = field(default_factory=dict)
     issuer: OidcLogin | None = None
 
     def head(self) -> LogHead:
@@ -147,15 +150,6 @@ class Console:
     def open_missions(self) -> list[Mission]:
         """Missions that have not ended, newest first."""
         return self.runtime.open_missions()
-
-    def mission_of(self, handoff: Handoff) -> Mission | None:
-        """The mission a handoff belongs to, if the log still has it."""
-        if handoff.opened is None:
-            return None
-        try:
-            return self.runtime.mission(handoff.opened.mission_id)
-        except UnknownName:
-            return None
 
     def check(self, digest: Digest) -> str:
         """Empty if a blob's bytes match its digest at this moment, else why not."""
@@ -192,6 +186,16 @@ class Console:
 def console_of(request: Request) -> Console:
     console: Console = request.app.state.console
     return console
+
+
+async def file_of(request: Request, name: str) -> bytes:
+    """The bytes of a file that a form carries; none where nobody chose one."""
+    given = (await request.form()).get(name)
+    if not isinstance(given, UploadFile):
+        return b""
+    body = await given.read()
+    await given.close()
+    return body
 
 
 async def form_of(request: Request) -> dict[str, str]:

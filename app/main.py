@@ -4,10 +4,10 @@ import secrets
 import shutil
 import socket
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
-from types import FrameType
+from types import FrameType, MappingProxyType
 
 import uvicorn
 from argon2 import PasswordHasher
@@ -20,9 +20,9 @@ from app.auth.guarded_runtime import GuardedRuntime
 from app.auth.oidc_settings import oidc_login
 from app.auth.rate_limits import Buckets
 from app.auth.sessions import SessionService
-from app.background.alert_watch import AlertWatch, Watched
+from app.background.alert_watch import AlertSources, AlertWatch
 from app.background.alerts import Alerts
-from app.background.evaluations import Evaluated, evaluator_folder
+from app.background.evaluations import EvaluationCache, evaluator_folder
 from app.background.lists import Lists
 from app.background.mission_history import Histories
 from app.background.notifications import Notices
@@ -35,6 +35,7 @@ from app.routes import (
     account,
     alerts,
     api,
+    api_admissions,
     api_alerts,
     api_events,
     api_handoffs,
@@ -69,7 +70,7 @@ from app.routes import (
     sign_in,
     watch,
 )
-from app.scene.servers import Scenes
+from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
 from app.web import errors
 from app.web.connections import ConnectionLimits, bounded_protocol
@@ -83,8 +84,8 @@ from app.web.streams import StreamCounts
 from harness.adapters.notify.services import AppriseNotifier
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.bootstrap import open_lists
-from harness.contracts.ids import MissionId
-from harness.contracts.reasons import because
+from harness.contracts.ids import MissionId, ProviderId, RobotId
+from harness.contracts.reasons import Reason, because
 from harness.dossiers import export_dossier
 from harness.runtime import AnswerHandoff, FreeResource, Runtime, unobserved, unsupervised
 
@@ -95,7 +96,7 @@ def create_app(
     runtime: Runtime,
     settings: ConsoleSettings,
     broker: SignalBroker,
-    scenes: Scenes,
+    scenes: SceneViews,
     *,
     accounts: Accounts,
     answer: AnswerHandoff = unsupervised,
@@ -105,11 +106,15 @@ def create_app(
     folder: Path | None = None,
     fleet: Fleet | None = None,
     teleoperation: TeleoperationPort | None = None,
+    absent: Mapping[RobotId, Reason] = MappingProxyType({}),
+    unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = MappingProxyType({}),
 ) -> FastAPI:
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
     The runtime's gate was built with the authority of these `accounts`; the console closes them when it ends. `answer`
     takes what people answer at handoffs and `free` frees resources in quarantine: a supervisor's.
+
+    `absent`: robots of the site that could not be connected; `unused`: providers that are not admitted; each with why.
 
     `fleet` shows what robots say of themselves, `wheel` lets people drive them; both are ended with the console.
 
@@ -120,8 +125,8 @@ def create_app(
     lists.catch_up()
     sessions = _sessions(accounts, settings)
     inbox = Alerts(runtime)
-    release_service = GuardedReleaseService(runtime, accounts.told)
-    watched = Watched(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
+    release_service = GuardedReleaseService(runtime, accounts.record)
+    watched = AlertSources(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
     services = AppriseNotifier({name: address.get_secret_value() for name, address in settings.notify.items()})
     notices = Notices(runtime, services, time.time, settings.address)
     alert_watch = AlertWatch(runtime, inbox, watched, tell=notices.offer)
@@ -143,7 +148,7 @@ def create_app(
     app.state.alert_watch = alert_watch
     app.state.notices = notices
     app.state.console = Console(
-        runtime=GuardedRuntime(runtime, answer=answer, free=free, audit_log=accounts.told),
+        runtime=GuardedRuntime(runtime, answer=answer, free=free, audit_log=accounts.record),
         settings=settings,
         broker=broker,
         scenes=scenes,
@@ -153,12 +158,14 @@ def create_app(
         measurements=Measurements(runtime),
         alerts=inbox,
         releases=release_service,
-        evaluated=Evaluated(release_service, evaluator_folder(folder) if folder else None),
+        evaluated=EvaluationCache(release_service, evaluator_folder(folder) if folder else None),
         clock=time.time,
         starts=starts,
         cards=cards,
         fleet=fleet or no_fleet(),
         teleoperation=teleoperation,
+        absent=absent,
+        unused=unused,
         dossier=_dossiers(runtime, folder),
         issuer=oidc_login(settings, sessions, clock=time.time, fresh=_fresh),
     )
@@ -196,6 +203,7 @@ def create_app(
         api_leases,
         api_alerts,
         api_maps,
+        api_admissions,
         api_places,
         api_reading,
         api_releases,

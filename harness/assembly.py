@@ -21,10 +21,11 @@ from harness.adapters.providers.models.description import OpenCvDescription
 from harness.adapters.providers.speech.microphone import RoomMicrophone
 from harness.adapters.providers.speech.recordings import RecordingClaims
 from harness.adapters.providers.speech.speaker import PacedSpeaker, RoomSpeaker
+from harness.adapters.providers.speech.transcriber import SphinxTranscriber
 from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.configurations import StoredConfigurations
 from harness.adapters.stores.memory_index import VolatileMemoryIndex
-from harness.baseline.load import baseline, earlier, further
+from harness.baseline.load import baseline, earlier, shipped_workspace
 from harness.baseline.load import site as shipped_site
 from harness.contracts import ports
 from harness.contracts.configuration import Configuration
@@ -34,8 +35,11 @@ from harness.contracts.ids import Digest, MissionId, ProviderId, RobotId
 from harness.contracts.observations import Camera, Source
 from harness.contracts.places import Site
 from harness.contracts.protocol import PhysicalStart
+from harness.contracts.reasons import Reason
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
+from harness.contracts.tasks import TaskTemplate
 from harness.exploration.targets import NEAREST_EDGE, Proposer
+from harness.gate.admissions import DECIDER as ADMISSION
 from harness.gate.alerts import DECIDER as ALERT
 from harness.gate.commit import Gate
 from harness.gate.control import DECIDER as CONTROL
@@ -62,6 +66,8 @@ Select = Callable[[Runtime, RobotId], Digest | None]
 Trial = Callable[[Runtime, Digest], bool]
 """Which configuration version a new mission of a robot is pinned to; None: the one the harness was opened with."""
 
+QUADRUPED = "quadruped"
+"""The body of the simulator's robots, as cards name it."""
 HARNESS = "harness"
 """The origin of what runs in this process."""
 
@@ -73,6 +79,7 @@ DECIDERS: dict[str, Decider[Any, Any, Any]] = {
     "map": MAP,
     "alert": ALERT,
     "place": PLACE,
+    "admission": ADMISSION,
 }
 
 
@@ -102,7 +109,8 @@ class NullSignals:
 class Harness:
     """The running harness: runtime, supervisor and the robots it may command. `token` is the owner's.
 
-    Every robot has a mission time of its own: `clock` is the first one's, `clocks` has all of them.
+    Every robot has a mission time of its own: `clock` is the first one's, `clocks` has all of them. `absent`: robots of
+    the site that could not be connected, and why; `unused`: providers of connected ones that are not admitted.
     """
 
     runtime: Runtime
@@ -112,6 +120,8 @@ class Harness:
     teleoperation: Teleoperation
     clocks: Mapping[RobotId, ports.Clock]
     cameras: Mapping[RobotId, ports.LiveCamera]
+    absent: Mapping[RobotId, Reason] = field(default_factory=dict)
+    unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = field(default_factory=dict)
     token: str = ""
 
     def starts(self, mission_id: MissionId) -> tuple[PhysicalStart, ...]:
@@ -135,6 +145,7 @@ class Parts:
     verifier: Verifier = verify
     planner: Planner = GRAPH_ORDER
     reader: GoalReader = GRAMMAR
+    transcriber: ports.Transcriber = field(default_factory=SphinxTranscriber)
     proposer: Proposer = NEAREST_EDGE
     deciders: Deciders = field(default_factory=dict)
     authority: Authority = unquestioned
@@ -142,6 +153,7 @@ class Parts:
     trial: Trial = nothing_on_trial
     configuration: Configuration = field(default_factory=baseline)
     site: Site = field(default_factory=shipped_site)
+    missions: tuple[TaskTemplate, ...] = field(default_factory=lambda: shipped_workspace().missions)
     rules: RulesVersion = CURRENT_RULES
 
 
@@ -162,6 +174,7 @@ class Member:
     hand: ports.Teleoperable | None = None
     origin: str = ""
     sources: Sequence[ports.IndependentSource] = ()
+    embodiment: str = QUADRUPED
 
 
 @dataclass(frozen=True)
@@ -247,6 +260,7 @@ def _connection(settings: HarnessSettings, parts: Parts, member: Member) -> Robo
         hand=member.hand,
         origins=_origins(member),
         sources=tuple(member.sources),
+        embodiment=member.embodiment,
     )
 
 
@@ -308,10 +322,11 @@ def runtime_on(
         ),
         site=parts.site,
         memory=MemoryFabric(store=parts.store, index=parts.index),
-        beside=further(),
+        beside=parts.missions,
         reader=parts.reader,
         rules=parts.rules,
         sources=sources,
+        transcriber=parts.transcriber,
     )
     return runtime
 
@@ -319,7 +334,7 @@ def runtime_on(
 def local_services(
     parts: Parts,
     *,
-    camera: Camera,
+    camera: Camera | None,
     folder: Path | None,
     robot_id: str = "",
     room: ports.Room | None = None,
@@ -327,7 +342,7 @@ def local_services(
 ) -> LocalServices:
     """What runs beside the harness for one robot: intake, analysis, delivery, voice, archive and description, and the
     sources that measure what they did: the channel's read path, the robot's lidar and the microphone of its `room`.
-    `channel` is the data folder's own where none is given.
+    `channel` is the data folder's own where none is given; a robot without a camera is served no analysis of pictures.
     """
 
     def journal(name: str) -> Path | None:
@@ -338,7 +353,7 @@ def local_services(
     speaker = RoomSpeaker(room) if room else PacedSpeaker()
     providers = (
         TextIntake(clock=clock, blobs=blobs, journal=journal("text-intake")),
-        OpenCvAnalysis(camera, clock=clock, blobs=blobs, journal=journal("opencv-analysis")),
+        *([OpenCvAnalysis(camera, clock=clock, blobs=blobs, journal=journal("opencv-analysis"))] if camera else []),
         OutboxDelivery(messages.outbox, clock=clock, blobs=blobs, journal=journal("message-outbox")),
         EspeakVoice(speaker, clock=clock, blobs=blobs, journal=journal("espeak-voice")),
         EvidenceArchiver(clock=clock, blobs=blobs, journal=journal("evidence-keeper")),

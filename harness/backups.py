@@ -11,7 +11,7 @@ from harness.adapters.clock import SystemClock
 from harness.adapters.stores import backup_files
 from harness.adapters.stores.blobs import FileBlobStore
 from harness.adapters.stores.folder import DataFolder, existing
-from harness.adapters.stores.opening import open_log
+from harness.adapters.stores.log_address import open_log
 from harness.contracts.errors import BackupInvalid, StoreUnavailable
 from harness.contracts.ids import Digest
 from harness.contracts.ports import LogHead

@@ -1,9 +1,10 @@
 """Builds the harness: chooses the adapters, passes them to the gate and the supervisor, and closes them again."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
@@ -11,16 +12,18 @@ from typing import Protocol
 from harness.adapters.clock import LockstepClock, SystemClock
 from harness.adapters.failpoints import parse, with_failpoint
 from harness.adapters.ids import SeededIds, SystemIds
+from harness.adapters.providers.http.addressed import AddressedRobot
 from harness.adapters.providers.http.process import RobotSettings
+from harness.adapters.providers.http.robot import HttpRobot
 from harness.adapters.providers.http.supervised_process import SupervisedProcess
 from harness.adapters.stores.anchors import anchor_key, anchoring
 from harness.adapters.stores.blobs import FileBlobStore, owned_blobs
 from harness.adapters.stores.folder import DataFolder, existing, prepare
 from harness.adapters.stores.installation_key import installation_key
+from harness.adapters.stores.log_address import is_server, open_log
+from harness.adapters.stores.log_transfer import move_log as moved
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
-from harness.adapters.stores.moving import move_log as moved
-from harness.adapters.stores.opening import is_server, open_log
 from harness.adapters.stores.owner import Owner, OwnerLock, read_owner
 from harness.adapters.stores.postgres_listener import Listener
 from harness.adapters.stores.read_models import SqlReadModels
@@ -43,21 +46,28 @@ from harness.assembly import (
     nothing_selected,
     runtime_on,
 )
-from harness.baseline.load import baseline, site_from
+from harness.baseline.load import baseline, workspace_in
 from harness.contracts import ports
+from harness.contracts.admissions import admission_stream
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Authority, unquestioned
-from harness.contracts.errors import ContractInvalid
+from harness.contracts.errors import ContractInvalid, ProviderFailed, ProviderUnreachable
 from harness.contracts.ids import RobotId
 from harness.contracts.observations import Camera
 from harness.contracts.places import Site
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Reason, because
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.simulation import InProcessRobot, Simulator
+from harness.gate.admissions import DECIDER as ADMISSION
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
+from harness.workspace.files import HttpRobotEntry, SimulatedRobotEntry
+from harness.workspace.reading import Workspace, token_of
+
+CONNECT_S = 5.0
+"""The longest that one exchange with a robot at an address may take, wall seconds."""
 
 __all__ = [
     "DECIDERS",
@@ -79,6 +89,7 @@ __all__ = [
     "open_lists",
     "owner_of",
     "read_harness",
+    "robot_names",
     "runtime_on",
     "simulated",
 ]  # fmt: skip
@@ -102,15 +113,18 @@ def open_harness(
     select: Select = nothing_selected,
     trial: Trial = nothing_on_trial,
 ) -> Iterator[Harness]:
-    """The runtime on this data folder with every simulated robot as a child process, until the block ends.
+    """The runtime on this data folder with the site's robots, until the block ends: simulated ones as child processes,
+    others by their address, with the providers that were admitted there.
+
+    A robot at an address that cannot be connected is left out, and `Harness.absent` says why.
 
     `deciders` are for further families of streams, `select` says which version new missions are pinned to, `trial`
     whether one is in canary, so that a person approves each motion.
     `authority` is asked in every commit whether whoever gave a command still may.
     Raises StoreOwned if another supervisor owns the folder, StoreUnavailable or StoreNewer if it cannot be used,
-    ContractInvalid for a site file that breaks a rule.
+    ContractInvalid for a site's folder that breaks a rule, ProviderUnreachable where no robot could be connected.
     """
-    site = site_from(settings.site_file)
+    workspace = workspace_in(settings.site_folder)
     with ExitStack() as stack:
         folder = prepare(settings.data_folder)
         lock = stack.enter_context(OwnerLock(folder.root))
@@ -121,13 +135,18 @@ def open_harness(
         stack.enter_context(_anchored(store, folder, settings))
         if signals and is_server(settings.database):
             stack.enter_context(closing(Listener(settings.database, signals.changed)))
-        kept = _started(stack, folder, settings)
+        processes = _started(stack, folder, settings, simulated_names(settings, workspace))
+        connected, absent = _connected(stack, store, addressed_entries(settings, workspace), workspace.folder)
+        clocks = [*(one.clock for one in processes), *(robot.clock for _, robot in connected)]
+        if not clocks:
+            name, why = next(iter(absent.items()))
+            raise ProviderUnreachable(because("no_robot_connects", robot_id=name, reason=why))
         parts = Parts(
             store=store,
             blobs=owned_blobs(folder.blobs),
             spool=FileSpool(folder.spool),
             ids=ids,
-            clock=kept[0].clock,
+            clock=clocks[0],
             signals=signals or NullSignals(),
             index=stack.enter_context(closing(SqlMemoryIndex(f"sqlite:///{folder.root / 'memory.db'}"))),
             snapshots=snapshots,
@@ -135,10 +154,13 @@ def open_harness(
             authority=authority,
             select=select,
             trial=trial,
-            site=site,
+            site=workspace.site,
+            missions=workspace.missions,
         )
-        members = [_kept_member(parts, one, folder) for one in kept]
-        yield replace(joined(stack, settings, parts, members), token=token)
+        members = [_kept_member(parts, one, folder) for one in processes]
+        members += [_addressed_member(parts, *one, folder) for one in connected]
+        unused = {RobotId(entry.name): robot.unused for entry, robot in connected if robot.unused}
+        yield replace(joined(stack, settings, parts, members), token=token, absent=absent, unused=unused)
 
 
 @contextmanager
@@ -180,6 +202,7 @@ def _without_robots(
     select: Select,
     authority: Authority = unquestioned,
 ) -> Iterator[Runtime]:
+    workspace = workspace_in(settings.site_folder)
     with closing(open_log(settings.database or folder.log_url)) as log:
         key = installation_key(settings.snapshot_key_file, data=folder.root, make=False)
         parts = Parts(
@@ -193,7 +216,8 @@ def _without_robots(
             deciders=deciders,
             authority=authority,
             select=select,
-            site=site_from(settings.site_file),
+            site=workspace.site,
+            missions=workspace.missions,
         )
         yield runtime_on(parts)
 
@@ -222,6 +246,7 @@ def simulated(
     harness and the robot; `deciders`, `authority`, `select` and `trial` as in `open_harness`. `rules` are the ones that
     new missions are judged by.
     """
+    workspace = workspace_in(settings.site_folder)
     with ExitStack() as stack:
         robots = [
             simulator.robot(robot_id, seed=seed + index, fidelity=settings.fidelity, hidden=hidden)
@@ -236,7 +261,8 @@ def simulated(
             clock=clocks[0],
             signals=NullSignals(),
             configuration=configuration or baseline(),
-            site=site or site_from(settings.site_file),
+            site=site or workspace.site,
+            missions=workspace.missions,
             deciders=deciders,
             authority=authority,
             select=select,
@@ -267,29 +293,97 @@ def _simulated_member(parts: Parts, simulated_robot: InProcessRobot, clock: port
     )
 
 
-def _kept_member(parts: Parts, kept: SupervisedProcess, folder: DataFolder) -> Member:
+def _kept_member(parts: Parts, process: SupervisedProcess, folder: DataFolder) -> Member:
     def configure(mission: Mission) -> None:
-        kept.configure(mission.mission_id, mission.seed, _faults(mission))
+        process.configure(mission.mission_id, mission.seed, _faults(mission))
 
-    own = replace(parts, clock=kept.clock)
+    own = replace(parts, clock=process.clock)
     beside = local_services(
-        own, camera=camera_of(kept.robot), folder=folder.root, robot_id=kept.robot_id, room=kept.robot
+        own, camera=camera_of(process.robot), folder=folder.root, robot_id=process.robot_id, room=process.robot
     )
     return Member(
-        robot_id=RobotId(kept.robot_id),
-        robot=kept.robot,
-        clock=kept.clock,
+        robot_id=RobotId(process.robot_id),
+        robot=process.robot,
+        clock=process.clock,
         local=beside.providers,
         sources=beside.sources,
         configure=configure,
-        revive=kept.revive,
-        camera=kept.robot,
-        hand=kept.robot,
+        revive=process.revive,
+        camera=process.robot,
+        hand=process.robot,
     )
 
 
 def _faults(mission: Mission) -> list[str]:
     return [name for name in mission.labels.get("faults", "").split(",") if name]
+
+
+def robot_names(settings: HarnessSettings) -> tuple[str, ...]:
+    """Every robot that `open_harness` would start or connect. Raises as `workspace_in` does."""
+    workspace = workspace_in(settings.site_folder)
+    entries = addressed_entries(settings, workspace)
+    return (*simulated_names(settings, workspace), *(one.name for one in entries))
+
+
+def simulated_names(settings: HarnessSettings, workspace: Workspace) -> tuple[str, ...]:
+    """The robots to simulate: those that the settings name, else those of the site's folder."""
+    if settings.site_folder is None or settings.robots:
+        return settings.fleet
+    return tuple(one.name for one in workspace.robots if isinstance(one, SimulatedRobotEntry))
+
+
+def addressed_entries(settings: HarnessSettings, workspace: Workspace) -> tuple[HttpRobotEntry, ...]:
+    """The robots to connect by address: none where the settings name robots to simulate."""
+    entries = () if settings.robots or settings.site_folder is None else workspace.robots
+    return tuple(one for one in entries if isinstance(one, HttpRobotEntry))
+
+
+def _connected(
+    stack: ExitStack, store: ports.EventStore, entries: Sequence[HttpRobotEntry], folder: Path
+) -> tuple[list[tuple[HttpRobotEntry, AddressedRobot]], dict[RobotId, Reason]]:
+    """The robots that answer at their addresses, and why the others are left out."""
+    found: list[tuple[HttpRobotEntry, AddressedRobot]] = []
+    absent: dict[RobotId, Reason] = {}
+    for entry in entries:
+        name = RobotId(entry.name)
+        checks = [ADMISSION.codec.decode(one) for one in store.load(admission_stream(name))]
+        admissions = ADMISSION.fold(ADMISSION.initial, checks)
+        try:
+            client = HttpRobot(entry.address, token_of(entry, folder), timeout_s=CONNECT_S)
+            stack.callback(client.close)
+            refusal = partial(admissions.refusal, address=entry.address)
+            robot = AddressedRobot(
+                client,
+                name=entry.name,
+                refusal=refusal,
+                speed_limit_mps=entry.speed_limit_mps,
+                camera=entry.camera,
+            )
+        except (ProviderFailed, ContractInvalid) as error:
+            absent[name] = error.reason
+            continue
+        found.append((entry, robot))
+    return found, absent
+
+
+def _addressed_member(parts: Parts, entry: HttpRobotEntry, robot: AddressedRobot, folder: DataFolder) -> Member:
+    def configure(mission: Mission) -> None:
+        """A robot of its own world has nothing to configure."""
+
+    own = replace(parts, clock=robot.clock)
+    beside = local_services(own, camera=robot.status().camera, folder=folder.root, robot_id=entry.name)
+    return Member(
+        robot_id=RobotId(entry.name),
+        robot=robot,
+        clock=robot.clock,
+        local=beside.providers,
+        sources=beside.sources,
+        configure=configure,
+        camera=robot.live_camera,
+        hand=robot.hand if entry.teleoperation else None,
+        origin=entry.address,
+        embodiment=entry.embodiment or robot.embodiment,
+    )
 
 
 def camera_of(robot: ports.Robot) -> Camera:
@@ -340,11 +434,15 @@ def _anchored(log: HasHead, folder: DataFolder, settings: HarnessSettings) -> It
         yield
 
 
-def _started(stack: ExitStack, folder: DataFolder, settings: HarnessSettings) -> list[SupervisedProcess]:
+def _started(
+    stack: ExitStack, folder: DataFolder, settings: HarnessSettings, names: Sequence[str]
+) -> list[SupervisedProcess]:
     """All robot processes, started side by side. The stack ends those that came up."""
+    if not names:
+        return []
 
     def start(robot_id: str, seed: int) -> SupervisedProcess:
-        kept = SupervisedProcess(
+        process = SupervisedProcess(
             RobotSettings(
                 command=settings.robot_command,
                 folder=str(folder.robots / robot_id),
@@ -354,9 +452,9 @@ def _started(stack: ExitStack, folder: DataFolder, settings: HarnessSettings) ->
                 fidelity=settings.fidelity,
             )
         )
-        stack.callback(kept.close)
-        return kept
+        stack.callback(process.close)
+        return process
 
-    seeds = range(settings.seed, settings.seed + len(settings.fleet))
-    with ThreadPoolExecutor(max_workers=len(settings.fleet)) as pool:
-        return list(pool.map(start, settings.fleet, seeds))
+    seeds = range(settings.seed, settings.seed + len(names))
+    with ThreadPoolExecutor(max_workers=len(names)) as pool:
+        return list(pool.map(start, names, seeds))

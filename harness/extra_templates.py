@@ -1,4 +1,4 @@
-"""Starts missions: offers the templates beside H_0 too, and has a planner order the stages of theirs.
+"""Starts missions: offers the missions of the site's own folder too, and has a planner order the stages of theirs.
 
 Every mission runs under its robot's current configuration, is pinned to it and ends at the same gate. The compiled
 contract is stored in the log; a candidate cannot change the templates beside H_0.
@@ -7,24 +7,30 @@ contract is stored in the log; a candidate cannot change the templates beside H_
 from dataclasses import replace
 from typing import Protocol
 
-from harness.baseline.load import further
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.ids import Digest, RobotId
+from harness.contracts.places import Site
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import encode
-from harness.goals.understanding import Understood
-from harness.planning.decomposition import ONE_AFTER_ANOTHER, Decomposed, StagePlanner, decomposed
+from harness.goals.understanding import UnderstoodGoal
+from harness.planning.decomposition import ONE_AFTER_ANOTHER, DecompositionResult, StagePlanner, decomposed
 from harness.runtime import Start
 
 
 class MissionStarter(Protocol):
     """What starting a mission needs of the runtime."""
 
+    @property
+    def site(self) -> Site: ...
+
+    @property
+    def beside(self) -> tuple[TaskTemplate, ...]: ...
+
     def current_configuration(self, robot_id: RobotId) -> Configuration: ...
 
-    def understood(self, start: Start) -> Understood: ...
+    def understood(self, start: Start) -> UnderstoodGoal: ...
 
     def start(self, start: Start, *, template: TaskTemplate | None = None) -> Accepted[AnyEvent] | Refused: ...
 
@@ -34,10 +40,25 @@ class MissionStarter(Protocol):
 
 
 def offered(runtime: MissionStarter, robot_id: RobotId) -> tuple[TaskTemplate, ...]:
-    """What a person may start on this robot: its configuration's templates, then those beside H_0."""
-    own = runtime.current_configuration(robot_id).templates
+    """What a person may start on this robot: its configuration's templates, then the site's own missions.
+
+    A template of the configuration whose places this site does not have is left out.
+    """
+    known = place_names(runtime.site)
+    own = tuple(one for one in runtime.current_configuration(robot_id).templates if _at_home(one, known))
     names = {template.name for template in own}
-    return (*own, *(template for template in further() if template.name not in names))
+    return (*own, *(template for template in runtime.beside if template.name not in names))
+
+
+def place_names(site: Site) -> frozenset[str]:
+    """Every name that a place of the site goes by, as names are compared."""
+    words = (word for place in site.places for word in (place.place_id, place.name, *place.aliases))
+    return frozenset(" ".join(word.casefold().split()) for word in words)
+
+
+def _at_home(template: TaskTemplate, known: frozenset[str]) -> bool:
+    places = (one.default for one in template.parameters if one.type == "place" and one.default is not None)
+    return all(str(name).casefold() in known for name in places)
 
 
 def begin(
@@ -64,7 +85,7 @@ def draft(runtime: MissionStarter, start: Start) -> TaskContract:
     return runtime.draft(start, template=taken.template if taken else None)
 
 
-def _taken_apart(runtime: MissionStarter, start: Start, planner: StagePlanner) -> Decomposed | None:
+def _taken_apart(runtime: MissionStarter, start: Start, planner: StagePlanner) -> DecompositionResult | None:
     """The stages of the one template beside H_0 that the goal takes, as the planner orders them; None if it takes none.
 
     The stages of several templates are done in the order that the goal says, and no planner is asked.
@@ -72,7 +93,7 @@ def _taken_apart(runtime: MissionStarter, start: Start, planner: StagePlanner) -
     found = runtime.understood(start)
     templates = [part.template for part in found.plan.parts] if found.plan else [found.template]
     names = {template.name for template in templates if template is not None}
-    chosen = next((one for one in further() if {one.name} == names), None)
+    chosen = next((one for one in runtime.beside if {one.name} == names), None)
     return decomposed(planner, goal=found.text, template=chosen) if chosen else None
 
 

@@ -49,8 +49,8 @@ def stored_cloud(
     """Every finite point of a PCD or PLY file, in metres. Raises CloudInvalid, StoreUnavailable."""
     limits = limits_for(cloud_head(file), size_bytes=file.stat().st_size)
     with TemporaryDirectory(prefix="regen-cloud-") as folder:
-        asked = CloudToSplit(file=str(file.absolute()), folder=folder, metres_per_unit=metres_per_unit)
-        answer = run_limited(split_cloud, encode(asked), limits, failure=CloudInvalid, where=str(file))
+        task = CloudToSplit(file=str(file.absolute()), folder=folder, metres_per_unit=metres_per_unit)
+        answer = run_limited(split_cloud, encode(task), limits, failure=CloudInvalid, where=str(file))
         found = decode(answer, SplitCloud)
         return MapCloud(
             map_version=map_version,
@@ -80,13 +80,13 @@ def limits_for(head: CloudHead, *, size_bytes: int) -> Limits:
 
 def split_cloud(request: bytes) -> bytes:
     """Read a cloud and write its chunks, in this very process. Raises CloudInvalid."""
-    asked = decode(request, CloudToSplit)
-    file = Path(asked.file)
-    points, dropped = read_cloud(file, metres_per_unit=asked.metres_per_unit)
+    task = decode(request, CloudToSplit)
+    file = Path(task.file)
+    points, dropped = read_cloud(file, metres_per_unit=task.metres_per_unit)
     origin_m = origin_of(points)
     parts = list[tuple[float, int]]()
     for number, one in enumerate(chunks(points, origin_m)):
-        _part(asked.folder, number).write_bytes(one.points.tobytes())
+        _part(task.folder, number).write_bytes(one.points.tobytes())
         parts.append((one.voxel_m, len(one.points)))
     with file.open("rb") as opened:
         digest = Digest(hashlib.file_digest(opened, "sha256").hexdigest())

@@ -15,15 +15,15 @@ from harness.adapters.providers.recording.reader import Recording, open_recordin
 from harness.adapters.providers.recording.robot import RecordedRobot
 from harness.adapters.providers.recording.segments import Segment
 from harness.adapters.providers.recording.topics import TopicSettings
-from harness.adapters.providers.recording.writer import RecordedLeg, Written, record_mission
+from harness.adapters.providers.recording.writer import RecordedLeg, WriteSummary, record_mission
 from harness.adapters.providers.recording.writer import RecordedMission as Recorded
 from harness.adapters.stores.blobs import owned_blobs
 from harness.adapters.stores.folder import prepare
+from harness.adapters.stores.log_address import open_log
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
-from harness.adapters.stores.opening import open_log
 from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.spool import FileSpool
-from harness.baseline.load import site as shipped_site
+from harness.baseline.load import workspace_in
 from harness.bootstrap import Harness, NullSignals, Parts, assemble
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
@@ -154,8 +154,8 @@ def replayed(
         lock.take(token=ids.token())
         store = open_log(settings.database or folder.log_url)
         stack.callback(store.close)
-        wanted = _approach(place, _site(store), recording) if place else target
-        robot = RecordedRobot(recording, target=wanted)
+        goal = _approach(place, _site(store, workspace_in(settings.site_folder).site), recording) if place else target
+        robot = RecordedRobot(recording, target=goal)
         stack.callback(robot.close)
         parts = Parts(
             store=store,
@@ -187,10 +187,10 @@ def open_checked(path: Path, topics: TopicSettings | None = None, *, recover: bo
     Raises RecordingInvalid for one that cannot be read, takes more than that, or changes meanwhile.
     """
     settings = topics or TopicSettings()
-    asked = RecordingToRead(
+    request = RecordingToRead(
         path=str(path.absolute()), topics=settings.model_dump_json(exclude_unset=True), recover=recover
     )
-    answer = run_limited(read_whole, encode(asked), _limits(path), failure=RecordingInvalid, where=str(path))
+    answer = run_limited(read_whole, encode(request), _limits(path), failure=RecordingInvalid, where=str(path))
     recording = open_recording(path, settings, recover=recover)
     if recording.sha256 != answer.decode():
         recording.close()
@@ -200,9 +200,9 @@ def open_checked(path: Path, topics: TopicSettings | None = None, *, recover: bo
 
 def read_whole(request: bytes) -> bytes:
     """The digest of a recording after every sample of it was decoded, in this very process. Raises RecordingInvalid."""
-    asked = decode(request, RecordingToRead)
-    topics = TopicSettings.model_validate_json(asked.topics)
-    with open_recording(Path(asked.path), topics, recover=asked.recover) as recording:
+    task = decode(request, RecordingToRead)
+    topics = TopicSettings.model_validate_json(task.topics)
+    with open_recording(Path(task.path), topics, recover=task.recover) as recording:
         for _ in recording.samples():
             pass
         return recording.sha256.encode()
@@ -221,9 +221,8 @@ def _limits(path: Path) -> Limits:
     )
 
 
-def _site(store: EventStore) -> Site:
-    """The shipped places with the changes that people made in this data folder."""
-    shipped = shipped_site()
+def _site(store: EventStore, shipped: Site) -> Site:
+    """The places of the site's folder with the changes that people made in this data folder."""
     changes = [PLACE.codec.decode(one) for one in store.load(place_stream(shipped.name))]
     return changed_site(shipped, PLACE.fold(PLACE.initial, changes))
 
@@ -315,7 +314,7 @@ def _leg_node(pattern: dict[str, Any], name: str, segment: Segment, *, after: li
     }
 
 
-def write_recording(runtime: Runtime, mission_id: MissionId, path: Path) -> Written:
+def write_recording(runtime: Runtime, mission_id: MissionId, path: Path) -> WriteSummary:
     """Write a mission as MCAP with the paper's topics (4 MiB at most). Raises RecordingInvalid."""
     mission = runtime.mission(mission_id)
     contract = required_contract(mission)
@@ -351,8 +350,8 @@ def _samples(runtime: Runtime, packets: Sequence[EvidencePacket]) -> list[AnySam
     for packet in packets:
         for reference in packet.estimates:
             trajectory = decode(runtime.blob(reference.blob), Trajectory)
-            kept: tuple[AnySample, ...] = (*trajectory.poses, *trajectory.odometry, *trajectory.scans)
-            found |= {sample.seq: sample for sample in kept}
+            samples: tuple[AnySample, ...] = (*trajectory.poses, *trajectory.odometry, *trajectory.scans)
+            found |= {sample.seq: sample for sample in samples}
         for reference in packet.after:
             if reference.kind == "image":
                 image = _image(reference.blob, reference.until_s, reference.values)

@@ -4,13 +4,13 @@ People and the supervisor use it; every change goes on to the gate, which alone 
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import Lock
 from types import MappingProxyType
 from typing import Any, Protocol
 
 from cachetools import LRUCache
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 
 from harness.contracts import ports
 from harness.contracts.actors import Actor
@@ -19,7 +19,7 @@ from harness.contracts.commands import CreateMission, MissionCommand, PauseMissi
 from harness.contracts.configuration import Configuration
 from harness.contracts.control import Autonomy
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
-from harness.contracts.errors import ConfigurationMissing, UnknownName
+from harness.contracts.errors import ConfigurationMissing, ContractInvalid, RecordingUnusable, UnknownName
 from harness.contracts.ids import (
     Digest,
     HandoffId,
@@ -31,6 +31,7 @@ from harness.contracts.ids import (
     handoff_stream,
     lease_stream,
     mission_stream,
+    sha256,
 )
 from harness.contracts.observations import AnySample
 from harness.contracts.person_commands import PersonCommand
@@ -38,8 +39,9 @@ from harness.contracts.places import Place, Site
 from harness.contracts.protocol import InvocationReport, RobotStatus
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
+from harness.contracts.spoken_goals import SpokenGoal, Transcription
 from harness.contracts.tasks import TaskContract, TaskTemplate
-from harness.contracts.values import Value
+from harness.contracts.values import Value, digest, encode
 from harness.gate.commit import CommandEnvelope, Gate
 from harness.gate.ended_missions import EndedMissions
 from harness.gate.open_missions import OpenMissions
@@ -47,7 +49,8 @@ from harness.gate.site_versions import SiteVersions
 from harness.goals.contract_compiler import ContractCompiler
 from harness.goals.reader import GRAMMAR, GoalReader
 from harness.goals.sources import RobotSources
-from harness.goals.understanding import GoalRequest, Understood
+from harness.goals.spoken import spoken_vocabulary
+from harness.goals.understanding import GoalRequest, UnderstoodGoal
 from harness.memory.fabric import MemoryFabric
 from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
@@ -56,6 +59,8 @@ from harness.projections.places import Places
 
 KEPT_LIVE = 64
 """For how many missions the latest observations are kept."""
+KEPT_HEARD = 16
+"""How many transcripts of recordings are kept, so that a reading that is confirmed need not be heard again."""
 
 
 AnswerHandoff = Callable[[HandoffId, PersonCommand], Decision[AnyEvent]]
@@ -102,7 +107,8 @@ class Unreadable(Value):
 class Start:
     """A person's request to start a mission: a template by name, a goal in words, or both; `channel`: how it came.
 
-    `confirm_reading` is the digest of the reading that the person confirmed (D41).
+    `confirm_reading` is the digest of the reading that the person confirmed (D41). `recording` is the digest of a
+    stored recording whose transcript is the goal (D48).
     """
 
     actor: Actor
@@ -116,6 +122,7 @@ class Start:
     replay: bool = False
     channel: str = ""
     confirm_reading: str = ""
+    recording: str = ""
 
     @property
     def request(self) -> GoalRequest:
@@ -147,6 +154,7 @@ class Runtime:
         beside: Sequence[TaskTemplate] = (),
         reader: GoalReader = GRAMMAR,
         sources: Mapping[RobotId, RobotSources] = MappingProxyType({}),
+        transcriber: ports.Transcriber | None = None,
     ) -> None:
         self._gate = gate
         self._store = store
@@ -156,10 +164,13 @@ class Runtime:
         self._configurations = configurations
         self._compiler = ContractCompiler(beside=beside, reader=reader, sources=sources, rules=rules)
         self._sites = SiteVersions(store, gate.state, site)
+        self.beside = tuple(beside)
         self.memory = memory
         self.rules = rules
         self._open_missions = OpenMissions(store)
         self._ended_missions = EndedMissions(store, gate.state)
+        self._transcriber = transcriber
+        self._heard: LRUCache[tuple[Digest, Digest], Transcription] = LRUCache(KEPT_HEARD)
         self._live: LRUCache[MissionId, Live] = LRUCache(KEPT_LIVE)
         self._caching = Lock()
 
@@ -210,6 +221,7 @@ class Runtime:
             trial=self.on_trial(pinned),
             rules=self.rules,
             channel=start.channel or UNSET,
+            spoken=self._spoken(start, contract),
         )
         version = self._configurations.record(pinned)
         return self.commit([CommandEnvelope(mission_stream(mission_id), create, start.robot_id)], records=(version,))
@@ -218,10 +230,19 @@ class Runtime:
         """The contract that `start` would create now; nothing is written. Raises as `start` does."""
         return self._compiled(start, self._configurations.current(start.robot_id), template)
 
-    def understood(self, start: Start) -> Understood:
+    def understood(self, start: Start) -> UnderstoodGoal:
         """What the goal of a request means now; nothing is written. Raises as `start` does."""
         configuration = self._configurations.current(start.robot_id)
-        return self._compiler.understood(start.request, configuration, site=self.site)
+        return self._compiler.understood(self._request(start), configuration, site=self.site)
+
+    def hear(self, recording: bytes) -> Transcription:
+        """What a recording of a goal says; stored by its digest, so that a start can name it.
+
+        Raises RecordingUnusable for what is no speech, where nothing is stored, and ProviderFailed.
+        """
+        found = self._transcribed(recording)
+        self._blobs.put(recording)
+        return found
 
     def compiled_under(self, mission: Mission, configuration: Configuration) -> TaskContract | None:
         """A mission's reading compiled under another configuration; None for a mission without a reading (D62).
@@ -237,7 +258,47 @@ class Runtime:
 
     def _compiled(self, start: Start, configuration: Configuration, template: TaskTemplate | None) -> TaskContract:
         return self._compiler.contract(
-            start.request, configuration, robot_id=start.robot_id, site=self.site, instead=template
+            self._request(start), configuration, robot_id=start.robot_id, site=self.site, instead=template
+        )
+
+    def _request(self, start: Start) -> GoalRequest:
+        """What is asked for, its text written down from the recording where it was spoken. Raises as `hear` does."""
+        if not start.recording:
+            return start.request
+        transcription = self._transcribed(self._blobs.get(self._recorded(start)))
+        if start.goal not in ("", transcription.text):
+            raise ContractInvalid(because("goal_not_of_recording", heard=transcription.text), where="goal")
+        return replace(start.request, text=transcription.text, heard=transcription)
+
+    def _recorded(self, start: Start) -> Digest:
+        """Raises UnknownName for a recording that was never stored here."""
+        if not self._blobs.has(Digest(start.recording)):
+            raise UnknownName(because("recording_unknown", digest=start.recording[:12]), where="recording")
+        return Digest(start.recording)
+
+    def _transcribed(self, recording: bytes) -> Transcription:
+        if self._transcriber is None:
+            raise RecordingUnusable(because("no_transcriber"), where="recording")
+        expected = spoken_vocabulary(self.site)
+        key = (sha256(recording), digest(expected))
+        with self._caching:
+            found = self._heard.get(key)
+        if found is None:
+            found = self._transcriber.transcribe(recording, expected=expected)
+            with self._caching:
+                self._heard[key] = found
+        return found
+
+    def _spoken(self, start: Start, contract: TaskContract) -> SpokenGoal | UnsetType:
+        """The recording and the transcript that the goal was written down from, both stored."""
+        if not start.recording:
+            return UNSET
+        transcription = self._transcribed(self._blobs.get(self._recorded(start)))
+        return SpokenGoal(
+            recording=transcription.recording,
+            transcript=self._blobs.put(encode(transcription)),
+            checksum=contract.goal.digest,
+            recogniser=transcription.recogniser,
         )
 
     def submit(

@@ -24,7 +24,7 @@ class HarnessSettings(BaseSettings):
     `snapshot_key_file` seals snapshots and lies outside the data folder; without one, a key is made in the user's
     state folder. While a process owns the folder it adds an anchor to `anchor_file`, outside the data folder, every
     `anchor_every` events, signed with `anchor_key_file` (Ed25519, PEM or 32 bytes) if there is one.
-    `site_file`: places, routes and passages, in the shape of harness/baseline/site.yaml; else the simulated site.
+    `site_folder`: a site's own folder, as `regen init` writes one (REGEN_SITE_FOLDER); without one, the simulated site.
     """
 
     model_config = SettingsConfigDict(env_prefix="REGEN_", frozen=True, extra="ignore")
@@ -42,9 +42,9 @@ class HarnessSettings(BaseSettings):
     anchor_file: Path | None = None
     anchor_every: Annotated[int, Field(ge=1)] = 1000
     anchor_key_file: Path | None = None
-    site_file: Path | None = None
+    site_folder: Path | None = None
 
     @property
     def fleet(self) -> tuple[str, ...]:
-        """Every robot once, in the order they were named."""
+        """Every simulated robot that is named here, once, in order; a site's folder names robots of its own."""
         return tuple(dict.fromkeys(self.robots)) or (self.robot_id,)

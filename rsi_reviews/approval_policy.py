@@ -25,9 +25,9 @@ def body_of(command: ReviewCommand) -> Digest:
     """SHA-256 over the whole request: kind, name, reason and subject. The key and the present state are not
     part of it.
     """
-    said: dict[str, Any] = msgspec.to_builtins(command)
-    kept = {name: value for name, value in said.items() if name not in (*STANDING, "key", "actor")}
-    return digest({**kept, "who": command.actor.name})
+    fields: dict[str, Any] = msgspec.to_builtins(command)
+    content = {name: value for name, value in fields.items() if name not in (*STANDING, "key", "actor")}
+    return digest({**content, "who": command.actor.name})
 
 
 def signed(command: ReviewCommand, now: Moment, *, override: bool = False) -> Signed:

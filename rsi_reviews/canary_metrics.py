@@ -27,16 +27,16 @@ def metrics_of(runtime: Runtime, mission_id: MissionId, *, duplicate_starts: int
     which the log does not hold.
     """
     stored = runtime.events(mission_id)
-    asked: dict[str, float] = {}
+    requested_s: dict[str, float] = {}
     handoffs = choices = 0
     minutes = 0.0
     for one in stored:
         match _CODEC.decode(one):
             case HandoffRequested() as event:
                 handoffs += 1
-                asked[event.handoff_id] = one.recorded_s
+                requested_s[event.handoff_id] = one.recorded_s
             case HandoffAnswered() as event:
-                minutes += (one.recorded_s - asked.pop(event.handoff_id, one.recorded_s)) / 60.0
+                minutes += (one.recorded_s - requested_s.pop(event.handoff_id, one.recorded_s)) / 60.0
             case DispatchIntended(candidates=str() as digest):
                 choices += _chosen_among(runtime, digest) > 1
             case _:

@@ -150,9 +150,9 @@ class _Again:
             case DispatchIntended():
                 yield from self._timeout(stored, event)
                 yield from self._routing(stored, event)
-                yield from self._shown(stored, event.context, node_id=event.node_id)
+                yield from self._context_differences(stored, event.context, node_id=event.node_id)
             case VerdictRecorded(verdict=verdict):
-                yield from self._shown(stored, verdict.context, node_id=None)
+                yield from self._context_differences(stored, verdict.context, node_id=None)
             case RecoveryAuthorised() | HandoffRequested() | NodeFailed():
                 yield from self._recovery(stored, event)
             case _:
@@ -160,7 +160,7 @@ class _Again:
 
     def _plan(self, stored: StoredEvent, event: NodePlanned) -> Iterator[DecisionDifference]:
         c1 = self._stored(event.context, Context)
-        yield from self._shown(stored, event.context, node_id=event.node_id)
+        yield from self._context_differences(stored, event.context, node_id=event.node_id)
         self.derived["plan"] += 1
         before, after = plan(c1).node_id, plan(self._narrowed(c1)).node_id
         if before != after:
@@ -200,7 +200,7 @@ class _Again:
             yield _difference(stored, "recovery", event.node_id, before=_words(before), after=_words(after))
         elif before.action == "wait":
             yield from self._wait(stored, c4, event.node_id)
-        yield from self._shown(stored, event.context, node_id=event.node_id)
+        yield from self._context_differences(stored, event.context, node_id=event.node_id)
 
     def _wait(self, stored: StoredEvent, c4: Context, node_id: NodeId) -> Iterator[DecisionDifference]:
         ladder = c4.one("ladder")
@@ -211,7 +211,9 @@ class _Again:
         if before != after:
             yield _difference(stored, "wait", node_id, before=f"{before:g} s", after=f"{after:g} s")
 
-    def _shown(self, stored: StoredEvent, name: Digest, *, node_id: NodeId | None) -> Iterator[DecisionDifference]:
+    def _context_differences(
+        self, stored: StoredEvent, name: Digest, *, node_id: NodeId | None
+    ) -> Iterator[DecisionDifference]:
         """The records that the role would have been shown; those withheld for the budget are known by kind only."""
         context = self._stored(name, Context)
         other = self._narrowed(context)

@@ -68,8 +68,8 @@ def _changes(baseline: Configuration, candidate: Configuration) -> Iterator[Fiel
             yield FieldChange(
                 section=section,
                 path=path,
-                before=_shown(was),
-                after=_shown(would),
+                before=_display_value(was),
+                after=_display_value(would),
                 unit=field.unit if field else "",
                 meaning=field.meaning if field else "",
             )
@@ -107,7 +107,7 @@ def _documented(kind: str, known: Mapping[str, Any]) -> str:
     return kind
 
 
-def _shown(value: Any) -> str:
+def _display_value(value: Any) -> str:
     if value is None:
         return ""
     if isinstance(value, Sequence) and not isinstance(value, str) and all(isinstance(one, str) for one in value):

@@ -17,6 +17,7 @@ import msgspec
 
 from harness.contracts.errors import StoreUnavailable
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import because
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.values import Value, encode
 from rsi_reviews import contracts
@@ -56,12 +57,10 @@ def secret_in(folder: Path, fresh: Callable[[int], bytes]) -> Secret:
         with _owned(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL) as file:
             file.write(fresh(SECRET_BYTES))
     if stat.S_IMODE(path.stat().st_mode) & 0o077:
-        raise StoreUnavailable(
-            "Others may read the evaluator's secret", where=str(path), do="remove it and every look; a new one is made"
-        )
+        raise StoreUnavailable(because("evaluator_secret_exposed"), where=str(path))
     body = path.read_bytes()
     if len(body) != SECRET_BYTES:
-        raise StoreUnavailable(f"The secret has {len(body)} bytes", where=str(path), do="remove it; a new one is made")
+        raise StoreUnavailable(because("evaluator_secret_length", bytes=len(body)), where=str(path))
     return Secret(body)
 
 
@@ -85,7 +84,7 @@ class Looks:
                 look = msgspec.json.decode(line, type=Look)
             except msgspec.MsgspecError as error:
                 raise ResultsDamaged(
-                    f"Look {number} cannot be read: {error}", where=str(self._path), do="restore it from a backup"
+                    because("look_unreadable", number=number, error=str(error)), where=str(self._path)
                 ) from error
             self._book[look.candidate] = look
 

@@ -12,11 +12,12 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec.structs import replace
 
-from harness.baseline.load import read_yaml
 from harness.contracts import values
 from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.errors import UnknownName
+from harness.contracts.reasons import because
 from harness.contracts.regularities import HiddenSite, Regularity
+from harness.workspace.yaml_reader import read_yaml
 
 FOLDER = "rsi_reviews"
 SHARE_JITTER, TIME_JITTER = 0.15, 0.05
@@ -65,7 +66,7 @@ def site_file(name: str) -> SiteFile:
     """One site, or `blind/name`. Raises UnknownName that lists the sites, ContractInvalid for a file with an error."""
     folder, _, plain = f"sites/{name}".rpartition("/")
     if plain not in site_names(folder):
-        raise UnknownName(f"There is no site {name!r}", where="sites", do=f"name one of {', '.join(site_names())}")
+        raise UnknownName(because("unknown_hidden_site", name=name, known=tuple(site_names())), where="sites")
     text = files(FOLDER).joinpath(folder, f"{plain}.yaml").read_text(encoding="utf-8")
     return read_yaml(text, SiteFile, where=f"rsi_reviews/{folder}/{plain}.yaml")
 
@@ -78,7 +79,7 @@ def hidden_site(text: str) -> HiddenSite:
     name, _, rest = text.partition("@")
     fleet, _, generation = rest.partition(".")
     if rest and not (fleet.isdigit() and generation.isdigit()):
-        raise UnknownName(f"Site {text!r} cannot be read", where="sites", do="write name or name@fleet.generation")
+        raise UnknownName(because("hidden_site_unreadable", text=text), where="sites")
     phase = site_file(name).phase(int(generation or 0))
     regularities = tuple(_jittered(one, fleet) if fleet else one for one in phase.regularities)
     named = f"{name}@{fleet}.{phase.from_generation}" if fleet else name

@@ -87,8 +87,8 @@ def _moved(pointer: Pointer, command: commands.MovePointer, now: Moment) -> Deci
         case "canary":
             if pointer.trial is not None:
                 return refused("canary_open", trial=pointer.trial[:12])
-            asked = commands.Confirm(baseline=command.rollback, configuration=command.configuration)
-            if stale := _stale(pointer, asked):
+            confirm = commands.Confirm(baseline=command.rollback, configuration=command.configuration)
+            if stale := _stale(pointer, confirm):
                 return stale
             return Accepted((_move(pointer, command, now),))
         case "released" | "withdrawn":

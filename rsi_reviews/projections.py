@@ -91,7 +91,7 @@ def apply(review: Review, event: events.CandidateEvent) -> Review:
         case events.CandidateProposed() | events.EvaluationBegun() | events.EvaluationRecorded():
             return _evaluated(review, event)
         case events.ReviewOpened():
-            return _said(
+            return _with_entry(
                 replace(
                     review,
                     status="in_review",
@@ -104,17 +104,17 @@ def apply(review: Review, event: events.CandidateEvent) -> Review:
                 event.by,
             )
         case events.ChangesRequested():
-            return _said(replace(review, status="accepted", approvals=()), "changes_requested", event.by)
+            return _with_entry(replace(review, status="accepted", approvals=()), "changes_requested", event.by)
         case events.ReviewRecalled():
-            return _said(replace(review, status="accepted", approvals=()), "recalled", event.by)
+            return _with_entry(replace(review, status="accepted", approvals=()), "recalled", event.by)
         case events.CommentAdded():
-            return _said(review, "commented", event.by)
+            return _with_entry(review, "commented", event.by)
         case events.CandidateApproved():
-            return _said(replace(review, approvals=(*review.approvals, event.by)), "approved", event.by)
+            return _with_entry(replace(review, approvals=(*review.approvals, event.by)), "approved", event.by)
         case events.CandidateRejected():
-            return _said(replace(review, status="rejected", ended_reason=event.by.reason), "rejected", event.by)
+            return _with_entry(replace(review, status="rejected", ended_reason=event.by.reason), "rejected", event.by)
         case events.ReleaseAuthorised():
-            return _said(replace(review, status="authorised", authorised=event), "authorised", event.by)
+            return _with_entry(replace(review, status="authorised", authorised=event), "authorised", event.by)
         case events.AuthorisationExpired():
             return replace(review, status="accepted", authorised=None, approvals=())
         case _:
@@ -142,16 +142,16 @@ def _evaluated(
                 supersedes=event.supersedes,
                 hands=_joined((), named, proposer, *earlier),
             )
-            return _said(proposed, "proposed", event.by)
+            return _with_entry(proposed, "proposed", event.by)
         case events.EvaluationBegun():
             hands = [Hand(name=name, part="launched") for name in event.terms.launched_by]
             hands += [Hand(name=name, part="edited_suite") for name in event.terms.suite_edited_by]
             begun = replace(review, status="evaluating", terms=event.terms, hands=_joined(review.hands, *hands))
-            return _said(begun, "evaluation_begun", event.by)
+            return _with_entry(begun, "evaluation_begun", event.by)
         case events.EvaluationRecorded():
             statuses: dict[str, Status] = {"pass": "accepted", "fail": "rejected"}
             status = statuses.get(event.answer, "inconclusive")
-            return _said(replace(review, status=status, evaluation=event), "evaluated", event.by)
+            return _with_entry(replace(review, status=status, evaluation=event), "evaluated", event.by)
         case _:
             assert_never(event)
 
@@ -175,7 +175,7 @@ def _released(
                 bound=event.bound,
                 bound_missions=event.bound_missions,
             )
-            return _said(begun, "canary_begun", event.by)
+            return _with_entry(begun, "canary_begun", event.by)
         case events.CanaryMissionRecorded():
             return replace(review, canary=(*review.canary, CanaryEntry(measured=event.measured)))
         case events.CanaryMissionAdjudicated():
@@ -185,26 +185,28 @@ def _released(
                 else entry
                 for entry in review.canary
             )
-            return _said(replace(review, canary=entries), "adjudicated", event.by)
+            return _with_entry(replace(review, canary=entries), "adjudicated", event.by)
         case events.CandidateReleased():
             return replace(review, status="current", ended_reason=event.reason)
         case events.CandidateRolledBack():
-            return _said(replace(review, status="rolled_back", ended_reason=event.reason), "rolled_back", event.by)
+            return _with_entry(
+                replace(review, status="rolled_back", ended_reason=event.reason), "rolled_back", event.by
+            )
         case events.CandidateWithdrawn():
-            return _said(replace(review, status="withdrawn", ended_reason=event.reason), "withdrawn", event.by)
+            return _with_entry(replace(review, status="withdrawn", ended_reason=event.reason), "withdrawn", event.by)
         case _:
             assert_never(event)
 
 
-def _said(review: Review, what: str, by: events.Signed) -> Review:
-    said = ReviewEntry(what=what, cycle=review.cycle, by=by)
-    return replace(review, said=(*review.said, said), receipts={**review.receipts, by.key: by})
+def _with_entry(review: Review, what: str, by: events.Signed) -> Review:
+    entry = ReviewEntry(what=what, cycle=review.cycle, by=by)
+    return replace(review, said=(*review.said, entry), receipts={**review.receipts, by.key: by})
 
 
 def _joined(hands: tuple[Hand, ...], *more: Hand) -> tuple[Hand, ...]:
     """Each (name, part) once. An author who is an optimiser stays one when it also launches the evaluation."""
     machines = {hand.name for hand in (*hands, *more) if not hand.person}
-    kept: dict[tuple[str, Part], Hand] = {(hand.name, hand.part): hand for hand in hands}
+    merged: dict[tuple[str, Part], Hand] = {(hand.name, hand.part): hand for hand in hands}
     for hand in more:
-        kept.setdefault((hand.name, hand.part), replace(hand, person=hand.name not in machines))
-    return tuple(kept.values())
+        merged.setdefault((hand.name, hand.part), replace(hand, person=hand.name not in machines))
+    return tuple(merged.values())

@@ -148,8 +148,8 @@ def _broken(terms: contracts.EvaluationTerms, command: RecordEvaluation) -> Refu
         return None
     pairs = {(result.case, result.configuration) for result in results}
     cases = {result.case for result in results}
-    wanted = {(case, configuration) for case in cases for configuration in (terms.baseline, terms.configuration)}
-    if len(cases) != terms.cases or pairs != wanted or len(results) != len(pairs):
+    required = {(case, configuration) for case in cases for configuration in (terms.baseline, terms.configuration)}
+    if len(cases) != terms.cases or pairs != required or len(results) != len(pairs):
         return refused("missing_cases", results=len(results), cases=len(cases), expected_cases=terms.cases)
     cut = next((result for result in results if result.outcome != "finished"), None)
     if cut is not None:

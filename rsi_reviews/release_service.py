@@ -84,12 +84,12 @@ class ReleaseService(CandidateQueries):
         )
         confirm = commands.Confirm(baseline=candidate.baseline, configuration=configuration)
         records = (configuration_record(candidate.configuration), self._runtime.configuration_record(current))
-        return self._asked(candidate.candidate_id, command, confirm, *records)
+        return self._decide(candidate.candidate_id, command, confirm, *records)
 
     def begin(self, terms: contracts.EvaluationTerms, signed: SignedBy) -> Answered:
         """Fix the terms of the evaluation, before anything runs."""
         command = commands.BeginEvaluation(terms=terms, **signed.fields)
-        return self._asked(self.review(terms.candidate).candidate, command, commands.Confirm(baseline=terms.baseline))
+        return self._decide(self.review(terms.candidate).candidate, command, commands.Confirm(baseline=terms.baseline))
 
     def submit_results(self, evaluation: Evaluation, signed: SignedBy) -> Answered:
         """Record what was measured, judged here by the acceptance predicate itself."""
@@ -99,7 +99,7 @@ class ReleaseService(CandidateQueries):
         look = results.held_out
         counted = commands.CountLook(candidate=terms.candidate, terms=digest(terms), answer=look) if look else None
         records = (_record("result_set", results), _record("acceptance_report", report))
-        return self._asked(self.review(terms.candidate).candidate, command, counted, *records)
+        return self._decide(self.review(terms.candidate).candidate, command, counted, *records)
 
     def add_case(self, mission_id: MissionId, signed: SignedBy) -> Answered:
         """A disputed mission becomes a case of the regression suite here. Raises UnknownName for an unknown mission."""
@@ -115,27 +115,27 @@ class ReleaseService(CandidateQueries):
         """Ask people to review the candidate, in a new cycle."""
         review = self.review(candidate)
         confirm = commands.Confirm(baseline=review.baseline, configuration=review.configuration)
-        return self._asked(candidate, commands.OpenReview(**signed.fields), confirm)
+        return self._decide(candidate, commands.OpenReview(**signed.fields), confirm)
 
     def comment(self, candidate: Digest, signed: SignedBy) -> Answered:
-        return self._asked(self.review(candidate).candidate, commands.AddComment(**signed.fields))
+        return self._decide(self.review(candidate).candidate, commands.AddComment(**signed.fields))
 
     def recall(self, candidate: Digest, signed: SignedBy) -> Answered:
-        return self._asked(self.review(candidate).candidate, commands.RecallReview(**signed.fields))
+        return self._decide(self.review(candidate).candidate, commands.RecallReview(**signed.fields))
 
     def request_changes(self, candidate: Digest, signed: SignedBy, seen: SeenSubject) -> Answered:
         command = commands.RequestChanges(cycle=seen.cycle, subject=seen.subject, **signed.fields)
-        return self._asked(self.review(candidate).candidate, command)
+        return self._decide(self.review(candidate).candidate, command)
 
     def reject(self, candidate: Digest, signed: SignedBy, seen: SeenSubject) -> Answered:
         command = commands.RejectCandidate(cycle=seen.cycle, subject=seen.subject, **signed.fields)
-        return self._asked(self.review(candidate).candidate, command)
+        return self._decide(self.review(candidate).candidate, command)
 
     def approve(self, candidate: Digest, signed: SignedBy, seen: SeenSubject) -> Answered:
         """One person's approval of exactly what they saw. Refused if the baseline is no longer current."""
         review, policy = self.review(candidate), self.pointer().policy
         command = commands.ApproveCandidate(policy=policy, cycle=seen.cycle, subject=seen.subject, **signed.fields)
-        return self._asked(candidate, command, _still(review, policy))
+        return self._decide(candidate, command, _still(review, policy))
 
     # releasing ------------------------------------------------------------------------------------------------------
 
@@ -151,7 +151,7 @@ class ReleaseService(CandidateQueries):
             subject=seen.subject,
             **signed.fields,
         )
-        return self._asked(candidate, command, _still(review, policy))
+        return self._decide(candidate, command, _still(review, policy))
 
     def release(self, candidate: Digest, signed: SignedBy, seen: SeenSubject, *, robot_id: RobotId) -> Answered:
         """Begin the canary on one robot: the pointer moves in the same transaction."""
@@ -167,7 +167,7 @@ class ReleaseService(CandidateQueries):
             **signed.fields,
         )
         move = self._move(review, "canary", signed.actor, signed.reason, robot_id=robot_id)
-        return self._asked(candidate, command, move)
+        return self._decide(candidate, command, move)
 
     def adjudicate(
         self, candidate: Digest, mission_id: MissionId, finding: contracts.Finding, signed: SignedBy
@@ -176,7 +176,7 @@ class ReleaseService(CandidateQueries):
         command = commands.AdjudicateCanaryMission(
             mission_id=mission_id, finding=finding, policy=self.pointer().policy, **signed.fields
         )
-        decision = self._asked(self.review(candidate).candidate, command)
+        decision = self._decide(self.review(candidate).candidate, command)
         if isinstance(decision, Accepted):
             settle(self._runtime)
         return decision
@@ -206,7 +206,7 @@ class ReleaseService(CandidateQueries):
         review = self.review(candidate)
         in_canary = review.status == "canary"
         move = self._move(review, "withdrawn", signed.actor, signed.reason) if in_canary else None
-        return self._asked(candidate, commands.WithdrawCandidate(**signed.fields), move)
+        return self._decide(candidate, commands.WithdrawCandidate(**signed.fields), move)
 
     # policy and versions --------------------------------------------------------------------------------------------
 
@@ -246,7 +246,7 @@ class ReleaseService(CandidateQueries):
                 [(POINTER, commands.OpenPointer(configuration=shipped, actor=DESK))], records=(record,)
             )
 
-    def _asked(self, candidate: Digest, command: Any, pointing: Any = None, *records: Record) -> Answered:
+    def _decide(self, candidate: Digest, command: Any, pointing: Any = None, *records: Record) -> Answered:
         """The command on the candidate, and the command by which the pointer confirms or moves."""
         return self._decided(candidate, command, [(POINTER, pointing)] if pointing is not None else [], *records)
 

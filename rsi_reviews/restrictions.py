@@ -12,7 +12,7 @@ from harness.contracts import configuration
 from harness.contracts.reasons import Fact, because
 from harness.contracts.tasks import TaskTemplate
 from rsi_reviews.contracts import RestrictionViolation
-from rsi_reviews.template_restrictions import loosened_template, shown
+from rsi_reviews.template_restrictions import display_value, loosened_template
 
 ITEM_CEILINGS: dict[str, int] = {"c1_items": 48, "c2_items": 24, "c2_examples": 6, "c4_items": 40}
 """Twice the context budgets of D22, in records. C3's is the verifier's and may not change at all."""
@@ -154,4 +154,6 @@ def _ladder(
 
 
 def _refusal(rule: str, path: str, old: Any, new: Any, code: str, **facts: Fact) -> RestrictionViolation:
-    return RestrictionViolation(rule=rule, path=path, old=shown(old), new=shown(new), reason=because(code, **facts))
+    return RestrictionViolation(
+        rule=rule, path=path, old=display_value(old), new=display_value(new), reason=because(code, **facts)
+    )

@@ -116,7 +116,7 @@ def unanswerable(
 
 def answered(review: Review) -> Refused:
     """Who decided what, and when."""
-    last = next((said for said in reversed(review.said) if said.what in WORDS), None)
+    last = next((entry for entry in reversed(review.said) if entry.what in WORDS), None)
     if last is None:
         return refused("not_open", because("candidate_not_asked", status=review.status))
     decided = because(

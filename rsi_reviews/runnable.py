@@ -18,7 +18,7 @@ from harness.contracts.values import Point
 from harness.goals.satisfiable import check_satisfiable
 from harness.planning.compile import Argument, compile_contract
 from rsi_reviews.contracts import RestrictionViolation
-from rsi_reviews.template_restrictions import shown
+from rsi_reviews.template_restrictions import display_value
 
 ITEM_FLOORS: dict[str, int] = {"c1_items": 2, "c2_items": 4, "c4_items": 5}
 """As many records as the planner, a skill and recovery must be shown in any mission: below it no context compiles."""
@@ -213,4 +213,4 @@ def _square(middle: Point, half_m: float) -> tuple[Point, ...]:
 
 
 def _refusal(rule: str, path: str, old: str, new: object, code: str, **facts: Fact) -> RestrictionViolation:
-    return RestrictionViolation(rule=rule, path=path, old=old, new=shown(new), reason=because(code, **facts))
+    return RestrictionViolation(rule=rule, path=path, old=old, new=display_value(new), reason=because(code, **facts))

@@ -12,6 +12,7 @@ import msgspec
 
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import sha256
+from harness.contracts.reasons import because
 from harness.contracts.values import Name, Value
 from rsi_reviews.acceptance import Evaluation
 from rsi_reviews.contracts import Candidate, EvaluationTerms, ResultSet
@@ -22,7 +23,7 @@ from rsi_reviews.regression.suite import shipped
 SUMS = "SHA256SUMS"
 
 
-class Shipped(Value):
+class ShippedEvaluation(Value):
     """One evaluation with the UTC instants between which it ran; `note` gives further facts for the reader.
 
     `looks`: the held-out looks that its evaluator took up to this one, oldest first; they stay counted.
@@ -56,7 +57,7 @@ class Shipped(Value):
         )
 
 
-def shipped_evaluation(folder: Traversable | None = None) -> Shipped:
+def shipped_evaluation(folder: Traversable | None = None) -> ShippedEvaluation:
     """The newest shipped evaluation. Raises ContractInvalid if it is missing, damaged or cannot be read."""
     place = folder or files("rsi_reviews").joinpath("evaluated")
     try:
@@ -64,11 +65,11 @@ def shipped_evaluation(folder: Traversable | None = None) -> Shipped:
         body = place.joinpath(name).read_bytes()
     except (OSError, ValueError, IndexError) as error:
         raise ContractInvalid(
-            f"No evaluation ships: {error}", where="rsi_reviews/evaluated", do="restore it"
+            because("no_shipped_evaluation", error=str(error)), where="rsi_reviews/evaluated"
         ) from error
     if sha256(body) != digest:
-        raise ContractInvalid("Its bytes are not those that were kept", where=name, do="restore it from the release")
+        raise ContractInvalid(because("shipped_evaluation_changed"), where=name)
     try:
-        return msgspec.json.decode(gzip.decompress(body), type=Shipped)
+        return msgspec.json.decode(gzip.decompress(body), type=ShippedEvaluation)
     except (OSError, EOFError, msgspec.MsgspecError) as error:
-        raise ContractInvalid(f"It cannot be read: {error}", where=name, do="restore it from the release") from error
+        raise ContractInvalid(because("shipped_evaluation_unreadable", error=str(error)), where=name) from error

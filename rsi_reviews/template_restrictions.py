@@ -103,8 +103,8 @@ def _budgets(path: str, old: Tree, new: Tree) -> Iterator[RestrictionViolation]:
     yield from _unknown_keys(path, new, set(BUDGET_CEILINGS))
     for action, ceiling in BUDGET_CEILINGS.items():
         would = new.get(action)
-        kept = would == old.get(action) and type(would) is int
-        if not kept and not (type(would) is int and 0 <= would <= ceiling):
+        unchanged = would == old.get(action) and type(would) is int
+        if not unchanged and not (type(would) is int and 0 <= would <= ceiling):
             yield _refusal(
                 "budget_ceiling",
                 f"{path}.{action}",
@@ -252,10 +252,12 @@ def _number(value: Any) -> bool:
 
 
 def _refusal(rule: str, path: str, old: Any, new: Any, code: str, **facts: Fact) -> RestrictionViolation:
-    return RestrictionViolation(rule=rule, path=path, old=shown(old), new=shown(new), reason=because(code, **facts))
+    return RestrictionViolation(
+        rule=rule, path=path, old=display_value(old), new=display_value(new), reason=because(code, **facts)
+    )
 
 
-def shown(value: Any) -> str:
+def display_value(value: Any) -> str:
     """A value as canonical JSON, texts as they are, null for one that is not set; at most 200 characters."""
     text = value if isinstance(value, str) else encode(None if value is msgspec.UNSET else value).decode()
     return text if len(text) <= 200 else f"{text[:197]}..."

@@ -112,7 +112,7 @@ def carried_out(trial: Trial, means: Means) -> TrialOutcome:
     """
     begun_s = means.now_s()
     sides = (trial.baseline, trial.candidate.configuration)
-    results = measured(trial.cases, sides, executor=means.executor, kept=means.kept, watch=means.watch)
+    results = measured(trial.cases, sides, executor=means.executor, file=means.kept, watch=means.watch)
     found = contracts.ResultSet(
         terms=digest(trial.terms), results=exercised(results, trial.baseline), seconds=means.now_s() - begun_s
     )

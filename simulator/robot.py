@@ -7,6 +7,7 @@ from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import FencingRefused, ProviderFailed, ProviderUnreachable
 from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId
+from harness.contracts.reasons import Reason
 from harness.contracts.values import digest
 from harness.provider_protocol.journal import JournalEntry, RequestJournal
 from harness.provider_protocol.parameters import parameter_problems
@@ -212,7 +213,7 @@ class SimulatedRobot:
 
     def _same(self, card: CapabilityCard, request: protocol.StartRequest) -> None:
         first = self._journal.requests[request.identity.request_id]
-        if _asked(first) != _asked(request):
+        if _request_digest(first) != _request_digest(request):
             raise ProviderFailed(
                 f"Request {request.identity.request_id} came again with other contents",
                 where=card.provider_id,
@@ -221,7 +222,7 @@ class SimulatedRobot:
 
     def _check(self, card: CapabilityCard, request: protocol.StartRequest) -> None:
         named = (request.identity.provider_id, request.capability)
-        problems = [
+        problems: list[Reason | str] = [
             *([f"The request is for {' / '.join(named)}"] if named != (card.provider_id, card.capability) else []),
             *parameter_problems(card, request.parameters),
             *(f"No fencing token for {name}" for name in card.resources if name not in request.fencing),
@@ -289,6 +290,6 @@ def _way(request: protocol.StartRequest) -> str:
     return f"{identity.mission_id}/{identity.node_id}/{digest(request.parameters.get('route', ()))[:12]}"
 
 
-def _asked(request: protocol.StartRequest) -> str:
+def _request_digest(request: protocol.StartRequest) -> str:
     """What makes two requests the same: who asks for what. The state version may move between repeats (D1)."""
     return digest([request.identity, request.capability, request.parameters, request.blobs])

@@ -49,8 +49,8 @@ class SimulatedRoom:
         echoed[delay:] += ECHO_GAIN * air[: max(0, count - delay)]
         key = np.array([11, round(abs(from_s) * 1000)], dtype=np.uint64)
         noise = np.random.Generator(np.random.Philox(key=key)).standard_normal(count)
-        heard = np.clip(GAIN * echoed + NOISE * noise, -1.0, 1.0)
-        return _wav((heard * 32767.0).astype("<i2").tobytes())
+        samples = np.clip(GAIN * echoed + NOISE * noise, -1.0, 1.0)
+        return _wav((samples * 32767.0).astype("<i2").tobytes())
 
     def _mix(self, air: np.ndarray[tuple[int], np.dtype[np.float64]], sound: Sound, *, from_s: float) -> None:
         """Add one stretch of sound where it belongs, resampled to the microphone's rate."""

@@ -72,7 +72,7 @@ TROLLEY: solids.Solid = solids.standing("trolley", "box", (11.0, 9.05), (0.4, 0.
 
 
 def storage_site() -> solids.SiteModel:
-    """The site of `harness/baseline/site.yaml`, as solids."""
+    """The site of `harness/baseline/site/site.yaml`, as solids."""
     return solids.SiteModel(
         name="storage-site",
         frame="map",

@@ -3,12 +3,12 @@
 import math
 from copy import copy
 from functools import lru_cache
+from typing import Any
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from harness.contracts.values import Point
 from simulator.routes import RouteLine
@@ -50,12 +50,12 @@ class Approaches:
         return self._straightened(points)
 
     def _straightened(self, points: list[Point]) -> tuple[Point, ...]:
-        kept, at = [points[0]], 0
+        path, at = [points[0]], 0
         while at < len(points) - 1:
             seen = (one for one in range(len(points) - 1, at + 1, -1) if self._map.clear(points[at], points[one]))
             at = next(seen, at + 1)
-            kept.append(points[at])
-        return tuple(kept)
+            path.append(points[at])
+        return tuple(path)
 
 
 class NavigationMap:
@@ -94,7 +94,9 @@ class NavigationMap:
         if not self.inside(first):
             unreached = np.full(passable.size, np.inf)
             return Approaches(self, start, unreached, np.full(passable.size, -1, dtype=np.int32))
-        costs, before = dijkstra(self._graph(passable), indices=self.index(first), return_predecessors=True)
+        costs, before = scipy.sparse.csgraph.dijkstra(
+            self._graph(passable), indices=self.index(first), return_predecessors=True
+        )
         return Approaches(self, start, costs, before)
 
     def clear(self, start: Point, end: Point) -> bool:
@@ -145,7 +147,7 @@ class NavigationMap:
         near: Mask = np.hypot(rows - row, columns - column) * CELL_M <= LEAVING_M
         return near
 
-    def _graph(self, passable: Mask) -> csr_array:
+    def _graph(self, passable: Mask) -> Any:
         """Steps between neighbouring passable cells, each with its cost."""
         rows, columns = passable.shape
         numbers = np.arange(passable.size).reshape(passable.shape)
@@ -159,8 +161,8 @@ class NavigationMap:
             tos.append(numbers[there][both])
             costs.append(math.hypot(down, right) * CELL_M * (dear[here][both] + dear[there][both]) / 2)
         whole = (np.concatenate(costs), (np.concatenate(froms), np.concatenate(tos)))
-        graph = csr_array(whole, shape=(passable.size, passable.size))
-        return csr_array(graph + graph.T)
+        graph = scipy.sparse.csr_array(whole, shape=(passable.size, passable.size))
+        return scipy.sparse.csr_array(graph + graph.T)
 
 
 @lru_cache(maxsize=4)

@@ -9,7 +9,7 @@ from harness.contracts.protocol import Parameters, StartRequest
 from harness.contracts.values import Point
 from simulator.cards import CAREFUL_PLANNER, OBSERVER, PANORAMA_CAMERA
 from simulator.navigation import CarefulPlanner, Leg, RouteFollower
-from simulator.photographing import Observer, Panorama
+from simulator.photography import Observer, Panorama
 from simulator.routes import RouteLine
 from simulator.site_map import NavigationMap, joining
 from simulator.skill_interface import Skill

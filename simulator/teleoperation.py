@@ -42,8 +42,8 @@ class TeleoperationSkill:
     def remaining_m(self) -> float | None:
         return None
 
-    def order(self, wanted: Velocity, at_s: float) -> None:
-        self._wanted, self._ordered_s = wanted, at_s
+    def order(self, velocity: Velocity, at_s: float) -> None:
+        self._wanted, self._ordered_s = velocity, at_s
 
     def step(self, perception: Perception) -> Step:
         """Nothing is finished by itself: the session ends when it is released."""
@@ -99,7 +99,7 @@ class SimulatedTeleoperation:
         robot = self._robot
         if robot.find(order.session) is not None:
             raise ProviderFailed(
-                f"Session {order.session[:12]} has ended", where=robot.robot_id, do="take the wheel again"
+                f"Session {order.session[:12]} has ended", where=robot.robot_id, do="take control again"
             )
         if robot.world.hardware_stop:
             raise ProviderFailed(

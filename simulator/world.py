@@ -173,9 +173,9 @@ class World:
             return command
         perception = self._perception()
         for invocation in invocations:
-            wanted = invocation.tick(perception)
+            velocity = invocation.tick(perception)
             if invocation.card.moves:
-                command = wanted
+                command = velocity
             self._strike(invocation)
             if self._disturbances is not None and self._hindered(self._disturbances, invocation):
                 command = bodies.Velocity()

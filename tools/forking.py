@@ -51,9 +51,9 @@ def _run(arguments: list[str], folder: Path, *, timeout_s: float) -> int:
 def _forked(arguments: list[str], folder: Path) -> int:
     """Runs in the fork; never returns an exception to the loop that forked it."""
     os.setsid()
-    told = os.open(folder / "output", os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
+    output = os.open(folder / "output", os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
     for stream in (1, 2):
-        os.dup2(told, stream)
+        os.dup2(output, stream)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     try:
         code = int(pytest.main(arguments))

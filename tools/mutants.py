@@ -183,8 +183,8 @@ class Runs:
             line = self._process.stdout.readline()
             if not line:
                 raise SystemExit(f"The process that runs the tests ended with {self._process.wait()}")
-            told = Path(folder) / "output"
-            output = told.read_text(encoding="utf-8", errors="replace") if told.is_file() else ""
+            log = Path(folder) / "output"
+            output = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
             report = json.loads(answer.read_text()) if answer.is_file() else {"marks": [], "outcomes": {}}
         return {**json.loads(line), "output": output, **report}
 

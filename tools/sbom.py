@@ -105,14 +105,16 @@ def bill(lock: Mapping[str, Any], installed: Mapping[str, Any], files: tuple[Com
     needs: dict[str, set[str]] = {ref: set() for ref in (OWN, *sorted(names), *(one["bom-ref"] for one in files))}
     for one in installed.get("dependencies", ()):
         if one["ref"] == OWN or one["ref"] in refs:
-            wanted = {refs[ref] for ref in one.get("dependsOn", ()) if ref in refs}
-            needs[refs.get(one["ref"], OWN)] |= wanted
+            needed = {refs[ref] for ref in one.get("dependsOn", ()) if ref in refs}
+            needs[refs.get(one["ref"], OWN)] |= needed
     needs[OWN] |= {one["bom-ref"] for one in files}
-    components = [one | ({"licenses": told} if (told := licences.get(one["purl"])) else {}) for one in packages]
+    components = [
+        one | ({"licenses": licence_names} if (licence_names := licences.get(one["purl"])) else {}) for one in packages
+    ]
     return {
         **lock,
         "components": [*components, *files],
-        "dependencies": [{"ref": ref, "dependsOn": sorted(wanted)} for ref, wanted in sorted(needs.items())],
+        "dependencies": [{"ref": ref, "dependsOn": sorted(needed)} for ref, needed in sorted(needs.items())],
     }
 
 
@@ -130,10 +132,10 @@ def invalid(document: str) -> str:
 
 def main() -> None:
     """Write the bill of requirements.lock; report its path and the packages that name no licence."""
-    asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("--lock", type=Path, default=ROOT / "requirements.lock")
-    asked.add_argument("--to", type=Path, default=TARGET)
-    options = asked.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--lock", type=Path, default=ROOT / "requirements.lock")
+    parser.add_argument("--to", type=Path, default=TARGET)
+    options = parser.parse_args()
     try:
         lock, installed = generated("requirements", str(options.lock)), generated("environment", sys.executable)
         made = bill(lock, installed, tuple(vendored(ROOT / "static" / "vendor")))

@@ -89,7 +89,7 @@ def extracted() -> Catalog:
 
 
 @cache
-def said() -> dict[str, tuple[str, ...]]:
+def catalogue_texts() -> dict[str, tuple[str, ...]]:
     """Every message that must be translated -> the files where it occurs."""
     found: dict[str, tuple[str, ...]] = {}
     for message, where in (*_marked(), *_vocabulary(), *_fields(), *task_texts.messages()):
@@ -101,12 +101,12 @@ def said() -> dict[str, tuple[str, ...]]:
 @cache
 def known() -> set[str]:
     """Every text that may be in a catalogue: what must, and every identifier that may be shown as a word."""
-    return set(said()) | _identifiers()
+    return set(catalogue_texts()) | _identifiers()
 
 
 def wrong(catalogue: Mapping[str, str]) -> list[str]:
     """What is missing, stale or broken in a catalogue, a line each."""
-    must, may = said(), known()
+    must, may = catalogue_texts(), known()
     found = [f"missing: {one!r} ({', '.join(where)})" for one, where in must.items() if not catalogue.get(one)]
     found += [f"stale: {one!r}" for one in catalogue if one not in may]
     for message, text in catalogue.items():
@@ -132,7 +132,7 @@ def read(locale: str) -> dict[str, str]:
 
 def mended(catalogue: Mapping[str, str]) -> dict[str, str]:
     """The catalogue with missing messages added, empty, and stale ones removed."""
-    must, may = said(), known()
+    must, may = catalogue_texts(), known()
     return {one: text for one, text in catalogue.items() if one in may and (text or one in must)} | {
         one: "" for one in must if one not in catalogue
     }
@@ -140,7 +140,7 @@ def mended(catalogue: Mapping[str, str]) -> dict[str, str]:
 
 def write(locale: str, catalogue: Mapping[str, str]) -> None:
     """As a gettext file, sorted, without dates: two runs write the same bytes."""
-    where = said()
+    where = catalogue_texts()
     book = Catalog(locale=locale, project="RegenHarness", fuzzy=False)
     for message in sorted(catalogue):
         book.add(message, catalogue[message], locations=[(path, 0) for path in where.get(message, ())])
@@ -177,8 +177,8 @@ def _vocabulary() -> Iterator[tuple[str, str]]:
 def _fields() -> Iterator[tuple[str, str]]:
     """What the fields of a configuration mean, with their bounds, as far as these are words."""
     for field in fields():
-        shown = (field.meaning, "" if SLUGS.search(field.bound) else field.bound)
-        yield from ((text, "harness/contracts/fields.py") for text in shown if WORDS.search(text))
+        texts = (field.meaning, "" if SLUGS.search(field.bound) else field.bound)
+        yield from ((text, "harness/contracts/fields.py") for text in texts if WORDS.search(text))
 
 
 def _identifiers() -> set[str]:

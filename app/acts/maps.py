@@ -8,6 +8,7 @@ from pydantic import Field
 from app.acts import base
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.maps import AttachCloud, MapCloud
+from harness.contracts.reasons import because
 
 
 class AttachCloudAct(base.Act):
@@ -22,6 +23,4 @@ class AttachCloudAct(base.Act):
         try:
             return {"cloud": msgspec.convert(self.cloud, MapCloud), "reason": self.reason}
         except msgspec.ValidationError as error:
-            raise ContractInvalid(
-                f"That is no map cloud: {error}", where="cloud", do="send what `regen map import --json` prints"
-            ) from error
+            raise ContractInvalid(because("map_cloud_invalid", error=str(error)), where="cloud") from error

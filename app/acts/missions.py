@@ -22,7 +22,8 @@ from harness.runtime import Start
 class StartMissionAct(base.Act):
     """A mission to start: a template by name, a goal in words, or both. No robot named: the console's first.
 
-    `confirm_reading`: the digest of the reading that the person confirmed, where words were left unread.
+    `confirm_reading`: the digest of the reading that the person confirmed, where words were left unread. `recording`:
+    the digest of a recording that was uploaded before; its transcript is the goal.
     """
 
     becomes = commands.CreateMission
@@ -39,6 +40,7 @@ class StartMissionAct(base.Act):
     autonomy: Autonomy = "autonomous"
     labels: dict[base.Slug, base.Text] = Field(default_factory=dict)
     confirm_reading: Annotated[str, Field(pattern="^([0-9a-f]{64})?$")] = ""
+    recording: Annotated[str, Field(pattern="^([0-9a-f]{64})?$")] = ""
 
     @classmethod
     def from_form(
@@ -64,7 +66,7 @@ class StartMissionAct(base.Act):
         if wrong or isinstance(act, tuple):
             return tuple(wrong)
         arguments = {one.name: float(text) if one.type == "number" else text for one, text in given if text}
-        more = {"arguments": arguments, "confirm_reading": typed.get("confirm_reading", "")}
+        more = {"arguments": arguments} | {name: typed.get(name, "") for name in ("confirm_reading", "recording")}
         more |= {"labels": {"rerun_of": again}} if again else {}
         return cls.of(**dict(act) | more | ({"template": ""} if by_goal else {}))
 

@@ -32,14 +32,14 @@ TOKEN_PREFIX = "regen_"
 
 
 @dataclass(frozen=True)
-class Throttled:
+class TooManyAttempts:
     """Too many wrong passwords: try again in `wait_s`."""
 
     wait_s: float
 
 
 @dataclass(frozen=True)
-class Issued:
+class NewToken:
     """A new token. `secret` is shown this once and kept nowhere."""
 
     token: Token
@@ -72,9 +72,9 @@ class Accounts:
         """Raises ContractInvalid for a bad name, role or password, ConcurrencyConflict for a taken name."""
         by.acting("people")
         if not NAME.fullmatch(name):
-            raise ContractInvalid(because("account_name_invalid"), where=f"name {name[:40]!r}")
+            raise ContractInvalid(because("account_name_invalid"), where=because("at_name", name=name[:40]))
         if not self.store.any_account() and "admin" not in roles:
-            raise ContractInvalid(because("first_account_not_admin"), where=f"roles {', '.join(roles)}")
+            raise ContractInvalid(because("first_account_not_admin"), where=because("at_roles", roles=tuple(roles)))
         now_s = self._clock()
         account = Account(
             name=name,
@@ -114,7 +114,7 @@ class Accounts:
         """Change one's own password, given the old one; ends one's other sessions, except the one with digest `but`."""
         if by.name != name or not self._matches(self.known(name), old):
             self.note(by, "password.refused", subject=name)
-            raise ContractInvalid(because("password_wrong"), where="the present password")
+            raise ContractInvalid(because("password_wrong"), where=because("at_present_password"))
         self._store_password(name, new, by=by, but=but)
 
     def reset_password(self, name: str, *, new: str, by: Principal) -> None:
@@ -140,12 +140,12 @@ class Accounts:
             raise UnknownName(because("unknown_account", name=name[:40]))
         return account
 
-    def check(self, name: str, password: str, *, source: str) -> Account | Throttled | None:
+    def check(self, name: str, password: str, *, source: str) -> Account | TooManyAttempts | None:
         """The account if the password is right, None if not, Throttled after too many. Unknown names cost the same."""
         with self._one_at_a_time:
             wait_s = self._wait_s(name, source)
             if wait_s > 0:
-                return Throttled(wait_s)
+                return TooManyAttempts(wait_s)
             account = self.store.account(name[:200])
             right = self._matches(account, password) and account is not None and not account.disabled
             self.store.record(
@@ -184,14 +184,14 @@ class Accounts:
 
     def issue(
         self, name: str, *, scopes: Collection[str], by: Principal, robot_id: str = "", days: float | None = None
-    ) -> Issued:
+    ) -> NewToken:
         """A new token. Raises ContractInvalid for a scope that only people may have."""
         by.acting("people")
         wrong = sorted(set(scopes) - SCOPES)
         if wrong or not scopes or not NAME.fullmatch(name):
             raise ContractInvalid(
                 because("token_name_or_scope_invalid", scopes=tuple(sorted(SCOPES))),
-                where=f"name {name[:40]!r}, scopes {', '.join(scopes) or 'none'}",
+                where=because("at_token_scopes", name=name[:40], scopes=tuple(scopes) or ("none",)),
             )
         now_s, secret = self._clock(), TOKEN_PREFIX + self.fresh()
         digest = sha256(secret.encode())
@@ -211,7 +211,7 @@ class Accounts:
         self.note(
             by, "token.issued", subject=token.token_id, detail=f"{name}: {' '.join(token.scopes)} {robot_id}".strip()
         )
-        return Issued(token, secret)
+        return NewToken(token, secret)
 
     def revoke(self, token_id: str, *, by: Principal) -> Token:
         """Ends a token at once. Raises UnknownName."""
@@ -250,7 +250,7 @@ class Accounts:
             source=by.source,
         )
 
-    def told(self, by: Principal, actor: Actor, command: str, subject: str, outcome: str) -> None:
+    def record(self, by: Principal, actor: Actor, command: str, subject: str, outcome: str) -> None:
         """Write a person's command to the audit log, with its outcome and the address it came from.
 
         The command was decided before: where the audit log is held by another process, the entry waits for the next.
@@ -292,12 +292,16 @@ def checked_roles(roles: Collection[str]) -> tuple[str, ...]:
     """In the order of the table of roles. Raises ContractInvalid for none, or one that does not exist."""
     unknown = sorted(set(roles) - set(ROLES))
     if unknown or not roles:
-        raise ContractInvalid(because("account_without_role", roles=tuple(ROLES)), where=f"roles {', '.join(roles)}")
+        raise ContractInvalid(
+            because("account_without_role", roles=tuple(ROLES)), where=because("at_roles", roles=tuple(roles))
+        )
     return tuple(role for role in ROLES if role in roles)
 
 
 def _password(password: str, *, name: str) -> str:
     named = len(name) > 3 and name in password.lower()
     if not SHORTEST <= len(password) <= LONGEST or named or len(set(password)) < 5:
-        raise ContractInvalid(because("password_weak", shortest=SHORTEST, longest=LONGEST), where="the new password")
+        raise ContractInvalid(
+            because("password_weak", shortest=SHORTEST, longest=LONGEST), where=because("at_new_password")
+        )
     return password

@@ -5,6 +5,7 @@ from types import MappingProxyType
 
 from app.auth.permissions import NotPermitted, Permission
 from harness.contracts import (
+    admissions,
     alert_commands,
     commands,
     control,
@@ -33,6 +34,7 @@ ASKED: Mapping[type[Command], Permission] = MappingProxyType(
         control.SetAutonomy: "drive",
         control.LimitAutonomy: "drive",
         maps.AttachCloud: "drive",
+        admissions.RecordCheck: "drive",
         place_events.SavePlace: "drive",
         place_events.RemovePlace: "drive",
         handoff_commands.LookAgain: "observe",

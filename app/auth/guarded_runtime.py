@@ -20,8 +20,9 @@ from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Place, Site
 from harness.contracts.ports import LogHead, Record, SnapshotFindings, StoredEvent
 from harness.contracts.reasons import because
+from harness.contracts.spoken_goals import Transcription
 from harness.contracts.tasks import TaskContract, TaskTemplate
-from harness.goals.understanding import Understood
+from harness.goals.understanding import UnderstoodGoal
 from harness.memory.fabric import MemoryFabric
 from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
@@ -97,6 +98,11 @@ class GuardedRuntime:
         self._record(actor, FreeLease, f"lease/{resource}", decision)
         return decision
 
+    def hear(self, recording: bytes) -> Transcription:
+        """What a recording of a goal says, stored for a mission that the principal may start. Raises as the runtime."""
+        _acting(CreateMission)
+        return self._runtime.hear(recording)
+
     def keep(self, body: bytes) -> ids.Digest:
         """Store bytes that a command or a page refers to; returns their digest."""
         return self._runtime.keep(body)
@@ -111,6 +117,11 @@ class GuardedRuntime:
     def site(self) -> Site:
         """The places as people have changed them."""
         return self._runtime.site
+
+    @property
+    def beside(self) -> tuple[TaskTemplate, ...]:
+        """The missions of the site's own folder."""
+        return self._runtime.beside
 
     @property
     def memory(self) -> MemoryFabric:
@@ -129,7 +140,7 @@ class GuardedRuntime:
         """The contract that `start` would create now; nothing is written."""
         return self._runtime.draft(start, template=template)
 
-    def understood(self, start: Start) -> Understood:
+    def understood(self, start: Start) -> UnderstoodGoal:
         """What the goal of a request means now; nothing is written."""
         return self._runtime.understood(start)
 
@@ -234,4 +245,6 @@ def _signed(command: Any, actor: Actor) -> Any:
 def _same_robot(robot_id: str) -> None:
     found = principal()
     if found.robot_id not in ("", robot_id):
-        raise NotPermitted(because("token_of_other_robot", robot_id=found.robot_id), where=f"token {found.name}")
+        raise NotPermitted(
+            because("token_of_other_robot", robot_id=found.robot_id), where=because("at_token", name=found.name)
+        )

@@ -37,11 +37,11 @@ class Identities:
         """The person's account; made for them if their groups have a role here. Raises RoleMissing, AccountDisabled."""
         known = self._accounts.store.identity(claims.issuer, claims.subject)
         if known is None:
-            return self._made(claims, source=source)
+            return self._create(claims, source=source)
         account = self._accounts.known(known.name)
         if account.disabled:
             raise AccountDisabled(because("account_disabled"), where=account.name)
-        return self._kept(account, claims, source=source) if known.by_groups else account
+        return self._update(account, claims, source=source) if known.by_groups else account
 
     def link(self, name: str, *, issuer: str, subject: str, by: Principal) -> ExternalIdentity:
         """An account that is there, with its own roles, for who this is at the issuer. Raises UnknownName."""
@@ -81,7 +81,7 @@ class Identities:
             )
         return checked_roles(found)
 
-    def _made(self, claims: Claims, *, source: str) -> Account:
+    def _create(self, claims: Claims, *, source: str) -> Account:
         roles, now_s = self._mapped(claims), self._clock()
         if "admin" not in roles and not self._accounts.store.any_account():
             raise RoleMissing(because("first_person_not_admin"), where=claims.name[:200])
@@ -96,7 +96,7 @@ class Identities:
         self._accounts.note(_issuer(source), "account.added", subject=account.name, detail=text)
         return account
 
-    def _kept(self, account: Account, claims: Claims, *, source: str) -> Account:
+    def _update(self, account: Account, claims: Claims, *, source: str) -> Account:
         """Give the account the roles of the person's groups; a person without a role is signed out everywhere."""
         try:
             roles = self._mapped(claims)

@@ -10,7 +10,7 @@ from threading import Lock
 
 from cachetools import LRUCache
 
-from app.auth.accounts import Throttled
+from app.auth.accounts import TooManyAttempts
 from app.auth.identities import Identities
 from app.auth.next_url import safe_next_url
 from app.auth.rate_limits import Buckets
@@ -27,7 +27,7 @@ UNDER_WAY_S = 600
 
 
 @dataclass(frozen=True)
-class Begun:
+class LoginRedirect:
     """Where to send a browser, and the cookie by which it is known when it comes back."""
 
     url: str
@@ -35,7 +35,7 @@ class Begun:
 
 
 @dataclass(frozen=True)
-class Entered:
+class LoginResult:
     """The cookie of the new session, and the page to go to."""
 
     cookie: str
@@ -70,20 +70,20 @@ class OidcLogin:
         self._under_way: LRUCache[str, _UnderWay] = LRUCache(MOST_UNDER_WAY)
         self._lock = Lock()
 
-    def begin(self, page: str, origin: Origin, *, session: str) -> Begun | Throttled:
+    def begin(self, page: str, origin: Origin, *, session: str) -> LoginRedirect | TooManyAttempts:
         """`session`: the cookie that the browser has now, if any. Raises SignInRefused."""
         wait_s = self._starts.wait_s(origin.source)
         if wait_s:
-            return Throttled(wait_s)
+            return TooManyAttempts(wait_s)
         attempt = identity.SignInAttempt(state=self._fresh(), nonce=self._fresh(), verifier=self._fresh())
         url, cookie = self.provider.begin(attempt), self._fresh()
         with self._lock:
             self._under_way[sha256(cookie.encode())] = _UnderWay(
                 attempt, self._clock() + UNDER_WAY_S, safe_next_url(page), sha256(session.encode()) if session else ""
             )
-        return Begun(url, cookie)
+        return LoginRedirect(url, cookie)
 
-    def finish(self, cookie: str, answer: Mapping[str, str], origin: Origin) -> Entered:
+    def finish(self, cookie: str, answer: Mapping[str, str], origin: Origin) -> LoginResult:
         """Finish a sign-in with the parameters of the redirect. Raises SignInRefused; the audit log says why."""
         with self._lock:
             begun = self._under_way.pop(sha256(cookie.encode()), None)
@@ -97,7 +97,7 @@ class OidcLogin:
         self._note("sign_in.accepted", name, f"identity provider {self.provider.issuer}", origin)
         if begun.replaces:
             self._sessions.accounts.store.close_sessions(digest=begun.replaces)
-        return Entered(self._sessions.admit(name, origin), begun.page)
+        return LoginResult(self._sessions.admit(name, origin), begun.page)
 
     def _recognised(self, begun: _UnderWay, answer: Mapping[str, str], origin: Origin) -> str:
         """The name of the account that the person has here."""

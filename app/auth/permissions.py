@@ -99,14 +99,14 @@ class Principal:
             if permission not in self.scopes:
                 raise NotPermitted(
                     because("token_not_permitted", meaning=MEANING[permission], scope=permission),
-                    where=f"token {self.name}, scopes {', '.join(self.scopes) or 'none'}",
+                    where=because("at_token_scopes", name=self.name, scopes=tuple(self.scopes) or ("none",)),
                 )
             return Actor(name=self.name, role="integration", channel=self._channel)
         role = next((one for one in GRANTS[permission] if one in self.roles), None)
         if role is None:
             raise NotPermitted(
                 because("role_not_permitted", meaning=MEANING[permission], roles=tuple(GRANTS[permission])),
-                where=f"{self.name}, {', '.join(self.roles)}",
+                where=because("at_principal", name=self.name, roles=tuple(self.roles)),
             )
         return Actor(name=self.name, role=role, channel=self._channel)
 

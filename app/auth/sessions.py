@@ -14,7 +14,7 @@ from threading import Lock
 
 from msgspec.structs import replace
 
-from app.auth.accounts import Accounts, Throttled
+from app.auth.accounts import Accounts, TooManyAttempts
 from app.auth.permissions import HOST_PREFIX, Principal
 from harness.adapters.stores.accounts_rows import Session
 from harness.contracts.errors import StoreUnavailable
@@ -90,12 +90,12 @@ class SessionService:
         self.accounts.note(principal, "sign_in.link", subject=self._operator)
         return self._open(self._operator, origin, invited=True)
 
-    def sign_in(self, name: str, password: str, origin: Origin) -> str | Throttled | None:
+    def sign_in(self, name: str, password: str, origin: Origin) -> str | TooManyAttempts | None:
         """A fresh cookie for the right password; None for a wrong one, Throttled after too many."""
         found = self.accounts.check(name, password, source=origin.source)
-        return found if found is None or isinstance(found, Throttled) else self._open(name, origin, invited=False)
+        return found if found is None or isinstance(found, TooManyAttempts) else self._open(name, origin, invited=False)
 
-    def terminal_sign_in(self, name: str, password: str, origin: Origin) -> str | Throttled | None:
+    def terminal_sign_in(self, name: str, password: str, origin: Origin) -> str | TooManyAttempts | None:
         """The same for a terminal: a token that is good as long as its session; it counts among the person's own."""
         cookie = self.sign_in(name, password, origin)
         return f"{LOGIN_PREFIX}{cookie}" if isinstance(cookie, str) else cookie
@@ -112,7 +112,7 @@ class SessionService:
         """
         return self._of(sha256(cookie.encode()), source=source, active=active)
 
-    def held(self, principal: Principal, *, authorization: str = "") -> "HeldAccess":
+    def access(self, principal: Principal, *, authorization: str = "") -> "HeldAccess":
         """What an open stream of this principal asks while it lasts; `authorization` is the header it came with."""
         return HeldAccess(self, principal, authorization)
 
@@ -133,7 +133,7 @@ class SessionService:
         if not roles:
             self.accounts.store.close_sessions(digest=session.digest)
             return None
-        self._seen(session, digest, active=active)
+        self._record_use(session, digest, active=active)
         return Principal(
             name=session.name,
             roles=roles,
@@ -219,7 +219,7 @@ class SessionService:
         account = self.accounts.store.account(session.name)
         return account.roles if account and not account.disabled else ()
 
-    def _seen(self, session: Session, digest: str, *, active: bool) -> None:
+    def _record_use(self, session: Session, digest: str, *, active: bool) -> None:
         now_s = self._clock()
         first_use = digest == session.digest and bool(session.previous) and session.previous_until_s is None
         until_s = now_s + GRACE_S if first_use else session.previous_until_s

@@ -51,7 +51,7 @@ def unheard(alert_id: str, alert: Alert) -> None:
 
 
 @dataclass(frozen=True)
-class Watched:
+class AlertSources:
     """What is watched besides the log. `starts` reads robots' journals; `free_bytes` is None for an unknown disk."""
 
     fleet: Fleet
@@ -61,7 +61,7 @@ class Watched:
 
 
 @dataclass
-class _Trouble:
+class _MissionTrouble:
     """The newest trouble of one mission: stage and failure class."""
 
     node: str = ""
@@ -74,10 +74,10 @@ class AlertWatch:
 
     runtime: Runtime
     alerts: Alerts
-    watched: Watched
+    watched: AlertSources
     tell: Raised = unheard
     _mark: FollowPosition | None = None
-    _troubles: dict[str, _Trouble] = field(default_factory=dict)
+    _troubles: dict[str, _MissionTrouble] = field(default_factory=dict)
     _unread: dict[MissionId, causes.About] = field(default_factory=dict)
     _worker: Worker = field(init=False)
     _follower: Follower = field(init=False)
@@ -112,8 +112,8 @@ class AlertWatch:
     def mark(self) -> FollowPosition:
         """How far the log was followed; at first, to the newest event that an alert was raised from."""
         if self._mark is None:
-            told = max((alert.told for _, alert in self.alerts.all()), default=0)
-            self._mark = self._follower.mark_at(self.runtime.log(told - 1, 1)[0]) if told else beginning(FOLD)
+            newest = max((alert.told for _, alert in self.alerts.all()), default=0)
+            self._mark = self._follower.mark_at(self.runtime.log(newest - 1, 1)[0]) if newest else beginning(FOLD)
         return self._mark
 
     def take(self, fresh: Sequence[StoredEvent], *, after: FollowPosition, upto: FollowPosition) -> None:
@@ -147,8 +147,8 @@ class AlertWatch:
         elif family == "handoff":
             opened = self.runtime.handoff(HandoffId(name)).opened
             if opened is not None:
-                told = causes.of_handoff(HANDOFF.decode(stored), self._about(stored, opened.mission_id), name)
-                self._ask_all(told)
+                change = causes.of_handoff(HANDOFF.decode(stored), self._about(stored, opened.mission_id), name)
+                self._ask_all(change)
         elif stored.kind == QUARANTINED:
             event = POINTER.decode(stored)
             self._raise(
@@ -162,7 +162,7 @@ class AlertWatch:
     def _mission(self, stored: StoredEvent, mission_id: MissionId) -> None:
         event = MISSION.decode(stored)
         about = self._about(stored, mission_id)
-        trouble = self._troubles.setdefault(mission_id, _Trouble())
+        trouble = self._troubles.setdefault(mission_id, _MissionTrouble())
         trouble.node, trouble.failure = causes.troubled(event, about)
         about = replace(about, node=trouble.node, failure=trouble.failure)
         self._ask_all(causes.of_mission(event, about))
@@ -185,7 +185,7 @@ class AlertWatch:
             robot_id, goal, vetoes = mission.robot_id, mission.goal, tuple(mission.vetoes)
         except UnknownName:
             robot_id, goal, vetoes = RobotId(""), "", ()
-        trouble = self._troubles.get(mission_id, _Trouble())
+        trouble = self._troubles.get(mission_id, _MissionTrouble())
         link: Alert = self.runtime.fold(alert_stream(alert_id(causes.link_cause(robot_id))))
         return causes.About(
             mission_id=mission_id,
@@ -199,13 +199,13 @@ class AlertWatch:
             vetoes=vetoes,
         )
 
-    def _ask_all(self, told: Sequence[causes.AlertChange]) -> None:
-        for cause, command in told:
+    def _ask_all(self, occurrences: Sequence[causes.AlertChange]) -> None:
+        for cause, command in occurrences:
             self.ask(cause, command)
 
     def _raise(self, occurrence: Occurrence, *, source: int = 0) -> None:
-        told = changed(occurrence, source=source)
-        self.ask(occurrence.cause, RaiseAlert(occurrence=told, at_s=self.watched.clock()))
+        event = changed(occurrence, source=source)
+        self.ask(occurrence.cause, RaiseAlert(occurrence=event, at_s=self.watched.clock()))
 
     # live -----------------------------------------------------------------------------------------------------------
 

@@ -19,7 +19,7 @@ from rsi_reviews.regression.suite import shipped
 KEPT = 4
 
 
-class Evaluated:
+class EvaluationCache:
     """Safe between threads; the newest KEPT result sets stay in memory."""
 
     def __init__(self, queries: CandidateQueries, folder: Path | None = None) -> None:
@@ -52,9 +52,9 @@ class Evaluated:
         if path is None or not path.is_file():
             return lazy_gettext("{count} missions to run", count=needed)
         body = path.read_bytes()
-        kept = sum(body.count(f'"configuration":"{one}"'.encode()) for one in (terms.baseline, terms.configuration))
+        count = sum(body.count(f'"configuration":"{one}"'.encode()) for one in (terms.baseline, terms.configuration))
         return lazy_gettext(
-            "{done} of {count} missions to run", done=_grouped(min(kept, 2 * terms.cases)), count=needed
+            "{done} of {count} missions to run", done=_grouped(min(count, 2 * terms.cases)), count=needed
         )
 
 

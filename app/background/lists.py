@@ -51,7 +51,7 @@ class Slice(Generic[Item]):
 
 
 @dataclass(frozen=True)
-class _Followed:
+class _FollowedMission:
     """A mission as far as it was followed: its state, when it began and ended, its events about evidence."""
 
     mission: Mission = field(default_factory=Mission)
@@ -67,7 +67,7 @@ class Lists:
     def __init__(self, runtime: Runtime, models: ReadModels) -> None:
         self._runtime, self._models = runtime, models
         self._codec: Codec[MissionEvent] = Codec(MissionEvent)
-        self._followed: LRUCache[MissionId, _Followed] = LRUCache(KEPT)
+        self._followed: LRUCache[MissionId, _FollowedMission] = LRUCache(KEPT)
         self._follower = Follower(self, head=runtime.head, read=runtime.log, fold=FOLD, batch=BATCH)
         self._lock = Lock()
 
@@ -112,9 +112,9 @@ class Lists:
         self.catch_up()
         return self._models.count(query)
 
-    def found(self, query: read_models.ListQuery, shown: Slice[Item]) -> int:
+    def found(self, query: read_models.ListQuery, limit: Slice[Item]) -> int:
         """The same for a query whose page is known: a first page that is also the last is not searched for again."""
-        return len(shown.items) if query.after is None and shown.following is None else self.count(query)
+        return len(limit.items) if query.after is None and limit.following is None else self.count(query)
 
     def tallies(self, listing: read_models.Listing) -> list[read_models.FacetCount]:
         """Every value of every facet with its count."""
@@ -147,7 +147,7 @@ class Lists:
     def _mission_rows(self, mission_id: MissionId, fresh: Sequence[StoredEvent]) -> Iterator[read_models.ListRow]:
         before = self._followed.get(mission_id)
         if before is None or before.mission.version + 1 != fresh[0].version:
-            before = _Followed()
+            before = _FollowedMission()
             earlier = [one for one in self._runtime.events(mission_id) if one.version < fresh[0].version]
             fresh = [*earlier, *fresh]
         decoded = [(stored, self._codec.decode(stored)) for stored in fresh]
@@ -176,7 +176,7 @@ class Lists:
             return Mission()
 
 
-def _follow(before: _Followed, decoded: Sequence[tuple[StoredEvent, MissionEvent]]) -> _Followed:
+def _follow(before: _FollowedMission, decoded: Sequence[tuple[StoredEvent, MissionEvent]]) -> _FollowedMission:
     first = decoded[0][0]
     ended = next((stored.recorded_s for stored, event in decoded if isinstance(event, MissionEnded)), before.ended_s)
     telling = tuple((stored.position, event) for stored, event in decoded if isinstance(event, TELLING))

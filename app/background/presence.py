@@ -33,6 +33,6 @@ class Presence:
 
     def watching(self, *topics: str) -> tuple[str, ...]:
         """Everybody with a page open that listens to one of these topics by its whole name."""
-        wanted = frozenset(topics)
+        asked_topics = frozenset(topics)
         with self._lock:
-            return tuple(sorted({name for name, heard in self._open.values() if heard & wanted}))
+            return tuple(sorted({name for name, topic_set in self._open.values() if topic_set & asked_topics}))

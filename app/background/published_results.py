@@ -18,7 +18,7 @@ Document = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Published:
+class PublishedResults:
     """Both documents as JSON values; None where there is none yet. `wrong` says why one cannot be read."""
 
     evaluation: Document | None
@@ -26,7 +26,7 @@ class Published:
     wrong: tuple[str, ...]
 
 
-def published(folder: Path) -> Published:
+def published(folder: Path) -> PublishedResults:
     """What docs/results holds now."""
     wrong = []
     found: dict[str, Document | None] = {}
@@ -37,7 +37,7 @@ def published(folder: Path) -> Published:
         except (ContractInvalid, UnknownName) as error:
             found[name] = None
             wrong.append(explained(error))
-    return Published(evaluation=found["evaluation"], recursion=found["recursion"], wrong=tuple(wrong))
+    return PublishedResults(evaluation=found["evaluation"], recursion=found["recursion"], wrong=tuple(wrong))
 
 
 @lru_cache(maxsize=2)

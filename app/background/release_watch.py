@@ -33,7 +33,7 @@ class ReleaseWatch:
     _follower: Follower = field(init=False)
 
     def __post_init__(self) -> None:
-        self._worker = Worker("release-watch", self._begun, every_s=STEP_S)
+        self._worker = Worker("release-watch", self._follow_new, every_s=STEP_S)
         self._follower = Follower(self, head=self.head, read=self.read, fold=FOLD)
 
     def watch(self) -> None:
@@ -68,7 +68,7 @@ class ReleaseWatch:
         self.releases.take_up(WORKER)
         self.releases.catch_up(self.duplicate_starts)
 
-    def _begun(self) -> None:
+    def _follow_new(self) -> None:
         first, self.first = self.first, None
         if first is not None:
             first()

@@ -95,8 +95,8 @@ class Fleet:
             self._look(post)
         with post.lock:
             self._forget(post)
-            kept = [one for one in post.ring if now_s - one.taken_s <= KEPT_S or one is post.ring[-1]]
-            return Shots(kept=tuple(kept), trouble=post.trouble)
+            recent = [one for one in post.ring if now_s - one.taken_s <= KEPT_S or one is post.ring[-1]]
+            return Shots(kept=tuple(recent), trouble=post.trouble)
 
     def shot(self, robot_id: str, number: int) -> LiveFrame:
         """Raises UnknownName for a picture that is no longer kept."""

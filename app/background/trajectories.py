@@ -19,7 +19,7 @@ KEPT = 16
 
 
 @dataclass
-class _Sealed:
+class _PacketReadings:
     """What the packets of one mission hold, by sensor time; `packets` were read, `shown` was made last."""
 
     packets: set[str] = field(default_factory=set)
@@ -54,7 +54,7 @@ class Measurements:
 
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
-        self._sealed: LRUCache[MissionId, _Sealed] = LRUCache(KEPT)
+        self._sealed: LRUCache[MissionId, _PacketReadings] = LRUCache(KEPT)
         self._lock = Lock()
 
     def of(
@@ -62,7 +62,7 @@ class Measurements:
     ) -> Readings:
         """Everything measured so far; `node` is the stage that the live samples belong to."""
         with self._lock:
-            sealed = self._sealed.setdefault(mission_id, _Sealed())
+            sealed = self._sealed.setdefault(mission_id, _PacketReadings())
             fresh = self._read(sealed, entries)
             if live is not None:
                 sealed.take(live.samples, node=node)
@@ -70,7 +70,7 @@ class Measurements:
                 sealed.shown = sealed.readings
             return sealed.shown
 
-    def _read(self, sealed: _Sealed, entries: Sequence[TimelineEntry]) -> bool:
+    def _read(self, sealed: _PacketReadings, entries: Sequence[TimelineEntry]) -> bool:
         before = len(sealed.packets)
         for entry in entries:
             if not isinstance(entry.event, PacketRetained):

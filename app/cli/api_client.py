@@ -22,6 +22,10 @@ class Api(ABC):
     def post(self, path: str, body: dict[str, Any]) -> Any:
         return self._answer("POST", path, body)
 
+    def upload(self, path: str, body: bytes, *, kind: str) -> Any:
+        """Post bytes of a media type as they are."""
+        return self._decoded(self._sent("POST", f"/api/v1{path}", body, kind=kind))
+
     def patch(self, path: str, body: dict[str, Any]) -> Any:
         return self._answer("PATCH", path, body)
 
@@ -49,11 +53,13 @@ class Api(ABC):
         """Have the sensors of the mission's robot report, so that an act rests on the robot as it is now."""
 
     @abstractmethod
-    def _sent(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
-        """The answer to one request."""
+    def _sent(self, method: str, path: str, body: dict[str, Any] | bytes | None, *, kind: str = "") -> httpx.Response:
+        """The answer to one request; bytes are sent as they are, as `kind`."""
 
     def _answer(self, method: str, path: str, body: dict[str, Any] | None = None) -> Any:
-        response = self._sent(method, f"/api/v1{path}", body)
+        return self._decoded(self._sent(method, f"/api/v1{path}", body))
+
+    def _decoded(self, response: httpx.Response) -> Any:
         if response.is_success:
             return response.json()
         problem = response.json() if "json" in response.headers.get("content-type", "") else {}
@@ -65,3 +71,8 @@ class Api(ABC):
         kind = UnknownName if response.status_code in (404, 422) else HarnessError
         message = problem.get("detail") or problem.get("title") or f"The owner answered {response.status_code}"
         raise kind(message, do=problem.get("do", ""))
+
+
+def content(body: dict[str, Any] | bytes | None, kind: str) -> dict[str, Any]:
+    """The body of a request as httpx takes it: JSON, or bytes of a media type."""
+    return {"content": body, "headers": {"content-type": kind}} if isinstance(body, bytes) else {"json": body}

@@ -21,7 +21,7 @@ def backup(
 ) -> None:
     """Copy log, blobs and accounts, also while a console runs, and verify the copy."""
     manifest = back_up(data, to, keys=keys)
-    _show(manifest, to, as_json=as_json, said="backed up to")
+    _show(manifest, to, as_json=as_json, report="backed up to")
 
 
 def restore(
@@ -32,10 +32,10 @@ def restore(
 ) -> None:
     """Make a new data folder from a backup: every file is compared with its digest, and the log verified."""
     manifest = restored(source, data, keys=keys)
-    _show(manifest, data, as_json=as_json, said="restored to")
+    _show(manifest, data, as_json=as_json, report="restored to")
 
 
-def _show(manifest: BackupManifest, folder: Path, *, as_json: bool, said: str) -> None:
+def _show(manifest: BackupManifest, folder: Path, *, as_json: bool, report: str) -> None:
     found = {
         "folder": str(folder),
         "position": manifest.head.position,
@@ -43,5 +43,5 @@ def _show(manifest: BackupManifest, folder: Path, *, as_json: bool, said: str) -
         "blobs": manifest.blobs,
         "files": len(manifest.files),
     }
-    line = f"{manifest.head.position} events, {manifest.blobs} blobs {said} {folder}; head {manifest.head.digest}."
+    line = f"{manifest.head.position} events, {manifest.blobs} blobs {report} {folder}; head {manifest.head.digest}."
     output.show(found, as_json=as_json, lines=[line])

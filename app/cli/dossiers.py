@@ -15,6 +15,7 @@ from harness.auditing.replay import RECONSTRUCTED
 from harness.bootstrap import read_harness
 from harness.contracts.dossier import JudgedGoal
 from harness.contracts.ids import MissionId
+from harness.contracts.spoken_goals import SpokenGoal
 from harness.dossiers import export_dossier, verify_dossier
 
 
@@ -61,6 +62,13 @@ def _goal(judged: JudgedGoal) -> list[str]:
     return lines
 
 
+def _spoken(spoken: SpokenGoal) -> list[str]:
+    return [
+        f"Spoken: recording {spoken.recording}",
+        f"  transcript {spoken.transcript} by {spoken.recogniser}, its text {spoken.checksum}",
+    ]
+
+
 def _lines(found: DossierVerdict) -> list[str]:
     signer = "the key you named" if found.trusted else f"{found.public_key}: compare it with the key you were told"
     return [
@@ -68,6 +76,7 @@ def _lines(found: DossierVerdict) -> list[str]:
         f"Signed by {signer}.",
         f"Taken when the log stood at {found.head_position}, {found.head_digest}.",
         *(_goal(found.judged) if found.judged else ()),
+        *(_spoken(found.spoken) if found.spoken else ()),
         *(f"Evidence {digest} was already missing when it was exported." for digest in found.absent),
         *(_place(one) for one in found.places if one.during),
         *([f"{found.reconstructed} decisions derived again with {RECONSTRUCTED}."] if found.reconstructed else []),

@@ -20,7 +20,7 @@ from rsi_reviews.evaluation.measures import Cell
 from rsi_reviews.evaluation.missions import CONDITIONS, condition
 from rsi_reviews.evaluation.plots import plots
 from rsi_reviews.evaluation.protocol import ROOT, ProtocolRequest, code, rows
-from rsi_reviews.evaluation.roles import Model, RoleReport, adversarial, asked
+from rsi_reviews.evaluation.roles import Model, RoleReport, adversarial, ask_model
 from rsi_reviews.evaluation.suites import checks
 from simulator.in_process import SIMULATOR
 
@@ -37,7 +37,7 @@ def evaluate(
     arms: Annotated[str, typer.Option("--arms", help="Names, separated by commas; all without it.")] = "",
     faults: Annotated[str, typer.Option("--faults", help="Fault conditions, by commas; all without it.")] = "",
     processes: Annotated[int, typer.Option("--processes", min=1, max=256)] = 2,
-    kept: Annotated[
+    results_file: Annotated[
         Path | None, typer.Option("--kept", help="A file of finished missions: what is in it is not run again.")
     ] = None,
     output: Annotated[Path | None, typer.Option("--output", help="Write the whole result there, as JSON.")] = None,
@@ -65,7 +65,7 @@ def evaluate(
         def progressed(done: int, of: int) -> None:
             progress.update(task, completed=done, total=of)
 
-        judged = rows(ask, SIMULATOR, processes=processes, kept=kept, progress=progressed)
+        judged = rows(ask, SIMULATOR, processes=processes, results=results_file, progress=progressed)
         roles = _roles(progress, model=model, url=model_url)
         found = report.evaluation(judged, ask, code=code(SIMULATOR), roles=roles, suites=checks(seed, SIMULATOR))
     if output is not None:
@@ -96,7 +96,7 @@ def _roles(progress: Progress, *, model: str, url: str) -> RoleReport:
     trials = adversarial(SIMULATOR)
     task = progress.add_task(f"{model} as verifier", total=len(trials))
     with httpx.Client(timeout=MODEL_S) as client:
-        return asked(
+        return ask_model(
             trials, endpoint(client, model, url), name=model, progress=lambda n: progress.update(task, completed=n)
         )
 
@@ -134,4 +134,4 @@ def _lines(found: report.EvaluationReport) -> list[str]:
 
 def _row(one: Cell) -> list[str]:
     rates = (one.success, one.contract_false, one.epistemic_false, one.duplicate_starts, one.handoff)
-    return [one.condition, one.arm, str(one.n), *(report.shown(rate) for rate in rates), one.command]
+    return [one.condition, one.arm, str(one.n), *(report.rate_text(rate) for rate in rates), one.command]

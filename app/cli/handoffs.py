@@ -68,7 +68,7 @@ def _claimed(verb: str) -> Callable[..., None]:
     return command
 
 
-def _held(verb: str, wanted: str) -> Callable[..., None]:
+def _held(verb: str, success: str) -> Callable[..., None]:
     def command(
         handoff_id: str,
         reason: Reason,
@@ -79,7 +79,7 @@ def _held(verb: str, wanted: str) -> Callable[..., None]:
         def act_of(_: Handoff) -> Act:
             return acts.ACTS[verb].of(claim=token, key=_key(handoff_id, verb, reason), reason=reason)
 
-        _end(data, handoff_id, verb, act_of, as_json=as_json, wanted=wanted)
+        _end(data, handoff_id, verb, act_of, as_json=as_json, success=success)
 
     return command
 
@@ -133,11 +133,11 @@ def approve(
     """Let the proposed action run once, and follow the mission. It is verified like any other attempt."""
 
     def act_of(handoff: Handoff) -> Act:
-        shown = _shown(handoff) | {"subject": digest}
+        view = _approval_fields(handoff) | {"subject": digest}
         key = _key(handoff_id, "approve", reason)
-        return acts.ApproveHandoffAct.of(decision="approve", reason=reason, key=key, claim=token, **shown)
+        return acts.ApproveHandoffAct.of(decision="approve", reason=reason, key=key, claim=token, **view)
 
-    _end(data, handoff_id, "decision", act_of, as_json=as_json, wanted="succeeded")
+    _end(data, handoff_id, "decision", act_of, as_json=as_json, success="succeeded")
 
 
 @app.command()
@@ -152,9 +152,11 @@ def reject(
 
     def act_of(handoff: Handoff) -> Act:
         key = _key(handoff_id, "reject", reason)
-        return acts.RejectHandoffAct.of(decision="reject", reason=reason, key=key, claim=token, **_shown(handoff))
+        return acts.RejectHandoffAct.of(
+            decision="reject", reason=reason, key=key, claim=token, **_approval_fields(handoff)
+        )
 
-    _end(data, handoff_id, "decision", act_of, as_json=as_json, wanted="safe_stopped")
+    _end(data, handoff_id, "decision", act_of, as_json=as_json, success="safe_stopped")
 
 
 @app.command("take-control")
@@ -196,14 +198,14 @@ def attest(
             claim=token,
         )
 
-    _end(data, handoff_id, "attest", act_of, as_json=as_json, wanted="succeeded")
+    _end(data, handoff_id, "attest", act_of, as_json=as_json, success="succeeded")
 
 
-def _shown(handoff: Handoff) -> dict[str, Any]:
+def _approval_fields(handoff: Handoff) -> dict[str, Any]:
     """What stands there now: the cycle and the digests that a decision is bound to."""
     opened = handoff.opened
-    shown = {"subject": opened.subject, "evidence": opened.evidence} if opened else {}
-    return {"cycle": handoff.cycle, **shown}
+    view = {"subject": opened.subject, "evidence": opened.evidence} if opened else {}
+    return {"cycle": handoff.cycle, **view}
 
 
 def _post(data: Path, handoff_id: str, word: str, act_of: ActOf, *, as_json: bool) -> None:
@@ -214,13 +216,13 @@ def _post(data: Path, handoff_id: str, word: str, act_of: ActOf, *, as_json: boo
     output.show(row, as_json=as_json, lines=[f"{row['handoff_id']}  {row['status']}, cycle {row['cycle']}{held}"])
 
 
-def _end(data: Path, handoff_id: str, word: str, act_of: ActOf, *, as_json: bool, wanted: str) -> NoReturn:
+def _end(data: Path, handoff_id: str, word: str, act_of: ActOf, *, as_json: bool, success: str) -> NoReturn:
     """Post the act and follow the mission until it is over or waits again: exit 0 where it ended as the act asks."""
     with api_with_robots(data) as api:
         outcome: Mapping[str, Any] = api.follow(_mission_of(_posted(api, handoff_id, word, act_of)))
     lines = [f"{outcome['mission_id']}  {outcome['status']}  {outcome.get('reason', '')}".rstrip()]
     output.show(outcome, as_json=as_json, lines=lines)
-    raise typer.Exit(0 if outcome["status"] == wanted else output.exit_code(outcome["status"]))
+    raise typer.Exit(0 if outcome["status"] == success else output.exit_code(outcome["status"]))
 
 
 def _posted(api: Api, handoff_id: str, word: str, act_of: ActOf) -> Handoff:

@@ -13,18 +13,18 @@ EXIT = 130
 @contextmanager
 def interruptible() -> Iterator[Event]:
     """An event that Ctrl-C sets while the block runs; outside the main thread no signal arrives."""
-    asked = Event()
+    interrupted = Event()
     if current_thread() is not main_thread():
-        yield asked
+        yield interrupted
         return
     before = signal.getsignal(signal.SIGINT)
 
     def ask(number: int, frame: FrameType | None) -> None:
-        asked.set()
+        interrupted.set()
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
     signal.signal(signal.SIGINT, ask)
     try:
-        yield asked
+        yield interrupted
     finally:
         signal.signal(signal.SIGINT, before)

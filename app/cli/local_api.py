@@ -14,17 +14,17 @@ from pydantic import SecretStr
 from app.auth.accounts import Accounts
 from app.auth.commit_authority import authority
 from app.background.signals import SignalBroker
-from app.cli.api_client import Api
+from app.cli.api_client import Api, content
 from app.cli.data_folder import opened, running
 from app.cli.interruption import EXIT, interruptible
 from app.cli.logins import token_of
-from app.cli.output import ProgressPrinter, settings
+from app.cli.output import ProgressPrinter, settings, warn_of_robots
 from app.cli.owner_api import owner_api
 from app.cli.person import host_user
 from app.i18n.reasons.rendering import sentence
 from app.i18n.visible_text import visible_at_terminal
 from app.main import create_app
-from app.scene.servers import Scenes
+from app.scene.port import NoSceneViews
 from app.settings import ConsoleSettings
 from harness.bootstrap import Harness, edit_harness
 from harness.contracts.errors import HarnessError
@@ -50,7 +50,7 @@ class LocalApi(Api):
             runtime,
             console,
             self._broker,
-            Scenes(runtime),
+            NoSceneViews(),
             accounts=accounts,
             answer=harness.supervisor.answer if harness else unsupervised,
             free=harness.supervisor.free if harness else unobserved,
@@ -79,9 +79,9 @@ class LocalApi(Api):
 
     def _run(self, mission_id: MissionId) -> None:
         supervisor = self._robots().supervisor
-        with interruptible() as asked:
-            mission = supervisor.run(mission_id, watch=ProgressPrinter(), interrupted=asked.is_set)
-            if not asked.is_set():
+        with interruptible() as interrupted:
+            mission = supervisor.run(mission_id, watch=ProgressPrinter(), interrupted=interrupted.is_set)
+            if not interrupted.is_set():
                 return
             typer.echo(f"Stopping {mission.robot_id}.", err=True)
             rest = supervisor.bring_to_rest(mission_id)
@@ -112,14 +112,14 @@ class LocalApi(Api):
             raise HarnessError(because("no_robot_connected"))
         return self._harness
 
-    def _sent(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
+    def _sent(self, method: str, path: str, body: dict[str, Any] | bytes | None, *, kind: str = "") -> httpx.Response:
         self._broker.changed("terminal")
-        return asyncio.run(self._requested(method, path, body))
+        return asyncio.run(self._requested(method, path, content(body, kind)))
 
-    async def _requested(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
+    async def _requested(self, method: str, path: str, sent: dict[str, Any]) -> httpx.Response:
         transport = httpx.ASGITransport(app=self._app, client=("terminal", 0))
         async with httpx.AsyncClient(transport=transport, base_url=self._base, headers=self._headers) as client:
-            return await client.request(method, path, json=body)
+            return await client.request(method, path, **sent)
 
 
 @contextmanager
@@ -135,6 +135,7 @@ def api_with_robots(data: Path, chosen: HarnessSettings | None = None) -> Iterat
         running(chosen or settings(data_folder=data, speed=0.0), authority=authority(accounts)) as harness,
         closing(LocalApi(harness.runtime, accounts, data, harness)) as api,
     ):
+        warn_of_robots(harness.absent, harness.unused)
         yield api
 
 

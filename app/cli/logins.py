@@ -10,7 +10,7 @@ from typing import Annotated
 import msgspec
 import typer
 
-from app.auth.accounts import Accounts, Throttled
+from app.auth.accounts import Accounts, TooManyAttempts
 from app.auth.permissions import Principal
 from app.auth.sessions import Origin, SessionService
 from app.cli import output
@@ -50,14 +50,14 @@ def login(
         if not accounts.store.any_account():
             raise ContractInvalid(because("no_account_yet"), where=str(data))
         token = _sessions(accounts).terminal_sign_in(name, _password(from_stdin=password_stdin), TERMINAL)
-        if isinstance(token, Throttled):
+        if isinstance(token, TooManyAttempts):
             raise ContractInvalid(because("sign_in_throttled", wait_s=token.wait_s), where=name)
         if token is None:
             raise ContractInvalid(because("sign_in_refused"), where=name)
         account = accounts.known(name)
     _write(Login(folder=str(data.resolve()), name=name, token=token))
-    told = {"name": name, "roles": list(account.roles), "file": str(_file(data))}
-    output.show(told, as_json=as_json, lines=[f"Signed in as {name} ({', '.join(account.roles)})."])
+    answer = {"name": name, "roles": list(account.roles), "file": str(_file(data))}
+    output.show(answer, as_json=as_json, lines=[f"Signed in as {name} ({', '.join(account.roles)})."])
 
 
 def logout(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
@@ -67,15 +67,19 @@ def logout(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
         with opened(data) as accounts:
             _sessions(accounts).leave_terminal(found.token)
         _file(data).unlink(missing_ok=True)
-    told = f"{found.name} is signed out." if found else "Nobody was signed in here."
-    output.show({"name": found.name if found else ""}, as_json=as_json, lines=[told])
+    sentence = f"{found.name} is signed out." if found else "Nobody was signed in here."
+    output.show({"name": found.name if found else ""}, as_json=as_json, lines=[sentence])
 
 
 def whoami(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Who acts here: an account, or a user of this machine without one."""
     found = principal(data)
-    told = ", ".join(found.roles) if found.roles else "no account: may run, stop and administer, and decides nothing"
-    output.show({"name": found.name, "roles": list(found.roles)}, as_json=as_json, lines=[f"{found.name} ({told})"])
+    role_list = (
+        ", ".join(found.roles) if found.roles else "no account: may run, stop and administer, and decides nothing"
+    )
+    output.show(
+        {"name": found.name, "roles": list(found.roles)}, as_json=as_json, lines=[f"{found.name} ({role_list})"]
+    )
 
 
 def token_of(data: Path) -> str:

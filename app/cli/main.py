@@ -4,15 +4,16 @@ Exit: 0 succeeded; 3 waits for a person or is paused; 1 any other end, or a bad 
 2 a bad argument, name or contract; 4 the goal was verified in part only: something is declared and not verified.
 """
 
+import ast
 import sys
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import typer
 from typer.core import TyperGroup
 from typer.main import get_command, get_group
 
-from app.cli.output import complain
 from harness.contracts.errors import HarnessError
 
 GROUPS = {
@@ -31,6 +32,8 @@ GROUPS = {
 }
 COMMANDS = {
     "up": "service:up",
+    "init": "sites:init",
+    "check": "sites:check",
     "login": "logins:login",
     "logout": "logins:logout",
     "whoami": "logins:whoami",
@@ -57,6 +60,11 @@ class CommandGroups(TyperGroup):
         """All of the first words."""
         return [*(name for name in COMMANDS if " " not in name), *GROUPS]
 
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """The first words with what each is for, read from the sources: importing all of them takes seconds."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, _summary({**COMMANDS, **GROUPS}[name])) for name in self.list_commands(ctx)])
+
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command or group of that name; None if there is none."""
         if cmd_name in GROUPS:
@@ -67,6 +75,19 @@ class CommandGroups(TyperGroup):
                     group.add_command(_command(second, where), second)
             return group
         return _command(cmd_name, COMMANDS[cmd_name]) if cmd_name in COMMANDS else None
+
+
+def _summary(where: str) -> str:
+    module, _, name = where.partition(":")
+    source = (Path(__file__).parent / f"{module}.py").read_text(encoding="utf-8")
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.FunctionDef) and node.name == name:
+            return (ast.get_docstring(node) or "").partition("\n")[0]
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == name and isinstance(node.value, ast.Call):
+            return "".join(ast.literal_eval(one.value) for one in node.value.keywords if one.arg == "help")
+        if isinstance(node, ast.ImportFrom) and name in [one.asname or one.name for one in node.names]:
+            return _summary(f"{str(node.module).removeprefix('app.cli.')}:{name}")
+    return ""
 
 
 def _named(where: str) -> Any:
@@ -99,6 +120,8 @@ def main() -> None:
     try:
         app()
     except HarnessError as error:
+        from app.cli.output import complain  # noqa: PLC0415  what renders an error loads for half a second
+
         sys.exit(complain(error, as_json="--json" in sys.argv))
 
 

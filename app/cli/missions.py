@@ -10,11 +10,13 @@ import typer
 from app.acts.missions import DisputeCompletionAct, StartMissionAct, StopMissionAct, WithdrawMissionAct
 from app.background.mission_history import Histories
 from app.cli import output
+from app.cli.api_client import Api
 from app.cli.local_api import api_with_robots
 from app.cli.person import me
 from app.i18n.messages import reasoned
 from app.i18n.reasons import rendering as reasons
 from app.i18n.reasons.rendering import sentence
+from app.i18n.visible_text import visible_at_terminal
 from app.views.contexts import ranked
 from app.views.mission_json import mission_outcome
 from harness.bootstrap import read_harness
@@ -22,6 +24,7 @@ from harness.contracts.errors import UnknownName
 from harness.contracts.ids import Digest, MissionId
 from harness.contracts.observations import SINGLE_SOURCE
 from harness.contracts.proposals import CandidateSet, RoutingExplanation
+from harness.contracts.reasons import because
 from harness.contracts.upcasting import name_of
 from harness.contracts.values import decode
 from harness.projections.exploration import ExplorationDecision, decisions
@@ -37,8 +40,10 @@ app = typer.Typer(no_args_is_help=True, help="Run and read missions.")
 
 @app.command()
 def run(
-    template: Annotated[str, typer.Argument(help="Name of a task template, or a goal in words.")],
+    template: Annotated[str, typer.Argument(help="Name of a task template, or a goal in words.")] = "",
     data: output.Data = output.DEFAULT_DATA,
+    site: output.Site = None,
+    robot: Annotated[str, typer.Option(help="Which robot; the site's first without one.")] = "",
     as_json: output.Json = False,
     speed: Annotated[float | None, typer.Option(help="Mission seconds per second; 0 is as fast as possible.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the simulated world.", min=0)] = 1,
@@ -49,10 +54,17 @@ def run(
     goal: Annotated[str, typer.Option(help="The goal in words, where the first argument names a template.")] = "",
     confirm_reading: Annotated[str, typer.Option(help="Digest of the reading to start, as the refusal shows it.")] = "",
     wait: Annotated[bool, typer.Option("--wait", help="Also wait while an earlier mission asks a person.")] = False,
+    recording: Annotated[
+        Path | None, typer.Option(help="A WAV in which the goal is spoken in English: 16-bit mono, at most 30 s.")
+    ] = None,
 ) -> None:
     """Run one mission and wait for its end. At speed 0 nothing waits for people: exit 3 at once."""
     SIMULATOR.check_faults(fault or [])
+    if not template and recording is None:
+        raise typer.BadParameter("name a template, say a goal, or give --recording", param_hint="TEMPLATE")
+    spoken = _sound(recording) if recording is not None else b""
     act = StartMissionAct.of(
+        robot_id=robot,
         template="" if _in_words(template) else template,
         goal=template if _in_words(template) else goal,
         arguments=_arguments(argument),
@@ -60,9 +72,11 @@ def run(
         labels={"faults": ",".join(fault)} if fault else {},
         confirm_reading=confirm_reading,
     )
-    chosen = output.settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
+    data = output.data_of(data, site)
+    chosen = output.settings(data_folder=data, site_folder=site, speed=speed, seed=seed, fidelity=fidelity)
     with api_with_robots(data, chosen) as api:
-        mission_id = api.post("/missions", act.body())["mission_id"]
+        transcript = _transcript(api, spoken) if spoken else ""
+        mission_id = api.post("/missions", act.model_copy(update={"recording": transcript}).body())["mission_id"]
         api.finish_earlier(mission_id)
         outcome = api.follow(mission_id, wait=wait)
     if record_to is not None:
@@ -70,6 +84,21 @@ def run(
             write_recording(runtime, MissionId(mission_id), record_to)
     output.show(outcome, as_json=as_json, lines=_summary(outcome))
     raise typer.Exit(output.exit_code(outcome["status"]))
+
+
+def _sound(file: Path) -> bytes:
+    """The bytes of a recording. Raises UnknownName for a file that cannot be read."""
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise UnknownName(because("file_unreadable", error=error.strerror or ""), where=str(file)) from error
+
+
+def _transcript(api: Api, recording: bytes) -> str:
+    """Has a recording stored and written down; says what was heard, and gives its digest."""
+    found = api.upload("/recordings", recording, kind="audio/wav")
+    typer.echo(visible_at_terminal(f"Heard: {found['text']}"), err=True)
+    return str(found["recording"])
 
 
 def _in_words(text: str) -> bool:
@@ -81,12 +110,15 @@ def _in_words(text: str) -> bool:
 def resume(
     mission_id: str,
     data: output.Data = output.DEFAULT_DATA,
+    site: output.Site = None,
     as_json: output.Json = False,
     speed: Annotated[float | None, typer.Option(help="Mission seconds per second; 0 is as fast as possible.")] = None,
     fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
 ) -> None:
     """Go on with a mission that a crash or an exit left open."""
-    with api_with_robots(data, output.settings(data_folder=data, speed=speed, fidelity=fidelity)) as api:
+    data = output.data_of(data, site)
+    chosen = output.settings(data_folder=data, site_folder=site, speed=speed, fidelity=fidelity)
+    with api_with_robots(data, chosen) as api:
         outcome = api.follow(mission_id)
     output.show(outcome, as_json=as_json, lines=_summary(outcome))
     raise typer.Exit(output.exit_code(outcome["status"]))
@@ -126,6 +158,8 @@ def _summary(outcome: dict[str, Any]) -> list[str]:
     lines += output.table([["", "clause", "verdict"], *clauses]) if clauses else []
     if outcome.get("reason"):
         lines.append(str(outcome["reason"]))
+    if spoken := outcome["spoken"]:
+        lines.append(f"spoken: recording {spoken['recording']}, transcript {spoken['transcript']}")
     if outcome.get("report"):
         lines += [str(outcome["report"]), f"asked as: {outcome['goal']}"]
     lines += [
@@ -263,7 +297,7 @@ def routing(
         mission = runtime.mission(MissionId(mission_id))
         if stage and stage not in mission.nodes:
             raise UnknownName(
-                f"There is no stage {stage!r}", where=mission_id, do=f"name one of {', '.join(mission.nodes)}"
+                because("unknown_stage_of_mission", node_id=stage, known=tuple(mission.nodes)), where=mission_id
             )
         entries = Histories(runtime).of(mission.mission_id)
         records = RoutingRecords(runtime)
@@ -336,10 +370,12 @@ def stop(
     mission_id: str,
     reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
     data: output.Data = output.DEFAULT_DATA,
+    site: output.Site = None,
     as_json: output.Json = False,
 ) -> None:
     """Stop a mission: stopping until acknowledged, then static."""
-    with api_with_robots(data) as api:
+    data = output.data_of(data, site)
+    with api_with_robots(data, output.settings(data_folder=data, site_folder=site, speed=0.0)) as api:
         api.post(f"/missions/{mission_id}/stop", StopMissionAct.of(reason=reason).body())
         outcome = api.follow(mission_id)
     output.show(outcome, as_json=as_json, lines=_summary(outcome))

@@ -14,6 +14,7 @@ from app.i18n.visible_text import escaped, visible_at_terminal
 from app.views.readings import question_view
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, HarnessError, UnknownName
+from harness.contracts.ids import ProviderId, RobotId
 from harness.contracts.readings import ReadingQuestion
 from harness.contracts.reasons import Reason, because
 from harness.projections.mission import Mission
@@ -23,6 +24,15 @@ from harness.settings import HarnessSettings
 Data = Annotated[Path, typer.Option("--data", help="Data folder; one owner at a time.", envvar="REGEN_DATA_FOLDER")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 DEFAULT_DATA = Path("var")
+SITE_DATA = "var"
+Site = Annotated[
+    Path | None,
+    typer.Option(
+        "--site",
+        help="A site's own folder, as `regen init` writes one; its data are in DIR/var without --data.",
+        envvar="REGEN_SITE_FOLDER",
+    ),
+]
 WRONG_ASKED = (ContractInvalid, UnknownName)
 
 
@@ -33,6 +43,20 @@ def settings(**given: Any) -> HarnessSettings:
     except ValidationError as error:
         first = error.errors()[0]
         raise typer.BadParameter(f"{'.'.join(str(part) for part in first['loc'])}: {first['msg']}") from error
+
+
+def data_of(data: Path, site: Path | None) -> Path:
+    """The data folder: the site's own where none was named."""
+    return site / SITE_DATA if site is not None and data == DEFAULT_DATA else data
+
+
+def warn_of_robots(absent: Mapping[RobotId, Reason], unused: Mapping[RobotId, Mapping[ProviderId, Reason]]) -> None:
+    """Say on standard error which robots are not connected, and which providers are not used, with the reasons."""
+    for robot_id, why in absent.items():
+        sys.stderr.write(visible_at_terminal(f"{robot_id} is not connected: {reasons.explained(HarnessError(why))}\n"))
+    for robot_id, providers in unused.items():
+        for why in providers.values():
+            sys.stderr.write(visible_at_terminal(f"{robot_id}: {reasons.explained(HarnessError(why))}\n"))
 
 
 def show(value: Mapping[str, Any], *, as_json: bool, lines: Iterable[str]) -> None:
@@ -80,8 +104,10 @@ def complain(error: HarnessError, *, as_json: bool = False) -> int:
 
 def _question_lines(question: ReadingQuestion) -> list[str]:
     """The question for a terminal: the text with its unread words in brackets, and how to confirm the reading."""
-    shown = "".join(f"[{part.text}]" if part.kind == "unread" else part.text for part in question_view(question).parts)
-    lines = [f"  {shown}"]
+    text = "".join(f"[{part.text}]" if part.kind == "unread" else part.text for part in question_view(question).parts)
+    lines = [f"  {text}"]
+    if question.heard is not None:
+        lines.append(f"  heard without the site's words: {question.heard.free or '-'}")
     for one in question.unread:
         why = reasons.sentence(unread_in_words(one.why))
         lines.append(f"    {question.text[one.span.start : one.span.end]!r}: {why}")

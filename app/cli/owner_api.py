@@ -7,7 +7,7 @@ from typing import Any
 import httpx
 import typer
 
-from app.cli.api_client import Api
+from app.cli.api_client import Api, content
 from app.cli.interruption import EXIT
 from app.cli.logins import token_of
 from harness.bootstrap import owner_of
@@ -81,10 +81,10 @@ class OwnerApi(Api):
     def observe(self, mission_id: str) -> None:
         """The owner's robots report all the time."""
 
-    def _sent(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
+    def _sent(self, method: str, path: str, body: dict[str, Any] | bytes | None, *, kind: str = "") -> httpx.Response:
         try:
             with httpx.Client(headers=self._headers, timeout=30.0, trust_env=False) as client:
-                return client.request(method, f"{self._base}{path}", json=body)
+                return client.request(method, f"{self._base}{path}", **content(body, kind))
         except httpx.HTTPError as error:
             raise HarnessError(because("owner_silent", kind=type(error).__name__), where=self._base) from error
 

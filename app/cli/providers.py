@@ -4,26 +4,35 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
 import typer
 
-from app.cli.output import Json, settings, show, table
+from app.acts.admissions import RecordCheckAct
+from app.cli import output
+from app.cli.local_api import api_without_robots
+from app.cli.output import Json, data_of, settings, show, table
+from app.cli.owner_api import OwnerApi, owner_api
 from app.i18n.visible_text import visible_at_terminal
+from harness.baseline.load import workspace_in
+from harness.bootstrap import read_harness
 from harness.conformance.address import addressed
 from harness.conformance.declaration import ConformanceFile, read, shipped
-from harness.conformance.findings import Checked, ConformanceFinding
-from harness.conformance.hostile.kit import Fuzzed, chosen, fuzzed
-from harness.conformance.hostile.missions import Met, met, met_at
+from harness.conformance.findings import ConformanceFinding, ConformanceResult
+from harness.conformance.hostile.kit import LieReport, chosen, fuzzed
+from harness.conformance.hostile.missions import MissionUnderLie, met, met_at
 from harness.conformance.kit import FIRST_TOKEN, check
 from harness.conformance.provider_setup import fresh_name, installed, installed_cards, protocol
 from harness.conformance.subject import Stand
 from harness.contracts.capabilities import CapabilityCard
-from harness.contracts.errors import ContractInvalid, UnknownName
-from harness.contracts.ids import ProviderId
+from harness.contracts.errors import ContractInvalid, HarnessError, ProviderFailed, StoreUnavailable, UnknownName
+from harness.contracts.ids import ProviderId, ResourceId
 from harness.contracts.reasons import because
+from harness.workspace.files import HttpRobotEntry
+from harness.workspace.reading import token_of
 from simulator.in_process import SIMULATOR
 
 app = typer.Typer(no_args_is_help=True, help="See and check what can act.")
@@ -78,21 +87,114 @@ def check_provider(
     file: Annotated[list[Path] | None, typer.Option(help="A conformance file; may be given again.")] = None,
     provider: Annotated[list[str] | None, typer.Option(help="Only this one of a robot's providers.")] = None,
     still: Annotated[bool, typer.Option("--still", help="Leave out providers that move the robot.")] = False,
+    allow_motion: Annotated[
+        bool, typer.Option("--allow-motion", help="At an address: try providers that move the robot too.")
+    ] = False,
+    stands_clear: Annotated[
+        str, typer.Option(help="The robot's name, instead of typing it: nobody is near it, and it may move.")
+    ] = "",
+    site: output.Site = None,
+    data: output.Data = output.DEFAULT_DATA,
     fencing: Annotated[int, typer.Option(help="Fencing token to use: the newest given out.", min=1)] = FIRST_TOKEN,
     recording: Annotated[Path | None, typer.Option(help="What the recording navigator replays.")] = None,
     fidelity: Annotated[str, typer.Option(help="mujoco or kinematic, for the simulated robot.")] = "kinematic",
 ) -> None:
     """Try every row of the lifecycle contract. Exit 0: all rows met or exempt; 1: a row is not met.
 
-    At an address, providers that move do move the robot: stand clear, or say --still.
+    At an address, providers that move do move the robot: they are tried with --allow-motion and after somebody said
+    that it stands clear, and left out with --still. With --site, the name is that of a robot of the site; the result is
+    recorded, and decides which of its providers missions may use.
     """
-    declared = {one.provider_id: one for one in map(read, file or [])}
-    with _stands(target, token=token, fidelity=fidelity, recording=recording) as (stands, cards):
-        wanted = _wanted(target, stands, cards, only=provider or [], still=still)
-        results = [_checked(name, stands[name], declared, fencing=fencing) for name in wanted]
+    found = _of_site(target, site, data) if site else None
+    files = [*(found.files if found else ()), *(file or [])]
+    declared = {one.provider_id: one for one in map(read, files)}
+    address = found.entry.address if found else target
+    secret = found.token if found else token
+    with _stands(address, token=secret, fidelity=fidelity, recording=recording) as (robot_id, stands, cards):
+        if found and robot_id != found.entry.name:
+            raise ProviderFailed(because("another_robot_answers", found=robot_id[:80], expected=found.entry.name))
+        names = _selected_providers(address, stands, cards, only=provider or [], still=still, allow_motion=allow_motion)
+        moving = tuple(card.provider_id for card in cards if card.moves and card.provider_id in names)
+        if "://" in address and moving:
+            _confirm_clear(robot_id, moving, typed=stands_clear)
+        used = max(fencing, found.fencing) if found else fencing
+        results = [_checked(name, stands[name], declared, fencing=used) for name in names]
     ok = bool(results) and all(result.ok for result in results)
-    show({"ok": ok, "providers": [_row(result) for result in results]}, as_json=as_json, lines=_lines(results))
+    answer: dict[str, Any] = {"ok": ok, "providers": [_row(result) for result in results]}
+    lines = _lines(results)
+    if found and results:
+        answer["recorded"] = _recorded(found, results, stands_clear=bool(moving))
+        lines.append(f"Recorded for {found.entry.name}; it is connected with this at the next start.")
+    show(answer, as_json=as_json, lines=lines)
     raise typer.Exit(0 if ok else 1)
+
+
+@dataclass(frozen=True)
+class SiteRobot:
+    """A robot of a site: its entry, its token, the newest fencing token given out for it, its conformance files."""
+
+    entry: HttpRobotEntry
+    token: str
+    fencing: int
+    files: tuple[Path, ...]
+    data: Path
+
+
+def _of_site(name: str, site: Path, data: Path) -> SiteRobot:
+    """Raises ContractInvalid for a robot that is not of this site or has no address, HarnessError while it works."""
+    workspace = workspace_in(site)
+    entry = workspace.robot(name)
+    if not isinstance(entry, HttpRobotEntry):
+        raise ContractInvalid(because("robot_without_address", name=name), where=str(site))
+    folder = data_of(data, site)
+    owner = owner_api(folder)
+    if owner is not None and _at_work(owner, name):
+        raise HarnessError(because("robot_at_work", robot_id=name))
+    return SiteRobot(
+        entry=entry,
+        token=token_of(entry, site),
+        fencing=_newest_token(folder, name),
+        files=workspace.conformance_files(),
+        data=folder,
+    )
+
+
+def _at_work(owner: OwnerApi, name: str) -> bool:
+    try:
+        return bool(owner.get(f"/robots/{name}")["mission_id"])
+    except UnknownName:
+        return False
+
+
+def _newest_token(data: Path, name: str) -> int:
+    """The newest fencing token that this data folder gave out for the robot: an older one would be refused."""
+    try:
+        with read_harness(settings(data_folder=data)) as runtime:
+            leases = [runtime.lease(ResourceId(one.partition("/")[2])) for one in runtime.streams(f"lease/{name}/")]
+    except StoreUnavailable:
+        return FIRST_TOKEN
+    return max((one.token for one in leases), default=FIRST_TOKEN) or FIRST_TOKEN
+
+
+def _confirm_clear(robot_id: str, moving: tuple[str, ...], *, typed: str) -> None:
+    """A person says that nobody is near the robot, by its name. Raises ContractInvalid where nobody does."""
+    sys.stderr.write(visible_at_terminal(f"These move the robot, stand clear: {', '.join(moving)}\n"))
+    if not typed and sys.stdin.isatty():
+        typed = typer.prompt(f"Type {visible_at_terminal(robot_id)} once nobody is near it", err=True)
+    if typed.strip() != robot_id:
+        raise ContractInvalid(because("not_confirmed_clear", robot_id=robot_id[:80]))
+
+
+def _recorded(found: SiteRobot, results: list[ConformanceResult], *, stands_clear: bool) -> dict[str, Any]:
+    act = RecordCheckAct.of(
+        address=found.entry.address,
+        findings=[msgspec.to_builtins(one) for one in results],
+        stands_clear=stands_clear,
+        reason="regen provider check",
+    )
+    with api_without_robots(found.data) as api:
+        answer: dict[str, Any] = api.post(f"/robots/{found.entry.name}/checks", act.body())
+    return answer
 
 
 @app.command("fuzz")
@@ -117,12 +219,12 @@ def fuzz_harness(
     raise typer.Exit(0 if result.ok else 1)
 
 
-def _tell_met(one: Met) -> None:
+def _tell_met(one: MissionUnderLie) -> None:
     sys.stderr.write(f"{'ok' if one.harmless else 'WRONG':<6} {one.mode:<40} {one.ended} ({one.wall_s:.1f} s)\n")
     sys.stderr.flush()
 
 
-def _met_lines(result: Fuzzed) -> list[str]:
+def _met_lines(result: LieReport) -> list[str]:
     rows = [["lie", "ended", "stages accepted", "motions", "wrong"]] + [
         [one.mode, one.ended, str(len(one.committed)), str(one.motions), "" if one.harmless else "yes"]
         for one in result.met
@@ -145,31 +247,39 @@ def openapi() -> None:
 @contextmanager
 def _stands(
     target: str, *, token: str, fidelity: str, recording: Path | None
-) -> Iterator[tuple[Stands, tuple[CapabilityCard, ...]]]:
+) -> Iterator[tuple[str, Stands, tuple[CapabilityCard, ...]]]:
     if target.startswith(("http://", "https://")):
         with addressed(target, token) as found:
-            yield found
+            yield found.robot_id, found.stands, found.cards
         return
     with tempfile.TemporaryDirectory(prefix="regen-kit-") as folder:
         chosen = settings(speed=0.0, fidelity=fidelity)
         with installed(Path(folder), chosen, SIMULATOR, recording=recording) as stands:
-            yield stands, installed_cards(Path(folder), SIMULATOR)
+            yield chosen.robot_id, stands, installed_cards(Path(folder), SIMULATOR)
 
 
-def _wanted(
-    target: str, stands: Stands, cards: tuple[CapabilityCard, ...], *, only: list[str], still: bool
+def _selected_providers(
+    target: str,
+    stands: Stands,
+    cards: tuple[CapabilityCard, ...],
+    *,
+    only: list[str],
+    still: bool,
+    allow_motion: bool,
 ) -> list[ProviderId]:
     named = only or ([target] if "://" not in target and target != "all" else list(stands))
     unknown = [name for name in named if ProviderId(name) not in stands]
     if unknown:
         raise UnknownName(because("unknown_provider", provider_id=tuple(unknown), known=tuple(stands)))
     moving = {card.provider_id for card in cards if card.moves}
-    if moving & set(named) and "://" in target and not still:
-        sys.stderr.write(f"These move the robot, stand clear: {', '.join(sorted(moving & set(named)))}\n")
+    if moving & set(named) and "://" in target and still == allow_motion:
+        raise ContractInvalid(because("motion_not_allowed", providers=tuple(sorted(moving & set(named)))))
     return [ProviderId(name) for name in named if not (still and name in moving)]
 
 
-def _checked(name: ProviderId, stand: Stand, declared: dict[ProviderId, ConformanceFile], *, fencing: int) -> Checked:
+def _checked(
+    name: ProviderId, stand: Stand, declared: dict[ProviderId, ConformanceFile], *, fencing: int
+) -> ConformanceResult:
     declaration = declared[name] if name in declared else shipped(name)
     sys.stderr.write(f"{visible_at_terminal(name)}\n")
     return check(stand, declaration, mission_id=fresh_name(), fencing=fencing, watch=_tell)
@@ -180,7 +290,7 @@ def _tell(finding: ConformanceFinding) -> None:
     sys.stderr.flush()
 
 
-def _row(result: Checked) -> dict[str, Any]:
+def _row(result: ConformanceResult) -> dict[str, Any]:
     return {
         "provider_id": result.provider_id,
         "version": result.version,
@@ -190,7 +300,7 @@ def _row(result: Checked) -> dict[str, Any]:
     }
 
 
-def _lines(results: list[Checked]) -> list[str]:
+def _lines(results: list[ConformanceResult]) -> list[str]:
     lines: list[str] = []
     for result in results:
         counts = ", ".join(f"{len(result.rows(word))} {word}" for word in ("met", "not met", "exempt"))

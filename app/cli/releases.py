@@ -95,11 +95,15 @@ def policy(
 def _post(kind: type[acts.CandidateAct], candidate: str, given: dict[str, str], *, data: Path, as_json: bool) -> None:
     """Post the act, bound to what stands there now, and print the candidate after it."""
     with api_without_robots(data) as api:
-        shown: dict[str, Any] = api.get(f"/candidates/{candidate}")
-        bound = {"cycle": shown["cycle"], "subject": shown["digest"]} if "subject" in kind.model_fields else {}
-        key = _key(kind.verb, shown["candidate"], f"{shown['cycle']}:{given}")
+        candidate_sheet: dict[str, Any] = api.get(f"/candidates/{candidate}")
+        bound = (
+            {"cycle": candidate_sheet["cycle"], "subject": candidate_sheet["digest"]}
+            if "subject" in kind.model_fields
+            else {}
+        )
+        key = _key(kind.verb, candidate_sheet["candidate"], f"{candidate_sheet['cycle']}:{given}")
         act = kind.of(**bound | given, key=key)
-        answer: dict[str, Any] = api.post(f"/candidates/{shown['candidate']}/{kind.verb}", act.body())
+        answer: dict[str, Any] = api.post(f"/candidates/{candidate_sheet['candidate']}/{kind.verb}", act.body())
     output.show(answer, as_json=as_json, lines=sheet_lines(answer))
 
 

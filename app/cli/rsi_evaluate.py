@@ -53,7 +53,7 @@ EvaluatorFolder = Annotated[
 
 
 @dataclass(frozen=True)
-class How:
+class RunOptions:
     """What a person said about how to run it."""
 
     data: Path
@@ -76,7 +76,7 @@ def evaluate(
 ) -> None:
     """Compare a candidate with its baseline on the shipped suites and put the report on record."""
     folder = evaluator or data.absolute().with_name(f"{data.absolute().name}-evaluator")
-    how = How(data=data, folder=folder, cases=cases, fresh=not resume)
+    how = RunOptions(data=data, folder=folder, cases=cases, fresh=not resume)
     if cases is None and owner_api(data) is not None:
         raise StoreOwned(because("console_owns_folder"), where=str(data))
     trial = _trial(candidate, how)
@@ -97,7 +97,7 @@ def executor(ray: str, processes: int) -> Executor:
     if not ray:
         return local(processes, SIMULATOR)
     try:
-        cluster = import_module("rsi_reviews.regression.on_ray")
+        cluster = import_module("rsi_reviews.regression.ray_cluster")
     except ModuleNotFoundError as error:
         raise HarnessError(because("ray_missing"), where="--ray") from error
     chosen: Executor = cluster.RayCluster(ray, SIMULATOR, cpus=max(1, processes))
@@ -120,7 +120,7 @@ def report_of(trial: Trial, outcome: TrialOutcome, *, recorded: bool) -> dict[st
     }
 
 
-def _trial(name: str, how: How) -> Trial:
+def _trial(name: str, how: RunOptions) -> Trial:
     with read_harness(output.settings(data_folder=how.data), deciders=DECIDERS, select=selected) as runtime:
         queries = CandidateQueries(runtime)
         candidate, growth = queries.candidate(name), queries.growth()
@@ -137,7 +137,7 @@ def _trial(name: str, how: How) -> Trial:
     )
 
 
-def _run(trial: Trial, how: How, executor: Executor) -> TrialOutcome:
+def _run(trial: Trial, how: RunOptions, executor: Executor) -> TrialOutcome:
     evaluator = evaluator_version(SIMULATOR.sources())
     how.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     path = how.folder / f"results-{evaluator.rpartition('+')[2]}.jsonl"
@@ -146,17 +146,17 @@ def _run(trial: Trial, how: How, executor: Executor) -> TrialOutcome:
         held_out = HeldOut(secret=secret_in(how.folder, secrets.token_bytes), looks=Looks(how.folder))
     if how.fresh:
         path.unlink(missing_ok=True)
-    kept = ResultsFile(path, evaluator=evaluator)
+    results = ResultsFile(path, evaluator=evaluator)
     with _watched() as watch:
         try:
-            means = Means(executor=executor, now_s=time.monotonic, kept=kept, held_out=held_out, watch=watch)
+            means = Means(executor=executor, now_s=time.monotonic, kept=results, held_out=held_out, watch=watch)
             return carried_out(trial, means)
         except KeyboardInterrupt:
-            sys.stderr.write(f"regen: broken off; {len(kept)} results are kept in {path}, run the same to go on\n")
+            sys.stderr.write(f"regen: broken off; {len(results)} results are kept in {path}, run the same to go on\n")
             raise typer.Exit(130) from None
 
 
-def _recorded(how: How, word: Callable[[ReleaseService], Accepted[Any] | Refused]) -> None:
+def _recorded(how: RunOptions, word: Callable[[ReleaseService], Accepted[Any] | Refused]) -> None:
     """Have the release service decide one request. Raises ContractInvalid with the rule that refused it."""
     with deciding(output.settings(data_folder=how.data)) as releases:
         decision = word(releases)
@@ -177,8 +177,8 @@ def _watched() -> Iterator[Callable[[RunProgress], None]]:
 
         def watch(advance: RunProgress) -> None:
             bad = f", {advance.bad} without a result" if advance.bad else ""
-            kept = f" ({advance.kept} kept before)" if advance.kept else ""
-            progress.update(task, completed=advance.done, total=advance.of, description=f"missions{kept}{bad}")
+            earlier = f" ({advance.kept} kept before)" if advance.kept else ""
+            progress.update(task, completed=advance.done, total=advance.of, description=f"missions{earlier}{bad}")
 
         yield watch
 

@@ -54,9 +54,9 @@ def recursion(
     missions: Annotated[int, typer.Option(min=1, max=1000, help="Held-out missions per fleet and generation.")] = 10,
     seed: Annotated[int, typer.Option(min=0, max=1_000_000, help="Every number follows from it.")] = 1,
     processes: Annotated[int, typer.Option(min=1, max=256)] = 2,
-    kept: Annotated[Path, typer.Option(help="Finished fleets lie there; a run that was broken off goes on.")] = Path(
-        "var/recursion"
-    ),
+    results_folder: Annotated[
+        Path, typer.Option("--kept", help="Finished fleets lie there; a run that was broken off goes on.")
+    ] = Path("var/recursion"),
     blind: Annotated[
         bool, typer.Option("--blind", help="Then open the final test: sites hashed before the run.")
     ] = False,
@@ -65,16 +65,16 @@ def recursion(
 ) -> None:
     """Six arms over several generations on sites with hidden regularities: does the gated loop pay, and why?"""
     terms = Terms(seed=seed, generations=generations, measured=missions)
-    wanted = tasks(terms, fleets)
+    runs = tasks(terms, fleets)
     final = blind_tasks(terms, each=BLIND_EACH) if blind else ()
-    folder = kept / digest(terms)[:16]
+    folder = results_folder / digest(terms)[:16]
     with _progress() as progress:
-        task = progress.add_task("fleets", total=len(wanted) + len(final))
+        task = progress.add_task("fleets", total=len(runs) + len(final))
 
         def advance(outcome: FleetOutcome, done: int, of: int) -> None:
             progress.update(task, advance=1, description=f"fleet {outcome.task.fleet} at {outcome.task.site}")
 
-        every = outcomes(wanted, simulator=SIMULATOR, folder=folder, processes=processes, report=advance)
+        every = outcomes(runs, simulator=SIMULATOR, folder=folder, processes=processes, report=advance)
         last = outcomes(final, simulator=SIMULATOR, folder=folder, processes=processes, report=advance)
     result = found(every, last, terms, fleets=fleets)
     if write:
@@ -120,8 +120,8 @@ def generate(
         trace = read_trace(runtime, under)
         seen = tuple(review.configuration for review in queries.reviews())
     budget = GenerationBudget(candidates=most, seen=seen)
-    kept = (data.absolute(), evaluator or evaluator_folder(data.absolute()))
-    answer = generated_apart(way.value, trace, current, budget, unreadable=kept, given=os.environ)
+    folders = (data.absolute(), evaluator or evaluator_folder(data.absolute()))
+    answer = generated_apart(way.value, trace, current, budget, unreadable=folders, given=os.environ)
     candidates = answer.candidates
     written = [_write(into, one) for one in candidates] if into is not None else []
     rows = [{"candidate": one.candidate_id, "manifest": msgspec.to_builtins(one.manifest)} for one in candidates]
@@ -169,14 +169,14 @@ def _lines(result: Any) -> list[str]:
     last = max((row["generation"] for row in result["rows"]), default=0)
     head = ["arm", "n", "verified", "cost", "handoffs", "false", "proposed", "accepted"]
     body = [
-        [row["arm"], str(row["n"]), _shown(row, "verified_completion"), _shown(row, "recovery_cost"),
-         _shown(row, "handoffs"), _shown(row, "false_completion"), str(row["proposed"]), str(row["accepted"])]
+        [row["arm"], str(row["n"]), _cell(row, "verified_completion"), _cell(row, "recovery_cost"),
+         _cell(row, "handoffs"), _cell(row, "false_completion"), str(row["proposed"]), str(row["accepted"])]
         for row in result["rows"] if row["generation"] == last
     ]  # fmt: skip
     return [*output.table([head, *body]), "", *(_answer(one) for one in result["answers"])]
 
 
-def _shown(row: dict[str, Any], name: str) -> str:
+def _cell(row: dict[str, Any], name: str) -> str:
     low, high = row[f"{name}_ci"]
     return f"{row[name]:.3f} ({low:.3f}..{high:.3f})"
 

@@ -27,9 +27,9 @@ from app.i18n.reasons.rendering import explained, sentence
 from app.main import bind, create_app, open_accounts, serve
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
-from app.web.starting import starting
+from app.web.starting_page import starting
 from harness.anchors import compared_with_file
-from harness.bootstrap import Harness, open_harness, owner_of, read_harness
+from harness.bootstrap import Harness, open_harness, owner_of, read_harness, robot_names
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError
@@ -43,6 +43,7 @@ from simulator.in_process import SIMULATOR
 
 def up(
     data: output.Data = output.DEFAULT_DATA,
+    site: output.Site = None,
     port: Annotated[int | None, typer.Option(help="Loopback port of the console.", min=0, max=65535)] = None,
     speed: Annotated[float | None, typer.Option(help="Mission seconds per second.")] = None,
     start: Annotated[str | None, typer.Option(help="Begin with this task template.")] = None,
@@ -59,8 +60,16 @@ def up(
     """
     console = ConsoleSettings() if port is None else ConsoleSettings(port=port)
     named = tuple(name.strip() for name in robots.split(",") if name.strip()) if robots else None
-    chosen = output.settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity, robots=named)
-    faults = _faults(fault or [], chosen.fleet)
+    chosen = output.settings(
+        data_folder=output.data_of(data, site),
+        site_folder=site,
+        speed=speed,
+        seed=seed,
+        fidelity=fidelity,
+        robots=named,
+    )
+    fleet_names = robot_names(chosen)
+    faults = _faults(fault or [], fleet_names)
     if chosen.speed == 0:
         raise typer.BadParameter("a console shows missions at a speed above 0", param_hint="--speed")
     with opened(chosen.data_folder) as accounts:
@@ -72,8 +81,8 @@ def up(
         broker = SignalBroker()
         accounts = open_accounts(console, chosen.data_folder)
         stack.callback(accounts.store.close)
-        sys.stderr.write(f"Opening {chosen.data_folder} and starting {', '.join(chosen.fleet)} ...\n")
-        with starting(console, listener, chosen.fleet):
+        sys.stderr.write(f"Opening {chosen.data_folder} and starting {', '.join(fleet_names)} ...\n")
+        with starting(console, listener, fleet_names):
             harness = stack.enter_context(
                 open_harness(
                     chosen,
@@ -85,6 +94,7 @@ def up(
                     trial=on_trial,
                 )
             )
+        output.warn_of_robots(harness.absent, harness.unused)
         console = console.model_copy(
             update={
                 "speed": chosen.speed,
@@ -112,6 +122,8 @@ def up(
             folder=chosen.data_folder,
             fleet=fleet,
             teleoperation=harness.teleoperation,
+            absent=harness.absent,
+            unused=harness.unused,
         )
         app.state.alert_watch.watch()
         _watch_releases(stack, harness, evaluator_folder(chosen.data_folder) if start is not None else None)

@@ -9,12 +9,12 @@ from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid
 from rsi_reviews.held_out import Looks
 from rsi_reviews.release_service import ReleaseService, SignedBy
-from rsi_reviews.shipped_evaluation import Shipped, shipped_evaluation
+from rsi_reviews.shipped_evaluation import ShippedEvaluation, shipped_evaluation
 
 STARTING = Actor(name="regen up", role="operator", channel="policy")
 
 
-def put_in_review(releases: ReleaseService, folder: Path, found: Shipped | None = None) -> None:
+def put_in_review(releases: ReleaseService, folder: Path, found: ShippedEvaluation | None = None) -> None:
     """Propose it, fix its terms, hand in its results, ask for review; the release service judges them itself.
 
     It was measured against one baseline: where new missions run under another, its results mean nothing and it is not
@@ -40,7 +40,7 @@ def put_in_review(releases: ReleaseService, folder: Path, found: Shipped | None 
         _taken(releases.submit(name, _signed("submit", "every clause that can be answered before a release passes")))
 
 
-def _counted(folder: Path, shipped: Shipped) -> None:
+def _counted(folder: Path, shipped: ShippedEvaluation) -> None:
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     looks = Looks(folder)
     for one in shipped.looks:

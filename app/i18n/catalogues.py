@@ -1,4 +1,4 @@
-"""The gettext catalogues under locale/: every message of the console and its translation, read once per language."""
+"""Reads the gettext catalogues under locale/ once per language, and translates their messages."""
 
 from collections.abc import Mapping
 from functools import cache

@@ -1,4 +1,4 @@
-"""Languages: which one a reader gets, and what every message and instant is in it.
+"""Chooses the language of a reader, and translates messages and instants into it.
 
 A catalogue is a gettext file under locale/, read once when its language is first asked for. What it lacks is shown in
 English. The choice: ?lang= of the address, which also sets the cookie; else the cookie; else what the browser prefers.
@@ -64,8 +64,8 @@ class Languages:
             await self._app(scope, receive, send)
             return
         query = scope["query_string"].decode("latin-1")
-        asked = dict(parse_qsl(query)).get(PARAMETER, "")
-        chosen = asked if asked in LANGUAGES else ""
+        choice = dict(parse_qsl(query)).get(PARAMETER, "")
+        chosen = choice if choice in LANGUAGES else ""
         mark = CHOICE.set(LanguageChoice(chosen or preferred(Headers(scope=scope)), query))
         try:
             await self._app(scope, receive, self._keeping(send, chosen))
@@ -93,11 +93,11 @@ class Languages:
 def preferred(headers: Headers) -> str:
     """The cookie's language, else the best of the browser's wishes, else English."""
     try:
-        kept = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+        cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
     except CookieError:
-        kept = None
-    if kept is not None and kept.value in LANGUAGES:
-        return kept.value
+        cookie = None
+    if cookie is not None and cookie.value in LANGUAGES:
+        return cookie.value
     wishes = [_wish(one) for one in headers.get("accept-language", "").split(",")]
     tags = [tag for weight, tag in sorted(wishes, key=lambda wish: -wish[0]) if weight > 0]
     found = negotiate_locale([ASKED_AS.get(tag.lower(), tag) for tag in tags], list(LANGUAGES), sep="-")
@@ -115,9 +115,9 @@ def _wish(text: str) -> tuple[float, str]:
 def ways() -> tuple[LanguageLink, ...]:
     """The present page in the other languages; everything else of its address is kept."""
     choice = CHOICE.get()
-    kept = [(name, value) for name, value in parse_qsl(choice.query) if name != PARAMETER]
+    query = [(name, value) for name, value in parse_qsl(choice.query) if name != PARAMETER]
     return tuple(
-        LanguageLink(language=tag, title=title, href=f"?{urlencode([*kept, (PARAMETER, tag)])}")
+        LanguageLink(language=tag, title=title, href=f"?{urlencode([*query, (PARAMETER, tag)])}")
         for tag, title in LANGUAGES.items()
         if tag != choice.language
     )

@@ -1,4 +1,4 @@
-"""Lazy translations: texts that are translated when they are shown."""
+"""Defines lazy translations: texts that are translated when they are shown."""
 
 from collections.abc import Iterable
 from datetime import datetime

@@ -1,4 +1,4 @@
-"""Pure: what the task templates that ship say, in a reader's language; a site's own templates are shown as written.
+"""Translates the texts of the task templates that ship; a site's own templates are shown as written. Pure.
 
 A template's text is a message, its open spots are the holes. A contract's text is known by binding the template's text
 again with the contract's own bindings: no text is taken apart.
@@ -39,7 +39,7 @@ _SPOT = re.compile(r"\$\{(\w+)(?:\.(\w+))?\}")
 
 
 def shipped() -> tuple[TaskTemplate, ...]:
-    return (*load.baseline().templates, *load.further())
+    return (*load.baseline().templates, *load.shipped_workspace().missions)
 
 
 def messages() -> Iterator[tuple[str, str]]:

@@ -35,7 +35,7 @@ def unseen_in(value: Any) -> str:
 
 def visible(text: str) -> str:
     """The text with a sign or a code for each character that nobody would see."""
-    return UNSEEN.sub(_shown, text)
+    return UNSEEN.sub(_replacement, text)
 
 
 def visible_at_terminal(text: str) -> str:
@@ -48,7 +48,7 @@ def escaped(json_text: str) -> str:
     return UNSEEN.sub(_escape, json_text)
 
 
-def _shown(found: re.Match[str]) -> str:
+def _replacement(found: re.Match[str]) -> str:
     code = ord(found[0])
     if code < 0x20:
         return chr(PICTURES + code)

@@ -6,7 +6,7 @@ from fastapi import APIRouter
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.accounts import AddAccountAct, ChangeAccountAct, IssueTokenAct
-from app.auth.accounts import Issued
+from app.auth.accounts import NewToken
 from app.auth.permissions import Principal
 from app.console import Console, ConsoleDep, FormDep, FormListsDep
 from app.i18n.catalogues import N_
@@ -100,7 +100,7 @@ def issue(console: ConsoleDep, principal: PrincipalDep, typed: FormListsDep) -> 
     return render("account/people.html", _people(console, principal, secret=issued.secret), status=201)
 
 
-def issued_token(console: Console, principal: Principal, act: IssueTokenAct) -> Issued:
+def issued_token(console: Console, principal: Principal, act: IssueTokenAct) -> NewToken:
     """The new token with its secret. Raises ContractInvalid for a scope that only people may have."""
     return console.sessions.accounts.issue(
         act.name, scopes=act.scopes, robot_id=act.robot_id, days=act.days, by=principal

@@ -30,7 +30,7 @@ EVENTS: Codec[AlertEvent] = Codec(AlertEvent)
 Words = Annotated[str, Query(max_length=LONGEST)]
 
 
-def asked(
+def list_params(
     q: Words = "", status: Words = "", priority: Words = "", robot: Words = "", before: float | None = None
 ) -> AlertListParams:
     """What the address asks for. Raises UnknownName for a tab that the inbox does not have."""
@@ -40,7 +40,7 @@ def asked(
     return AlertListParams(group=status, words=q.strip(), priority=priority, robot=robot, before_s=place)
 
 
-AskedDep = Annotated[AlertListParams, Depends(asked)]
+AskedDep = Annotated[AlertListParams, Depends(list_params)]
 
 
 @router.get("")

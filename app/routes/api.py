@@ -3,7 +3,8 @@
 from typing import Annotated, Any
 
 import msgspec
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Query, Request, Response
+from starlette.concurrency import run_in_threadpool
 from starlette.responses import JSONResponse
 
 from app.acts.base import Act
@@ -23,6 +24,8 @@ from harness.contracts.ids import MissionId
 from harness.contracts.read_models import MissionItem
 from harness.contracts.readings import Reading
 from harness.extra_templates import draft
+
+WAV = {"type": "string", "contentMediaType": "audio/wav"}
 
 router = APIRouter(
     prefix="/api/v1",
@@ -64,6 +67,24 @@ def start(console: ConsoleDep, actor: ActorDep, body: StartMissionAct) -> Any:
     return outcome(console, started(console, ordered(console, actor, body, channel="api")))
 
 
+@router.post(
+    "/recordings",
+    status_code=201,
+    responses=api_requests.answers(schemas.RecordingHeard, status=201),
+    openapi_extra={"requestBody": {"required": True, "content": {"audio/wav": {"schema": WAV}}}},
+)
+async def recording(console: ConsoleDep, principal: PrincipalDep, request: Request) -> Any:
+    """Store a spoken goal and write down what it says: a WAV, 16-bit mono, 8 to 48 kHz, at most 30 s and 1 MiB.
+
+    Nothing starts. POST /missions with its digest as `recording` starts what it says; where two decodings differ, or
+    not all of it is understood, that is refused with the reading to confirm.
+    """
+    principal.acting("drive")
+    transcription = await run_in_threadpool(console.runtime.hear, await request.body())
+    found = schemas.RecordingHeard(**msgspec.structs.asdict(transcription), agreed=transcription.agreed)
+    return api_requests.plain(found)
+
+
 @router.post("/missions/preview", responses=api_requests.answers(schemas.MissionPreview))
 def preview(console: ConsoleDep, principal: PrincipalDep, body: StartMissionAct) -> Any:
     """The contract that the same request would start, with its configuration, highest risk and longest time.
@@ -72,13 +93,13 @@ def preview(console: ConsoleDep, principal: PrincipalDep, body: StartMissionAct)
     """
     order = ordered(console, principal.acting("drive"), body, channel="api")
     contract = draft(console.runtime, order)
-    shown = previewed(contract, console.runtime.site)
+    content = previewed(contract, console.runtime.site)
     found = schemas.MissionPreview(
         robot_id=order.robot_id,
         configuration=console.runtime.current_configuration_id(order.robot_id),
-        highest_risk=shown.highest_risk,
-        longest_s=shown.longest_s,
-        stages=tuple(one.node_id for one in shown.stages),
+        highest_risk=content.highest_risk,
+        longest_s=content.longest_s,
+        stages=tuple(one.node_id for one in content.stages),
         contract=contract,
         reading=msgspec.convert(reading_json(contract.goal.text, contract.reading), schemas.ReadingResource)
         if isinstance(contract.reading, Reading)

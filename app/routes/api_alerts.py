@@ -45,13 +45,13 @@ def listed(
 @router.get("/alerts/{alert_id}", responses=api_requests.answers(schemas.AlertResource))
 def show(console: ConsoleDep, alert_id: str) -> Any:
     """One alert with its history."""
-    return _shown(console, alert_id)
+    return _alert_resource(console, alert_id)
 
 
 def _act() -> api_requests.Handler:
     def act(console: ConsoleDep, actor: ActorDep, alert_id: str, body: Any) -> Any:
         decision = decided(console, alert_id, body.to_command(actor))
-        return api_requests.refusal(decision) if isinstance(decision, Refused) else _shown(console, alert_id)
+        return api_requests.refusal(decision) if isinstance(decision, Refused) else _alert_resource(console, alert_id)
 
     return act
 
@@ -59,7 +59,7 @@ def _act() -> api_requests.Handler:
 api_requests.post_acts(router, "/alerts/{alert_id}", ACTS, _act, answered=schemas.AlertResource)
 
 
-def _shown(console: Console, alert_id: str) -> Any:
+def _alert_resource(console: Console, alert_id: str) -> Any:
     alert = console.alerts.one(alert_id)
     summary = alerts.summary(alerts.item(alert_id, alert, now_s=console.clock()))
     history = tuple(

@@ -68,15 +68,15 @@ def _submitted(console: Console, actor: Actor, handoff_id: HandoffId, act: Act) 
     decision = answered(console, actor, handoff_id, act)
     if not isinstance(decision, Refused):
         return handoff(console, handoff_id)
-    told = api_requests.refusal(decision)
+    refusal = api_requests.refusal(decision)
     if not isinstance(act, acts.ApproveHandoffAct | acts.RejectHandoffAct | acts.AttestHandoffAct):
-        return told
+        return refusal
     now = console.runtime.handoff(handoff_id)
     found = changes(now, history_of(console, handoff_id), str(act.cycle))
-    document = json.loads(bytes(told.body)) | {
+    document = json.loads(bytes(refusal.body)) | {
         "changes": [{"name": one.name, "was": one.was, "now": one.now} for one in found]
     }
-    return JSONResponse(document, status_code=told.status_code, media_type=told.media_type)
+    return JSONResponse(document, status_code=refusal.status_code, media_type=refusal.media_type)
 
 
 def _act() -> api_requests.Handler:

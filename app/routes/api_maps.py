@@ -35,11 +35,11 @@ def cloud(console: ConsoleDep, map_version: str) -> Any:
 def attach(console: ConsoleDep, actor: ActorDep, map_version: str, body: AttachCloudAct) -> Any:
     """Attach a cloud whose chunks are stored; views of that map version show it from now on."""
     command: AttachCloud = body.to_command(actor)
-    asked = command.cloud
-    if asked.map_version != map_version:
-        raise ContractInvalid(because("cloud_of_other_map", map_version=asked.map_version), where="cloud.map_version")
-    absent = next((chunk.blob for chunk in asked.chunks if not console.runtime.has_blob(chunk.blob)), None)
+    name = command.cloud
+    if name.map_version != map_version:
+        raise ContractInvalid(because("cloud_of_other_map", map_version=name.map_version), where="cloud.map_version")
+    absent = next((chunk.blob for chunk in name.chunks if not console.runtime.has_blob(chunk.blob)), None)
     if absent is not None:
         raise ContractInvalid(because("chunk_missing", chunk=absent), where="cloud.chunks")
     decision = console.runtime.decide([(map_stream(map_version), command)])
-    return api_requests.refusal(decision) if isinstance(decision, Refused) else api_requests.plain(asked)
+    return api_requests.refusal(decision) if isinstance(decision, Refused) else api_requests.plain(name)

@@ -43,19 +43,21 @@ def own(principal: PrincipalDep) -> Any:
 def accounts(console: ConsoleDep, principal: PrincipalDep) -> Any:
     """Everybody; admins only."""
     principal.acting("people")
-    return [shown(one) for one in console.sessions.accounts.store.accounts()]
+    return [account_resource(one) for one in console.sessions.accounts.store.accounts()]
 
 
 @router.post("/accounts", status_code=201, responses=api_requests.answers(schemas.AccountResource, status=201))
 def add(console: ConsoleDep, principal: PrincipalDep, body: AddAccountAct) -> Any:
     """Add somebody; admins only."""
-    return shown(console.sessions.accounts.add(body.name, roles=body.roles, password=body.password, by=principal))
+    return account_resource(
+        console.sessions.accounts.add(body.name, roles=body.roles, password=body.password, by=principal)
+    )
 
 
 @router.patch("/accounts/{name}", responses=api_requests.answers(schemas.AccountResource))
 def change(console: ConsoleDep, principal: PrincipalDep, name: Slug, body: ChangeAccountAct) -> Any:
     """Other roles, off and on, a new password; ends that person's sessions. Admins only."""
-    return shown(changed(console, principal, name, body))
+    return account_resource(changed(console, principal, name, body))
 
 
 @router.get("/tokens", responses=api_requests.answers(schemas.TokenResource, many=True))
@@ -91,7 +93,7 @@ def sign_in_link(console: ConsoleDep, principal: PrincipalDep) -> Any:
     )
 
 
-def shown(account: Value) -> dict[str, Any]:
+def account_resource(account: Value) -> dict[str, Any]:
     """An account without its hash."""
     return {name: getattr(account, name) for name in schemas.AccountResource.__struct_fields__}
 

@@ -10,7 +10,7 @@ from app.routes import api_requests
 from app.routes import api_schemas as schemas
 from app.routes.audit import Before, Filter, newest_first
 from app.routes.evidence import show as verified_blob
-from app.views.audit import AuditEvent, Wanted
+from app.views.audit import AuditEvent, AuditFilter
 from app.web.security import PrincipalDep
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import MissionId, RobotId
@@ -128,10 +128,10 @@ def decisions(
     limit: Annotated[int, Query(ge=1, le=200)] = 50,
 ) -> Any:
     """Who decided what, when, in which role and by which channel; newest first, below a position."""
-    deeds, scanned = newest_first(console, Wanted(actor, kind, everything), before=before, shown=limit)
+    found, scanned = newest_first(console, AuditFilter(actor, kind, everything), before=before, limit=limit)
     if scanned > 1:
         response.headers["Link"] = f'</api/v1/audit/decisions?before={scanned}&limit={limit}>; rel="next"'
-    return api_requests.plain(deeds)
+    return api_requests.plain(found)
 
 
 @router.get("/audit/access", responses=api_requests.answers(schemas.TrailEntry, many=True))

@@ -106,16 +106,16 @@ def results(console: ConsoleDep, candidate: str) -> Any:
     found = console.evaluated.of(name)
     if found is None:
         raise UnknownName(because("candidate_not_measured"))
-    whole, shown = found
+    whole, text = found
     return api_requests.plain(
         schemas.Results(
-            pairs=shown.pairs,
-            safety_pairs=shown.safety_pairs,
-            pass_to_fail=shown.worse,
-            pass_to_fail_total=shown.worse_total,
-            fail_to_pass=shown.better,
-            fail_to_pass_total=shown.better_total,
-            families=tuple(one.result for one in shown.families),
+            pairs=text.pairs,
+            safety_pairs=text.safety_pairs,
+            pass_to_fail=text.worse,
+            pass_to_fail_total=text.worse_total,
+            fail_to_pass=text.better,
+            fail_to_pass_total=text.better_total,
+            families=tuple(one.result for one in text.families),
             held_out=whole.held_out,
             seconds=whole.seconds,
         )

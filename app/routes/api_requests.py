@@ -49,10 +49,9 @@ def known_parameters(request: Request) -> None:
     known = {one.alias for one in route.dependant.query_params}
     unknown = sorted(set(request.query_params) - known)
     if unknown:
-        raise ContractInvalid(
-            because("unknown_parameter", name=unknown[0][:40], known=", ".join(sorted(known)) or "none: it takes none"),
-            where=request.url.path,
-        )
+        name = unknown[0][:40]
+        reason = because("unknown_parameter", name=name, known=tuple(sorted(known)))
+        raise ContractInvalid(reason if known else because("no_parameters_here", name=name), where=request.url.path)
 
 
 CHECKED = [Depends(known_parameters)]
@@ -108,11 +107,11 @@ def listed(
     return tuple(found.items)
 
 
-def linked(response: Response, path: str, found: Slice[Any], **asked: str) -> None:
+def linked(response: Response, path: str, found: Slice[Any], **request: str) -> None:
     """Put the next page's address into the Link header (RFC 8288), if there is one."""
     mark = found.following.after if found.following else None
     if mark is not None:
-        pairs = {name: value for name, value in asked.items() if value}
+        pairs = {name: value for name, value in request.items() if value}
         query = urlencode({**pairs, "after": f"{mark.amount!r}~{mark.seq}"})
         response.headers["Link"] = f'<{path}?{query}>; rel="next"'
 

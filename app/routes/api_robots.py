@@ -52,8 +52,8 @@ def limit(console: ConsoleDep, principal: PrincipalDep, body: LimitAutonomyAct) 
 def stop_all(console: ConsoleDep, principal: PrincipalDep, body: acts.StopRobotsAct) -> Any:
     """Ask every open mission of every robot to stop, and release all manual control; `safe`: then send each to
     safety."""
-    asked, refused = robot_acts.stopped_all(console, principal, body)
-    return api_requests.plain(schemas.StopsAsked(asked=tuple(asked), refused=tuple(refused)))
+    stopping, refused = robot_acts.stopped_all(console, principal, body)
+    return api_requests.plain(schemas.StopsAsked(asked=tuple(stopping), refused=tuple(refused)))
 
 
 @router.get("/robots/{robot_id}", responses=api_requests.answers(schemas.RobotResource))
@@ -130,20 +130,20 @@ def _control(console: Console) -> Any:
 def _row(console: Console, robot_id: RobotId) -> Any:
     if robot_id not in console.fleet.names:
         raise UnknownName(because("unknown_robot", robot_id=robot_id, known=tuple(console.fleet.names)))
-    shown, word = card(console, robot_id), console.fleet.word(robot_id)
-    mission = shown.mission
+    robot_card, word = card(console, robot_id), console.fleet.word(robot_id)
+    mission = robot_card.mission
     return api_requests.plain(
         schemas.RobotResource(
             robot_id=robot_id,
             status=word.status,
-            link_age_s=shown.word.link_age_s if shown.word.heard else None,
+            link_age_s=robot_card.word.link_age_s if robot_card.word.heard else None,
             trouble=word.trouble,
             mission_id=mission.mission_id if mission else None,
             mission_status=mission.status if mission else None,
             handoff_id=mission.handoff_id if mission else None,
             autonomy=mission.autonomy if mission else None,
-            queued=shown.queued,
-            driver=shown.driver or None,
-            watchers=shown.watchers,
+            queued=robot_card.queued,
+            driver=robot_card.driver or None,
+            watchers=robot_card.watchers,
         )
     )

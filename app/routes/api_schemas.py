@@ -11,6 +11,7 @@ from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
 from harness.contracts.protocol import RobotStatus
 from harness.contracts.readings import ClauseObject, TextSpan
 from harness.contracts.reasons import Reason
+from harness.contracts.spoken_goals import SpokenGoal
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Value
 from harness.projections.exploration import ExplorationDecision
@@ -216,12 +217,24 @@ class ProposalOutcome(Value):
     status: Literal["accepted", "tested", "untested"]
 
 
+class RecordingHeard(Value):
+    """A stored recording of a goal, written down twice: among the sentences that are known here, and freely."""
+
+    recording: str
+    recogniser: str
+    text: str
+    free: str
+    duration_s: float
+    agreed: bool
+
+
 class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """What became of a mission: declared by providers, measured by the harness, accepted by the gate."""
 
     mission_id: str
     robot_id: str
     goal: str
+    spoken: SpokenGoal | None
     reading: ReadingResource | None
     clauses: tuple[ClauseOutcome, ...]
     template: str

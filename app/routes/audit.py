@@ -36,15 +36,15 @@ def show(
     anchor: Annotated[str, Query(max_length=LONGEST_ANCHOR)] = "",
     anchor_key: Annotated[str, Query(max_length=200)] = "",
 ) -> HTMLResponse:
-    wanted = audit.Wanted(actor=actor.strip(), kind=kind.strip(), everything=everything)
+    filters = audit.AuditFilter(actor=actor.strip(), kind=kind.strip(), everything=everything)
     given = audit.GivenAnchor(text=anchor.strip(), key=anchor_key.strip())
-    deeds, scanned_from = newest_first(console, wanted, before=before)
+    decisions, scanned_from = newest_first(console, filters, before=before)
     shell = console.shell("Audit", "audit", principal.actor)
     page = audit.AuditPage(
         shell=shell,
         head=console.head(),
-        deeds=tuple(deeds),
-        wanted=wanted,
+        decisions=tuple(decisions),
+        wanted=filters,
         scanned_from=scanned_from,
         found=_log_sum(console) if verify or given.text else audit.Sum(),
         anchor=_compared(console, given),
@@ -80,7 +80,7 @@ def access(
         rows=tuple(
             audit.AuditRow(e.number, e.at_s, e.kind, e.actor, e.role, e.subject, e.detail, e.source) for e in entries
         ),
-        wanted=audit.Wanted(actor=actor, kind=kind),
+        wanted=audit.AuditFilter(actor=actor, kind=kind),
         older=entries[-1].number if len(entries) == SHOWN else 0,
         found=_trail_sum(console) if verify else audit.Sum(),
     )
@@ -88,19 +88,19 @@ def access(
 
 
 def newest_first(
-    console: Console, wanted: audit.Wanted, *, before: int, shown: int = SHOWN
+    console: Console, filters: audit.AuditFilter, *, before: int, limit: int = SHOWN
 ) -> tuple[list[audit.AuditEvent], int]:
     """Matching entries below a position (0: from the head), and the lowest position read. Reads at most SCANNED."""
     upto = before - 1 if before else console.head().position
     floor = max(0, upto - SCANNED)
     found: list[audit.AuditEvent] = []
-    while upto > floor and len(found) < shown:
+    while upto > floor and len(found) < limit:
         after = max(floor, upto - WINDOW)
         for stored in reversed(console.runtime.log(after, upto - after)):
             one = audit.entry(stored)
-            if wanted.fits(one):
+            if filters.fits(one):
                 found.append(one)
-                if len(found) == shown:
+                if len(found) == limit:
                     return found, one.position
         upto = after
     return found, upto + 1

@@ -11,7 +11,7 @@ from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.languages import explained
 from app.i18n.messages import lazy_gettext, reasoned
-from app.views.candidate_editor import EditorPage, Found, edited_text, editor_page
+from app.views.candidate_editor import EditorPage, EditResult, edited_text, editor_page
 from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.configuration import Configuration
@@ -20,11 +20,11 @@ from harness.contracts.reasons import plain
 from rsi_reviews.contracts import Candidate, RestrictionViolation
 from rsi_reviews.difference import difference
 from rsi_reviews.errors import CandidateInvalid
-from rsi_reviews.generate.person import Intention, edited
+from rsi_reviews.generate.person_edits import Intention, edited
 from rsi_reviews.release_service import SignedBy
 
 router = APIRouter(prefix="/candidates")
-NOTHING = Found()
+NOTHING = EditResult()
 
 
 @router.get("/new")
@@ -49,7 +49,7 @@ def propose(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
         return render("candidates/new.html", page_of(console, actor, typed, found), status=422)
     decision = proposed(console, actor, candidate, typed.get("supersedes", "").strip())
     if isinstance(decision, Refused):
-        again = page_of(console, actor, typed, Found(errors=(reasoned(decision.reason),)))
+        again = page_of(console, actor, typed, EditResult(errors=(reasoned(decision.reason),)))
         return render("candidates/new.html", again, status=409)
     return RedirectResponse(f"/candidates/{candidate.candidate_id}", status_code=303)
 
@@ -61,7 +61,7 @@ def proposed(console: Console, actor: Actor, candidate: Candidate, before: str) 
     return console.releases.propose(candidate, signed, supersedes=supersedes)
 
 
-def read(console: Console, actor: Actor, typed: Mapping[str, str]) -> tuple[Candidate | None, Found]:
+def read(console: Console, actor: Actor, typed: Mapping[str, str]) -> tuple[Candidate | None, EditResult]:
     """The candidate of a form that breaks no rule, or None; and what was found about it."""
     current = current_of(console)
     text = typed.get("configuration", "") if _by_text(typed) else edited_text(current, typed)
@@ -69,16 +69,16 @@ def read(console: Console, actor: Actor, typed: Mapping[str, str]) -> tuple[Cand
         made = edited(text, current, _intention(typed), who=actor.name)
     except CandidateInvalid as error:
         refusal = RestrictionViolation(rule=error.rule, path=plain(error.where) or "edit", reason=error.reason)
-        return None, Found(errors=(explained(error),), refusals=(refusal,))
+        return None, EditResult(errors=(explained(error),), refusals=(refusal,))
     except msgspec.ValidationError as error:
-        return None, Found(errors=(lazy_gettext("The manifest does not stand: {error}.", error=str(error)),))
+        return None, EditResult(errors=(lazy_gettext("The manifest does not stand: {error}.", error=str(error)),))
     found = checked(console, made)
     return (None if found.refusals else made), found
 
 
-def checked(console: Console, candidate: Candidate) -> Found:
+def checked(console: Console, candidate: Candidate) -> EditResult:
     """Which rules a candidate breaks against what is current, and what it would change; nothing is written."""
-    return Found(
+    return EditResult(
         refusals=console.releases.refusals(candidate),
         difference=difference(current_of(console), candidate.configuration),
     )
@@ -89,7 +89,7 @@ def current_of(console: Console) -> Configuration:
     return console.runtime.stored_configuration(console.releases.current())
 
 
-def page_of(console: Console, actor: Actor, typed: Mapping[str, str], found: Found = NOTHING) -> EditorPage:
+def page_of(console: Console, actor: Actor, typed: Mapping[str, str], found: EditResult = NOTHING) -> EditorPage:
     shell = console.shell(N_("Propose a change"), "candidates", actor)
     return editor_page(shell, current_of(console), typed, by_text=_by_text(typed), found=found)
 

@@ -39,7 +39,7 @@ def sheet(queries: CandidateQueries | ReleaseService, candidate: str) -> dict[st
             for clause in queries.clauses(candidate)
         ],
         "approvals": [approval.actor.name for approval in review.approvals],
-        "said": [reasons.stating(said) for said in review.said],
+        "said": [reasons.stating(record) for record in review.said],
         "canary": [reasons.stating(entry) for entry in review.canary],
         "canary_outcome": queries.canary_outcome(candidate) if review.status == "canary" else "",
         **reasons.stated("reason", review.ended_reason),

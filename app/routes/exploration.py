@@ -46,16 +46,16 @@ def _region(console: Console, mission_id: MissionId, leg: str) -> exploration.Ch
     )
 
 
-def _recorded(console: Console, mission: Mission, leg: str) -> exploration.Recorded:
+def _recorded(console: Console, mission: Mission, leg: str) -> exploration.ChoiceRecords:
     """The records and maps of the choice that is shown, as far as they are kept and verify."""
-    shown = exploration.shown_of(mission, leg)
-    if shown is None:
-        return exploration.Recorded()
-    return exploration.Recorded(
-        question=console.target_question(shown.question),
-        answer=console.target_answer(shown.answer),
-        before=_grid(console, shown.map_before),
-        after=_grid(console, shown.map_after) if shown.map_after else None,
+    choice = exploration.shown_of(mission, leg)
+    if choice is None:
+        return exploration.ChoiceRecords()
+    return exploration.ChoiceRecords(
+        question=console.target_question(choice.question),
+        answer=console.target_answer(choice.answer),
+        before=_grid(console, choice.map_before),
+        after=_grid(console, choice.map_after) if choice.map_after else None,
     )
 
 

@@ -51,7 +51,7 @@ def question(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId) -> HTM
 
 
 @router.get("/{handoff_id}/shown")
-def shown(console: ConsoleDep, handoff_id: HandoffId) -> HTMLResponse:
+def handoff_partial(console: ConsoleDep, handoff_id: HandoffId) -> HTMLResponse:
     """Subject and evidence as they stand now, without live parts."""
     return render("handoffs/_shown.html", question_of(console, handoff_id))
 

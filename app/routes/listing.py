@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from app.background.lists import Lists, Slice
 from app.views.list_params import ListParams
 from app.views.shell import Shell
-from app.views.tabbed_list import Counted, ListShape, Row, TabbedList, tabbed_list
+from app.views.tabbed_list import ListShape, Row, TabbedList, TabCounts, tabbed_list
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.read_models import Bookmark, Listing, ListOrder, ListQuery
 from harness.contracts.reasons import because
@@ -54,7 +54,7 @@ def listed_page(
         raise UnknownName(because("unknown_tab", group=group))
     found = read(queries[group])
     tallies = lists.tallies(params.query.listing)
-    counted = Counted(groups={value: lists.count(one) for value, one in queries.items()}, tallies=tallies)
+    counted = TabCounts(groups={value: lists.count(one) for value, one in queries.items()}, tallies=tallies)
     return tabbed_list(shell, shape, params, found.items, found.following, counted)
 
 

@@ -61,7 +61,7 @@ class MissionAt:
         return cursor_of(self.entries, at=self.after, t=self.t, now_s=now_s)
 
     @cached_property
-    def shown(self) -> tuple[TimelineEntry, ...]:
+    def visible(self) -> tuple[TimelineEntry, ...]:
         return timeline.until(self.entries, self.cursor.position)
 
     @cached_property
@@ -70,7 +70,7 @@ class MissionAt:
             now = self.console.runtime.mission(self.mission_id)
             if now.version == len(self.entries):
                 return now
-        return reduce(apply, (entry.event for entry in self.shown), Mission())
+        return reduce(apply, (entry.event for entry in self.visible), Mission())
 
     @cached_property
     def live(self) -> Live | None:
@@ -85,11 +85,11 @@ class MissionAt:
     def stages(self) -> tuple[Stage, ...]:
         now = Observed(report=self.live.report, samples=self.live.samples) if self.live else Observed()
         instant = self.cursor.param
-        return stages.stages(self.mission, self.shown, now, selected=self.node, instant=instant)
+        return stages.stages(self.mission, self.visible, now, selected=self.node, instant=instant)
 
     @cached_property
     def head(self) -> MissionHeader:
-        return missions.head(self.mission, self.shown)
+        return missions.head(self.mission, self.visible)
 
     @cached_property
     def robot(self) -> RobotStrip | None:
@@ -132,13 +132,13 @@ class MissionAt:
     @cached_property
     def evidence(self) -> EvidenceView:
         title = next((stage.title for stage in self.stages if stage.node_id == self.node), self.node)
-        return evidence.evidence(self.mission, self.shown, node_id=self.node, title=title, check=self.console.check)
+        return evidence.evidence(self.mission, self.visible, node_id=self.node, title=title, check=self.console.check)
 
     @cached_property
     def contexts(self) -> ContextsView:
         console = self.console
         return contexts.contexts(
-            self.shown,
+            self.visible,
             node_id=self.node,
             read=console.context,
             candidates=console.candidates,
@@ -148,7 +148,7 @@ class MissionAt:
     @cached_property
     def contract(self) -> ContextView | None:
         """What the goal verifier was shown; the contract itself stands with the mission."""
-        return contexts.goal_context(self.shown, read=self.console.context)
+        return contexts.goal_context(self.visible, read=self.console.context)
 
     @cached_property
     def budget(self) -> Budget:

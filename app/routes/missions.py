@@ -5,10 +5,11 @@ from collections.abc import Callable, Sequence
 from typing import Annotated, TypeVar
 
 from fastapi import APIRouter, Depends, Request
+from starlette.concurrency import run_in_threadpool
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.missions import StartMissionAct, StopMissionAct
-from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.console import ActorDep, Console, ConsoleDep, FormDep, file_of
 from app.i18n.catalogues import N_
 from app.i18n.languages import explained
 from app.i18n.messages import lazy_gettext, reasoned
@@ -16,7 +17,7 @@ from app.routes.handoff_page import word_of
 from app.routes.listing import listed_page, searching
 from app.views import events, forms, missions
 from app.views import preview as previews
-from app.views.forms import Again, Before, FormOptions, StopPage, Wrong
+from app.views.forms import Before, FormOptions, RepeatedMission, StopPage, Wrong
 from app.views.list_params import ListParams
 from app.views.preview import Preview
 from app.views.readings import goal_words, question_view
@@ -25,7 +26,13 @@ from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, UnknownName
+from harness.contracts.errors import (
+    ContractInvalid,
+    GoalNotUnderstood,
+    ProviderFailed,
+    RecordingUnusable,
+    UnknownName,
+)
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.read_models import MissionItem
@@ -45,6 +52,30 @@ class StartRefused(ContractInvalid):
     """The gate would not start the mission."""
 
     code = "start_refused"
+
+
+async def spoken_form(request: Request, console: ConsoleDep, principal: PrincipalDep, typed: FormDep) -> dict[str, str]:
+    """The posted form; of a recording that was chosen, its transcript is the goal, whatever template stood there.
+
+    A goal that the person then wrote otherwise is typed, and no longer of the recording. `recording_wrong`: why a
+    chosen file is no recording of a goal.
+    """
+    typed = {name: text for name, text in typed.items() if name != "recording_wrong"}
+    recording = await file_of(request, "recording_file")
+    if recording:
+        principal.acting("drive")
+        try:
+            transcription = await run_in_threadpool(console.runtime.hear, recording)
+        except (RecordingUnusable, ProviderFailed) as error:
+            return typed | {"recording": "", "recording_wrong": explained(error)}
+        found = {"recording": transcription.recording, "heard": transcription.text, "goal": transcription.text}
+        return typed | found | {"template": forms.BY_GOAL}
+    if typed.get("recording") and typed.get("goal", "").strip() != typed.get("heard"):
+        return typed | {"recording": "", "heard": ""}
+    return typed
+
+
+SpokenFormDep = Annotated[dict[str, str], Depends(spoken_form)]
 
 
 @router.get("")
@@ -72,19 +103,19 @@ def new(request: Request, console: ConsoleDep, actor: ActorDep, rerun_of: str = 
 
 
 @router.post("/preview")
-def preview(console: ConsoleDep, principal: PrincipalDep, actor: ActorDep, typed: FormDep) -> HTMLResponse:
-    """The form with the contract it would be compiled to; nothing is written."""
+def preview(console: ConsoleDep, principal: PrincipalDep, actor: ActorDep, typed: SpokenFormDep) -> HTMLResponse:
+    """The form with the contract it would be compiled to; nothing is written but a recording, if one was chosen."""
     principal.acting("drive")
     drafted = _compiled(console, actor, typed, lambda order: draft(console.runtime, order))
     if isinstance(drafted, ReadingQuestion):
         return _form(console, actor, typed, question=drafted)
     if isinstance(drafted, tuple):
         return _form(console, actor, typed, wrong=drafted)
-    return _form(console, actor, typed, shown=previews.preview(drafted, console.runtime.site))
+    return _form(console, actor, typed, content=previews.preview(drafted, console.runtime.site))
 
 
 @router.post("")
-def start(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
+def start(console: ConsoleDep, actor: ActorDep, typed: SpokenFormDep) -> Response:
     key = typed.get("key", "")
     begun = _compiled(console, actor, typed, lambda order: console.keys.once(key, lambda: started(console, order)))
     if isinstance(begun, ReadingQuestion):
@@ -148,6 +179,8 @@ def _compiled(
     console: Console, actor: Actor, typed: dict[str, str], act: Callable[[Start], T]
 ) -> T | tuple[Wrong, ...] | ReadingQuestion:
     """What comes of the order that the form makes, what is wrong with the form, or what the person is asked."""
+    if typed.get("recording_wrong"):
+        return (Wrong("recording_file", typed["recording_wrong"]),)
     if typed.get("rerun_of"):
         console.runtime.mission(MissionId(typed["rerun_of"]))
     try:
@@ -174,12 +207,12 @@ def _as_before(console: Console, mission_id: MissionId) -> dict[str, str]:
     return typed | forms.chosen_before(mission.contract, template)
 
 
-def _again(console: Console, typed: dict[str, str]) -> Again | None:
+def _again(console: Console, typed: dict[str, str]) -> RepeatedMission | None:
     if not typed.get("rerun_of"):
         return None
     mission = console.runtime.mission(MissionId(typed["rerun_of"]))
     done = ("committed", "superseded")
-    return Again(
+    return RepeatedMission(
         mission_id=mission.mission_id,
         goal=goal_words(mission),
         status=mission.status,
@@ -193,7 +226,7 @@ def _form(
     typed: dict[str, str],
     *,
     wrong: Sequence[Wrong] = (),
-    shown: Preview | None = None,
+    content: Preview | None = None,
     question: ReadingQuestion | None = None,
 ) -> HTMLResponse:
     """The form again; 422 where something must be corrected, or a reading confirmed."""
@@ -207,7 +240,7 @@ def _form(
         wrong=wrong,
         again=_again(console, typed),
         ahead=[Before(one.mission_id, goal_words(one), one.status) for one in waiting_line(console, robot_id)],
-        preview=shown,
+        preview=content,
         reading=question_view(question) if question else None,
     )
     return render("missions/new.html", page, status=422 if wrong or question else 200)

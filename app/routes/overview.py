@@ -18,8 +18,8 @@ def regions(console: Console) -> OverviewRegions:
     """What is open, and the last few that ended: the rest of the history is not read."""
     running = console.lists.open_missions()
     ended = console.lists.missions(ListQuery(listing="mission", facets={"open": "no"}, limit=RECENT)).items
-    heard = [console.runtime.observations(MissionId(one.mission_id)) for one in running]
-    strips = [missions.robot_strip(live.status, live.at_s) for live in heard if live is not None]
+    observations = [console.runtime.observations(MissionId(one.mission_id)) for one in running]
+    strips = [missions.robot_strip(live.status, live.at_s) for live in observations if live is not None]
     return overview(
         (*running, *ended),
         console.lists.open_handoffs(),

@@ -68,13 +68,13 @@ def save(console: ConsoleDep, actor: ActorDep, place_id: PlaceId, typed: FormDep
 
 @router.post("/{place_id}/remove")
 def remove(console: ConsoleDep, actor: ActorDep, place_id: PlaceId, typed: FormDep) -> Response:
-    shown = _as_it_is(console, place_id)
+    place = _as_it_is(console, place_id)
     act = RemovePlaceAct.from_form(typed)
     if isinstance(act, tuple):
-        return render("places/edit.html", _form(console, actor, shown, act), status=422)
+        return render("places/edit.html", _form(console, actor, place, act), status=422)
     decision = decided(console, act.to_command(actor, place_id=place_id))
     if isinstance(decision, Refused):
-        page = _form(console, actor, shown, [Wrong("", reasoned(decision.reason))])
+        page = _form(console, actor, place, [Wrong("", reasoned(decision.reason))])
         return render("places/edit.html", page, status=409)
     return RedirectResponse("/places", status_code=303)
 

@@ -78,14 +78,14 @@ def page_of(
     console: Console, actor: Actor, *, at: str = "", typed: Mapping[str, str] = NOBODY, refused: str = ""
 ) -> releases.ReleasesPage:
     pointer, around = console.releases.pointer(), around_of(console)
-    asked = at[:40].strip()
+    instant = at[:40].strip()
     return releases.releases_page(
         console.shell("Releases", "releases", actor),
         pointer,
         around,
         actor,
         key=console.sessions.key(),
-        at=releases.at_instant(pointer, asked, instant_of(asked), console.settings.robots) if asked else None,
+        at=releases.at_instant(pointer, instant, instant_of(instant), console.settings.robots) if instant else None,
         policy=releases.policy_form(
             pointer, around, may="policy" in permissions_of(actor.role.split("+")), typed=typed, refused=refused
         ),

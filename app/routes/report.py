@@ -22,7 +22,6 @@ from app.views.mission_json import mission_outcome, no_answer_outcome
 from app.views.readings import goal_words
 from app.views.report import ReportPage, ReportSources
 from app.web.rendering import render
-from app.web.report_pdf import report_pdf
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.control import CONTROL, ControlEvent
@@ -36,7 +35,7 @@ from harness.contracts.observations import SINGLE_SOURCE
 from harness.contracts.reasons import because
 from harness.contracts.retreat_events import RetreatEnded, RetreatEvent, RetreatIntended, RetreatStopping
 from harness.contracts.revision_commands import DisputeCompletion
-from harness.projections.handoffs import Unanswered
+from harness.projections.handoffs import NoAnswerAction
 from harness.projections.starts import repeated_starts
 from rsi_reviews.release_service import SignedBy
 
@@ -54,6 +53,8 @@ def printable(console: ConsoleDep, actor: ActorDep, mission_id: MissionId) -> HT
 @router.get("/report.pdf")
 def portable(console: ConsoleDep, actor: ActorDep, mission_id: MissionId) -> Response:
     """The printable report as one file with its pictures; only those whose bytes verify now."""
+    from app.web.report_pdf import report_pdf  # noqa: PLC0415  its library loads for a second, which no command needs
+
     page = page_of(console, actor, mission_id)
     pictures = {one.blob: console.runtime.blob(Digest(one.blob)) for one in page.pictures if not one.broken}
     fonts, language = console.settings.static / "vendor", CHOICE.get().language
@@ -196,7 +197,7 @@ def _journal(console: Console, mission_id: MissionId) -> ReportSources:
     return ReportSources(starts=len(starts), duplicates=repeated_starts(starts), is_case=is_case, unanswered=unanswered)
 
 
-def _unanswered(console: Console, mission_id: MissionId) -> Unanswered | None:
+def _unanswered(console: Console, mission_id: MissionId) -> NoAnswerAction | None:
     """What the robot did where the mission's last question expired."""
     expired = _expired(console, mission_id)
     return console.runtime.handoff(expired).unanswered if expired is not None else None
@@ -208,8 +209,8 @@ def _no_answer(console: Console, mission_id: MissionId) -> dict[str, Any] | None
     opened = console.runtime.handoff(expired).opened if expired is not None else None
     if expired is None or opened is None:
         return None
-    told = (QUESTION.decode(one) for one in console.runtime.stream(handoff_stream(expired)))
-    taken = next((event for event in told if isinstance(event, NoAnswerTaken)), None)
+    decoded = (QUESTION.decode(one) for one in console.runtime.stream(handoff_stream(expired)))
+    taken = next((event for event in decoded if isinstance(event, NoAnswerTaken)), None)
     return no_answer_outcome(opened, taken, _retreat_for(console, opened))
 
 

@@ -33,7 +33,7 @@ def stopped_all(
 
     Robots outside every mission are stopped first: wheels are returned, and those on their way to a safe place stand.
     """
-    reason, asked, left = act.reason, [], []
+    reason, stopping, left = act.reason, [], []
     left += [
         lazy_gettext("{who}: {reason}", who=name, reason=why)
         for name, why in wheels_returned(console, principal, reason)
@@ -50,13 +50,13 @@ def stopped_all(
             continue
         decision = console.runtime.submit(mission.mission_id, StopMission(actor=principal.actor, reason=reason))
         if isinstance(decision, Accepted):
-            asked.append(mission.mission_id)
+            stopping.append(mission.mission_id)
         elif not console.runtime.mission(mission.mission_id).ended:
             who = f"{mission.robot_id}, {mission.mission_id}"
             left.append(lazy_gettext("{who}: {reason}", who=who, reason=decision.reason))
     if act.safe:
         left += all_made_safe(console, principal, reason)
-    return tuple(asked), tuple(left)
+    return tuple(stopping), tuple(left)
 
 
 def on_their_way(console: Console) -> tuple[RobotId, ...]:
@@ -102,12 +102,13 @@ def limited(console: Console, principal: Principal, act: LimitAutonomyAct) -> No
     """Set the autonomy limit of the whole fleet. Raises NotPermitted for a token that is bound to one robot."""
     if principal.robot_id:
         raise NotPermitted(
-            because("token_cannot_set_limit", robot_id=principal.robot_id), where=f"token {principal.name}"
+            because("token_cannot_set_limit", robot_id=principal.robot_id),
+            where=because("at_token", name=principal.name),
         )
     console.runtime.decide([(CONTROL, act.to_command(principal.actor))])
     for mission in console.open_missions():
-        told = SetAutonomy(autonomy=act.autonomy, actor=principal.actor, reason=act.reason, scope="house")
-        console.runtime.decide([(mission_stream(mission.mission_id), told)])
+        command = SetAutonomy(autonomy=act.autonomy, actor=principal.actor, reason=act.reason, scope="house")
+        console.runtime.decide([(mission_stream(mission.mission_id), command)])
 
 
 def made_safe(console: Console, principal: Principal, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
@@ -170,7 +171,7 @@ def posed(
 def signed(
     console: Console,
     principal: Principal,
-    asked: tuple[type[Command], RobotId],
+    subject: tuple[type[Command], RobotId],
     act: Callable[[TeleoperationPort, Actor], Decision[AnyEvent]],
     *,
     permission: Permission | None = None,
@@ -179,11 +180,11 @@ def signed(
 
     `permission` where the act needs another one than its command.
     """
-    kind, robot_id = asked
+    kind, robot_id = subject
     actor, teleoperation = principal.acting(permission or required_permission(kind)), console.teleoperation
     if principal.robot_id not in ("", robot_id):
         raise NotPermitted(
-            because("token_of_other_robot", robot_id=principal.robot_id), where=f"token {principal.name}"
+            because("token_of_other_robot", robot_id=principal.robot_id), where=because("at_token", name=principal.name)
         )
     if teleoperation is None:
         return refused("no_supervisor", because("no_supervisor_here"))
@@ -194,5 +195,5 @@ def signed(
     outcome = f"refused: {decision.rule}" if isinstance(decision, Refused) else "accepted"
     if robot_id in console.fleet.names:
         console.fleet.hear(robot_id)
-    console.sessions.accounts.told(principal, actor, kind.__name__, f"robot/{robot_id}", outcome)
+    console.sessions.accounts.record(principal, actor, kind.__name__, f"robot/{robot_id}", outcome)
     return decision

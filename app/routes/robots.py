@@ -1,5 +1,6 @@
 """/robots: every robot's report, camera and mission, its stop, the fleet's autonomy limit, and a stop of all robots."""
 
+from collections.abc import Callable
 from typing import Annotated
 
 from fastapi import APIRouter, Path
@@ -8,6 +9,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from app.acts.base import Act
 from app.acts.missions import LimitAutonomyAct, PauseMissionAct, ResumeMissionAct, SetAutonomyAct
 from app.acts.robots import OrderPostureAct, SendToSafetyAct, StopRobotsAct
+from app.auth.permissions import Permission
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
@@ -18,6 +20,7 @@ from app.views.safe_returns import LastRetreat, last_retreat
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
+from harness.contracts.admissions import admission_stream
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.control import CONTROL
 from harness.contracts.decisions import Decision, Refused
@@ -25,6 +28,7 @@ from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.read_models import ListQuery
 from harness.contracts.reasons import because
+from harness.projections.admissions import Admissions
 from harness.projections.mission import Mission
 
 router = APIRouter(prefix="/robots")
@@ -93,10 +97,12 @@ def camera(console: ConsoleDep, robot_id: RobotPath) -> HTMLResponse:
 @router.get("/{robot_id}/camera.jpg")
 def newest_picture(console: ConsoleDep, robot_id: RobotPath) -> Response:
     """The newest picture. X-Taken-At is its mission time, X-Age-S how old it is in wall seconds."""
-    kept = console.fleet.shots(robot_id)
-    if not kept.kept:
-        raise UnknownName(because("no_picture", robot_id=robot_id, trouble=kept.trouble or N_("nothing came yet")))
-    shot = kept.kept[-1]
+    frames = console.fleet.shots(robot_id)
+    if not frames.kept:
+        raise UnknownName(
+            because("no_picture", robot_id=robot_id, trouble=frames.trouble or because("nothing_came_yet"))
+        )
+    shot = frames.kept[-1]
     age_s = max(console.clock() - shot.taken_s, 0.0)
     headers = {"X-Taken-At": f"{shot.picture.at_s:.3f}", "X-Age-S": f"{age_s:.1f}", "Cache-Control": "no-store"}
     return Response(shot.picture.body, media_type=JPEG, headers=headers)
@@ -108,28 +114,22 @@ def kept_picture(console: ConsoleDep, robot_id: RobotPath, number: int) -> Respo
     return Response(shot.picture.body, media_type=JPEG, headers={"Cache-Control": "private, max-age=60"})
 
 
-@router.post("/{robot_id}/autonomy")
-def autonomy(
-    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
-) -> Response:
-    principal.acting("drive")
-    return _submitted(console, actor, robot_id, typed, SetAutonomyAct)
+def _route(path: str, kind: type[Act], permission: Permission) -> Callable[..., Response]:
+    """The handler of one act on the mission of a robot."""
+
+    @router.post(f"/{{robot_id}}/{path}", name=path)
+    def handler(
+        console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
+    ) -> Response:
+        principal.acting(permission)
+        return _submitted(console, actor, robot_id, typed, kind)
+
+    return handler
 
 
-@router.post("/{robot_id}/pause")
-def pause(
-    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
-) -> Response:
-    principal.acting("stop")
-    return _submitted(console, actor, robot_id, typed, PauseMissionAct)
-
-
-@router.post("/{robot_id}/resume")
-def resume(
-    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
-) -> Response:
-    principal.acting("drive")
-    return _submitted(console, actor, robot_id, typed, ResumeMissionAct)
+autonomy = _route("autonomy", SetAutonomyAct, "drive")
+pause = _route("pause", PauseMissionAct, "stop")
+resume = _route("resume", ResumeMissionAct, "drive")
 
 
 @router.post("/{robot_id}/safe")
@@ -171,6 +171,12 @@ def card(console: Console, robot_id: RobotId) -> RobotCard:
     return _card(console, robot_id, console.open_missions())
 
 
+def admissions(console: Console, robot_id: RobotId) -> Admissions:
+    """What the log says of the checks of one robot."""
+    found: Admissions = console.runtime.fold(admission_stream(robot_id))
+    return found
+
+
 def camera_of(console: Console, robot_id: str) -> CameraView:
     return robots.camera_view(robot_id, console.fleet.shots(robot_id), now_s=console.clock())
 
@@ -203,7 +209,9 @@ def _last_retreat(console: Console, robot_id: RobotId) -> LastRetreat | None:
 def _index(console: Console, actor: Actor, *, errors: list[str] | None = None, status: int = 200) -> HTMLResponse:
     shell = console.shell("Robots", "robots", actor)
     present = console.presence.people()
-    page = robots.robots_page(shell, cards(console), console.control(), present=present, errors=errors or ())
+    page = robots.robots_page(
+        shell, cards(console), console.control(), present=present, errors=errors or (), absent=console.absent
+    )
     return render("robots/index.html", page, status=status)
 
 
@@ -216,6 +224,8 @@ def _one(
         shell=console.shell(robot_id, "robots", actor, topics=[f"robot/{robot_id}"]),
         levels=robots.levels(found.mission.autonomy if found.mission else ""),
         errors=tuple(errors or ()),
+        admissions=tuple(admissions(console, robot_id).providers.values()),
+        unused=tuple(console.unused.get(robot_id, {}).values()),
     )
     return render("robots/detail.html", page, status=status)
 

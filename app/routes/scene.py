@@ -1,4 +1,4 @@
-"""/missions/{id}/scene/{view}/: one reader's 3D view, relayed from its own server, with its instant and its export.
+"""/missions/{id}/scene/{view}/: moves one reader's 3D view to an instant, and exports it as a recording.
 
 The doorkeeper has checked session and origin.
 """
@@ -11,18 +11,18 @@ from starlette.responses import Response
 
 from app.console import Console, ConsoleDep
 from app.scene import proxy
-from app.scene.servers import Form
+from app.scene.port import SceneFile
 from app.web.security import PrincipalDep
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import MissionId
 
 router = APIRouter(prefix="/missions/{mission_id}/scene")
 ViewPath = Annotated[str, Path(pattern="^[A-Za-z0-9_-]{1,64}$")]
-EXPORTS: dict[Form, str] = {"viser": "application/octet-stream", "html": "text/html"}
+EXPORTS: dict[SceneFile, str] = {"viser": "application/octet-stream", "html": "text/html"}
 
 
 @router.get("/export.{form}")
-def export(console: ConsoleDep, principal: PrincipalDep, mission_id: MissionId, form: Form) -> Response:
+def export(console: ConsoleDep, principal: PrincipalDep, mission_id: MissionId, form: SceneFile) -> Response:
     """The mission as a recording of its 3D view; for operators."""
     principal.acting("export")
     entries = console.histories.of(mission_id)

@@ -6,7 +6,7 @@ from urllib.parse import quote
 from fastapi import APIRouter, Request
 from starlette.responses import RedirectResponse, Response
 
-from app.auth.accounts import Throttled
+from app.auth.accounts import TooManyAttempts
 from app.auth.next_url import OVERVIEW, safe_next_url
 from app.auth.oidc_login import OidcLogin
 from app.auth.sessions import Origin
@@ -41,18 +41,18 @@ def sign_in(request: Request, console: ConsoleDep, token: str = "", page: str = 
     if cookie:
         return _let_in(console, request, cookie)
     failed = bool(token) and not known
-    shown = _page(console, let_in=known, link_failed=failed, page=page, left=left)
-    return _answer(shown, status=403 if failed else 200)
+    html = _page(console, let_in=known, link_failed=failed, page=page, left=left)
+    return _answer(html, status=403 if failed else 200)
 
 
 @router.post("/sign-in")
 def sign_in_by_password(request: Request, console: ConsoleDep, typed: FormDep) -> Response:
     name, page = typed.get("name", "").strip().lower(), typed.get("page", "")
     found = console.sessions.sign_in(name, typed.get("password", ""), _origin(request))
-    if isinstance(found, Throttled):
+    if isinstance(found, TooManyAttempts):
         wait_s = ceil(found.wait_s)
-        shown = _page(console, refusal=too_often(wait_s), name=name, page=page)
-        return _answer(shown, status=429, wait_s=wait_s)
+        html = _page(console, refusal=too_often(wait_s), name=name, page=page)
+        return _answer(html, status=429, wait_s=wait_s)
     if found is None:
         return _answer(_page(console, refusal=wrong_password(), name=name, page=page), status=403)
     console.sessions.leave(request.cookies.get(console.settings.cookie, ""))
@@ -75,7 +75,7 @@ def begin(request: Request, console: ConsoleDep, page: str = "") -> Response:
         begun = login.begin(page, _origin(request), session=request.cookies.get(settings.cookie, ""))
     except SignInRefused as error:
         return _refused(console, error, page=page)
-    if isinstance(begun, Throttled):
+    if isinstance(begun, TooManyAttempts):
         wait_s = ceil(begun.wait_s)
         return _answer(_page(console, refusal=too_fast(wait_s), page=page), status=429, wait_s=wait_s)
     answer = RedirectResponse(begun.url, status_code=303)

@@ -70,8 +70,8 @@ class PoseTrack:
 def sweep(body: bytes) -> Floats:
     """Float32 xyz triples, N x 3, body frame; broken or far points are left out. Raises ValueError for odd bytes."""
     points = np.frombuffer(body, dtype="<f4").reshape(-1, 3)
-    kept: Floats = points[np.isfinite(points).all(axis=1) & (np.abs(points).max(axis=1, initial=0.0) < REACH_M)]
-    return kept
+    near: Floats = points[np.isfinite(points).all(axis=1) & (np.abs(points).max(axis=1, initial=0.0) < REACH_M)]
+    return near
 
 
 def placed(points: Floats, stand: Stand, *, origin_m: tuple[float, float] = (0.0, 0.0)) -> Floats:
@@ -85,8 +85,8 @@ def thinned(points: Floats, *, voxel_m: float) -> Floats:
     """The first point of every voxel of that size."""
     cells = np.floor(points / voxel_m).astype(np.int64) + (1 << 20)
     _, first = np.unique((cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2], return_index=True)
-    kept: Floats = points[np.sort(first)]
-    return kept
+    sample: Floats = points[np.sort(first)]
+    return sample
 
 
 class Cloud:

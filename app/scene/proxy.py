@@ -2,11 +2,11 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from importlib.metadata import version
 from pathlib import Path
 
 import anyio
 import msgspec
-import viser
 from httpx import AsyncClient, AsyncHTTPTransport, HTTPError
 from starlette.responses import Response
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -22,7 +22,7 @@ BANNED_QUERIES = frozenset({"websocket", "playbackPath"})
 LARGEST = 64 * 1024
 TOUCH_S = 30.0
 FRAME_STYLE = b'<link rel="stylesheet" href="/static/css/frame.css">'
-PROTOCOL = f"viser-v{viser.__version__}"
+PROTOCOL = f"viser-v{version('viser')}"
 
 
 def admitted(message: bytes) -> bool:
@@ -30,10 +30,10 @@ def admitted(message: bytes) -> bool:
     if len(message) > LARGEST:
         return False
     try:
-        said = msgspec.msgpack.decode(message)
+        content = msgspec.msgpack.decode(message)
     except msgspec.DecodeError:
         return False
-    return isinstance(said, dict) and said.get("type") in ADMITTED
+    return isinstance(content, dict) and content.get("type") in ADMITTED
 
 
 async def page(viewer: Path, *, queries: frozenset[str]) -> Response:

@@ -5,12 +5,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from threading import Lock
-from typing import Literal
 
 from cachetools import LRUCache
 
 from app.i18n.catalogues import N_
 from app.scene.feed import Feed
+from app.scene.port import SceneFile
 from app.scene.view import SceneView
 from app.scene.viewer_server import ViewerFolder, ViewerServer
 from harness.contracts.errors import HarnessError
@@ -21,7 +21,6 @@ from harness.workers import Worker
 TICK_S = 0.5
 SOUGHT = 256
 EXPORT_S, EXPORT_STEPS = 30.0, 60
-Form = Literal["viser", "html"]
 
 
 class Scenes:
@@ -36,7 +35,7 @@ class Scenes:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._runtime, self._idle_s, self._limit, self._clock = runtime, idle_s, limit, clock
-        self._open: dict[tuple[MissionId, str], _Seat] = {}
+        self._open: dict[tuple[MissionId, str], _ReaderViewer] = {}
         self._feeds: dict[MissionId, Feed] = {}
         self._params: LRUCache[tuple[MissionId, str], float | None] = LRUCache(SOUGHT)
         self._lock, self._stepping = Lock(), Lock()
@@ -50,7 +49,7 @@ class Scenes:
             seat = self._open.get((mission_id, view))
             if seat is None:
                 feed = self._feeds.setdefault(mission_id, Feed(self._runtime, mission_id))
-                seat = self._open[mission_id, view] = _Seat(feed, str(mission_id), self._folder.socket())
+                seat = self._open[mission_id, view] = _ReaderViewer(feed, str(mission_id), self._folder.socket())
                 seat.view.seek(self._params.get((mission_id, view)))
                 self._worker.start()
             seat.seen_s = self._clock()
@@ -81,11 +80,11 @@ class Scenes:
             feed = self._feeds.get(mission_id)
         return feed.note() if feed else N_("The 3D view opens when somebody looks at it.")
 
-    def export(self, mission_id: MissionId, form: Form, *, begin_s: float, end_s: float) -> bytes:
+    def export(self, mission_id: MissionId, form: SceneFile, *, begin_s: float, end_s: float) -> bytes:
         """The whole mission as a recording that plays in EXPORT_S: a .viser file, or a page that needs nothing else."""
         feed = Feed(self._runtime, mission_id)
         feed.step()
-        seat = _Seat(feed, str(mission_id), self._folder.socket(), whole=True)
+        seat = _ReaderViewer(feed, str(mission_id), self._folder.socket(), whole=True)
         try:
             seat.view.step()
             seat.view.seek(begin_s)
@@ -128,7 +127,7 @@ class Scenes:
         self._feeds = {name: feed for name, feed in self._feeds.items() if name in watched}
 
 
-class _Seat:
+class _ReaderViewer:
     """One reader's viewer: the server, and what is drawn on it."""
 
     def __init__(self, feed: Feed, label: str, socket: Path, *, whole: bool = False) -> None:

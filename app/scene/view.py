@@ -46,7 +46,7 @@ class SceneView:
             plan = self._feed.plan
             if plan is None:
                 return
-            drawing = self._drawing or self._begun(plan)
+            drawing = self._drawing or self._new_drawing(plan)
             with drawing.at_once():
                 self._map.draw(drawing, self._feed.map)
                 self._draw_track(drawing)
@@ -59,7 +59,7 @@ class SceneView:
         """Whether every chunk of the cloud is drawn in full."""
         return all(self._lengths.get(n) == len(chunk) for n, chunk in enumerate(self._feed.cloud.chunks))
 
-    def _begun(self, plan: ScenePlan) -> Drawing:
+    def _new_drawing(self, plan: ScenePlan) -> Drawing:
         drawing = self._drawing = Drawing(self._server, origin_m=plan.origin_m)
         for name, route in plan.routes:
             drawing.route(name, route)
@@ -81,12 +81,12 @@ class SceneView:
         for number, (node, stretch) in enumerate(groupby(stands, key=lambda stand: stand.node)):
             part = list(stretch)
             colour = colours.setdefault(node, len(colours))
-            shown = min(max(len(seen) - begun, 0), len(part))
+            count = min(max(len(seen) - begun, 0), len(part))
             begun += len(part)
             name = f"{number:04d}"
-            if self._stretches.get(name) != shown:
-                self._stretches[name] = shown
-                drawing.trajectory(name, colour, part[:shown])
+            if self._stretches.get(name) != count:
+                self._stretches[name] = count
+                drawing.trajectory(name, colour, part[:count])
 
     def _draw_cloud(self, drawing: Drawing) -> None:
         cloud = self._feed.cloud

@@ -177,12 +177,12 @@ def alerts_page(
     """One page of the list, newest occurrence first."""
     found = chosen(alerts, params, now_s=now_s)
     later = [one for one in found if params.before_s is None or one.alert.last_s < params.before_s]
-    shown = later[:SHOWN]
+    listed_later = later[:SHOWN]
     counts = {value: _count(alerts, states, now_s) for value, _, states in GROUPS}
     robots = sorted({alert.newest.robot_id for _, alert in alerts if alert.newest and alert.newest.robot_id})
     return AlertsPage(
         shell=shell,
-        rows=tuple(shown),
+        rows=tuple(listed_later),
         groups=tuple(
             ListTab(
                 title=title,
@@ -201,9 +201,11 @@ def alerts_page(
         live=params.before_s is None,
         query=address("", params.params),
         paging=Paging(
-            shown=len(shown),
+            shown=len(listed_later),
             found=str(len(found)),
-            following=address(PATH, params.params, before=repr(shown[-1].alert.last_s)) if len(later) > SHOWN else "",
+            following=address(PATH, params.params, before=repr(listed_later[-1].alert.last_s))
+            if len(later) > SHOWN
+            else "",
             first=address(PATH, params.params) if params.before_s is not None else "",
         ),
         total=len(alerts),

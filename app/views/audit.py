@@ -34,7 +34,7 @@ class AuditEvent(Value):
 
 
 @dataclass(frozen=True)
-class Wanted:
+class AuditFilter:
     """The filter of the audit log: actor and kind of event; `everything` includes events without an actor."""
 
     actor: str = ""
@@ -102,8 +102,8 @@ class AuditPage:
 
     shell: Shell
     head: LogHead
-    deeds: tuple[AuditEvent, ...]
-    wanted: Wanted
+    decisions: tuple[AuditEvent, ...]
+    wanted: AuditFilter
     scanned_from: int
     found: Sum
     anchor: GivenAnchor
@@ -130,6 +130,6 @@ class AccessPage:
 
     shell: Shell
     rows: tuple[AuditRow, ...]
-    wanted: Wanted
+    wanted: AuditFilter
     older: int
     found: Sum

@@ -47,7 +47,7 @@ class EditSection:
 
 
 @dataclass(frozen=True)
-class Found:
+class EditResult:
     """The result of checking an edit: errors, broken rules and, for a valid edit, what it changes."""
 
     errors: Sequence[str] = ()
@@ -75,7 +75,7 @@ class EditorPage:
 
 
 def editor_page(
-    shell: Shell, current: Configuration, typed: Mapping[str, str], *, by_text: bool, found: Found
+    shell: Shell, current: Configuration, typed: Mapping[str, str], *, by_text: bool, found: EditResult
 ) -> EditorPage:
     chosen = typed.get("metric", "recovery_cost")
     wrong = {_field_path(one.path): reasoned(one.reason) for one in found.refusals}
@@ -108,7 +108,7 @@ def edited_text(current: Configuration, typed: Mapping[str, str]) -> str:
     tree: dict[str, Any] = msgspec.to_builtins(current)
     for path, was in _leaves(tree):
         text = typed.get(path)
-        if text is not None and text.strip() != _shown(was):
+        if text is not None and text.strip() != _display_value(was):
             section, _, rest = path.partition(".")
             owner = tree[section][LADDERS.partition(".")[2]] if path.startswith(f"{LADDERS}.") else tree[section]
             owner[rest.rpartition(".")[2]] = _typed(text.strip(), was)
@@ -138,8 +138,8 @@ def _field(
     return EditField(
         path=path,
         title=word(path.rpartition(".")[2].removesuffix("_s")),
-        value=typed.get(path, _shown(was)),
-        was=_shown(was),
+        value=typed.get(path, _display_value(was)),
+        was=_display_value(was),
         unit=about.unit if about else "",
         bound="" if ladder or about is None else about.bound,
         meaning="" if ladder or about is None else about.meaning,
@@ -160,7 +160,7 @@ def _leaves(tree: Mapping[str, Any]) -> list[tuple[str, Any]]:
     return found
 
 
-def _shown(value: Any) -> str:
+def _display_value(value: Any) -> str:
     return (
         " > ".join(value)
         if isinstance(value, list | tuple)

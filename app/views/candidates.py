@@ -93,7 +93,7 @@ def board_page(
     alike = [one for one in known if _like(one, params)]
     statuses = Counter(str(one.status) for one in alike)
     rows = chosen(reviews, params)
-    shown = rows[params.skip : params.skip + SHOWN]
+    part = rows[params.skip : params.skip + SHOWN]
     more = params.skip + SHOWN < len(rows)
     return BoardPage(
         shell=shell,
@@ -105,7 +105,7 @@ def board_page(
                 note=progress.get(one.candidate) or note_of(one),
                 stale=stale(one, pointer),
             )
-            for one in shown
+            for one in part
             if one.manifest is not None
         ),
         words=params.words,
@@ -114,7 +114,7 @@ def board_page(
         total=len(known),
         query=address("", params.params),
         paging=Paging(
-            shown=len(shown),
+            shown=len(part),
             found=str(len(rows)),
             following=address("/candidates", params.params, skip=str(params.skip + SHOWN)) if more else "",
             first=address("/candidates", params.params) if params.skip else "",
@@ -124,8 +124,8 @@ def board_page(
 
 def chosen(reviews: Sequence[Review], params: CandidateListParams) -> list[Review]:
     """The candidates that the address asks for, in the given order."""
-    wanted = _statuses(params.group, Counter(str(one.status) for one in reviews))
-    return [one for one in reviews if one.status in wanted and _like(one, params)]
+    statuses = _statuses(params.group, Counter(str(one.status) for one in reviews))
+    return [one for one in reviews if one.status in statuses and _like(one, params)]
 
 
 def title_of(review: Review) -> str:

@@ -63,7 +63,7 @@ def contexts(
     explain: Explain,
 ) -> ContextsView:
     """Contexts and candidate sets of one node, from the records that were stored with the decisions."""
-    shown: list[ContextView] = []
+    views: list[ContextView] = []
     owner: dict[str, str] = {}
     for entry in entries:
         if isinstance(entry.event, events.DispatchIntended):
@@ -71,9 +71,9 @@ def contexts(
         cited = _cited(entry, owner)
         if cited is None or cited.node_id != node_id:
             continue
-        shown.append(_context(entry.position, cited, read=read))
+        views.append(_context(entry.position, cited, read=read))
     choices = ranked(entries, node_id=node_id, candidates=candidates, explain=explain)
-    return ContextsView(node_id=node_id, contexts=tuple(reversed(shown)), choices=tuple(reversed(choices)))
+    return ContextsView(node_id=node_id, contexts=tuple(reversed(views)), choices=tuple(reversed(choices)))
 
 
 def ranked(
@@ -97,13 +97,13 @@ def goal_context(entries: Sequence[TimelineEntry], *, read: ReadContext) -> Cont
     """What the goal verifier was shown, if it has answered."""
     for entry in reversed(entries):
         if isinstance(entry.event, events.GoalVerified):
-            cited = _Cited("", "verifier", N_("verified the goal"), entry.event.verdict.context)
+            cited = _ContextReference("", "verifier", N_("verified the goal"), entry.event.verdict.context)
             return _context(entry.position, cited, read=read)
     return None
 
 
 @dataclass(frozen=True)
-class _Cited:
+class _ContextReference:
     """A context that an event names: for which node, which role saw it, what it decided."""
 
     node_id: str
@@ -112,12 +112,12 @@ class _Cited:
     digest: Digest
 
 
-def _cited(entry: TimelineEntry, owner: dict[str, str]) -> _Cited | None:
+def _cited(entry: TimelineEntry, owner: dict[str, str]) -> _ContextReference | None:
     match entry.event:
         case events.NodePlanned() as event:
-            return _Cited(event.node_id, "planner", N_("chose the stage and its provider"), event.context)
+            return _ContextReference(event.node_id, "planner", N_("chose the stage and its provider"), event.context)
         case events.DispatchIntended() as event:
-            return _Cited(
+            return _ContextReference(
                 event.node_id,
                 "skill",
                 lazy_gettext("set the parameters of attempt {count}", count=event.attempt),
@@ -125,21 +125,21 @@ def _cited(entry: TimelineEntry, owner: dict[str, str]) -> _Cited | None:
             )
         case events.VerdictRecorded() as event:
             node = owner.get(event.invocation_id, "")
-            return _Cited(
+            return _ContextReference(
                 node,
                 "verifier",
                 lazy_gettext("judged the packet {verdict}", verdict=event.verdict.verdict),
                 event.verdict.context,
             )
         case events.RecoveryAuthorised() as event:
-            return _Cited(
+            return _ContextReference(
                 event.node_id, "recovery", lazy_gettext("proposed {action}", action=word(event.action)), event.context
             )
         case _:
             return None
 
 
-def _context(position: int, cited: _Cited, *, read: ReadContext) -> ContextView:
+def _context(position: int, cited: _ContextReference, *, read: ReadContext) -> ContextView:
     context = read(cited.digest)
     return ContextView(
         role=ROLES[context.role if context else cited.role],

@@ -88,11 +88,11 @@ def log_page(shell: Shell, mission_id: str, entries: Sequence[TimelineEntry], qu
     chosen = [entry for entry in entries if query.family in ("", FAMILY[entry.kind])]
     found = [entry for entry in chosen if all(word in _text(entry) for word in words)] if words else chosen
     rest = [entry for entry in found if entry.position > query.after]
-    shown = rest[:SHOWN]
+    part = rest[:SHOWN]
     return LogPage(
         shell=shell,
         mission_id=mission_id,
-        entries=tuple(shown),
+        entries=tuple(part),
         begin_s=entries[0].mission_s,
         families=tuple(
             FamilyTab(title=title, href=address(path, params, family=name), chosen=name == query.family)
@@ -102,9 +102,9 @@ def log_page(shell: Shell, mission_id: str, entries: Sequence[TimelineEntry], qu
         family=query.family,
         total=len(entries),
         paging=Paging(
-            shown=len(shown),
+            shown=len(part),
             found=str(len(found)),
-            following=address(path, params, after=str(shown[-1].position)) if len(rest) > SHOWN else "",
+            following=address(path, params, after=str(part[-1].position)) if len(rest) > SHOWN else "",
             first=address(path, params) if query.after else "",
         ),
     )

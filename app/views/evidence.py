@@ -131,7 +131,7 @@ def _decision(mission_id: str, entries: Sequence[TimelineEntry], packet_id: Pack
         href = f"/missions/{mission_id}/events/{entry.position}"
         match entry.event:
             case NodeCommitted() as done if done.packet_id == packet_id:
-                return Decision(word="accepted", text=_held(len(done.facts)), href=href)
+                return Decision(word="accepted", text=_facts_text(len(done.facts)), href=href)
             case EffectDeclared() as said if said.packet_id == packet_id:
                 effects = listed(effect.text for effect in said.effects)
                 text = lazy_gettext("Nothing was accepted. Only the provider declares: {effects}", effects=effects)
@@ -143,7 +143,7 @@ def _decision(mission_id: str, entries: Sequence[TimelineEntry], packet_id: Pack
     return Decision()
 
 
-def _held(facts: int) -> str:
+def _facts_text(facts: int) -> str:
     if facts == 1:
         return N_(
             "1 fact accepted by the configured checks: every rule of the gate held. That is not proof of the truth."
@@ -157,10 +157,10 @@ def _held(facts: int) -> str:
 def _picture(reference: EvidenceReference, *, check: Check) -> EvidencePicture:
     yaw = reference.values.get("yaw_rad")
     size = [reference.values.get(name) for name in ("width_px", "height_px")]
-    shown = f"{size[0]:.0f}×{size[1]:.0f}" if isinstance(size[0], float) and isinstance(size[1], float) else ""
+    size_text = f"{size[0]:.0f}×{size[1]:.0f}" if isinstance(size[0], float) and isinstance(size[1], float) else ""
     turned = f"{yaw * 57.29578:.0f}°" if isinstance(yaw, float) else ""
     return EvidencePicture(
         blob=reference.blob,
-        caption=" ".join(part for part in (turned, shown) if part) or reference.source,
+        caption=" ".join(part for part in (turned, size_text) if part) or reference.source,
         broken=check(reference.blob),
     )

@@ -58,7 +58,7 @@ def evidence_page(
         shell=shell,
         rows=tuple(rows),
         filters=(*filters, list_params.order_filter(params, by_length=False)),
-        paging=list_params.paging(PATH, params, following, shown=len(rows), found=found),
+        paging=list_params.paging(PATH, params, following, count=len(rows), found=found),
         words=params.words,
         mission=params.given.get("mission", ""),
         everything=list_params.address(PATH, params.params, mission=""),

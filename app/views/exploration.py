@@ -24,7 +24,7 @@ from harness.projections.mission import Mission, NodeState
 
 
 @dataclass(frozen=True)
-class Recorded:
+class ChoiceRecords:
     """What was stored of one choice: both records, and the maps before and after the way there; None: not there."""
 
     question: exploration.TargetQuestion | None = None
@@ -104,7 +104,7 @@ class ExplorationPage(ChoicesRegion):
 
 
 @dataclass(frozen=True)
-class _Told:
+class _ChoiceHistory:
     """What a mission's own history says of its choices: every stage by name, every map by the leg it follows."""
 
     mission: Mission
@@ -123,18 +123,18 @@ def shown_of(mission: Mission, leg: str) -> ExplorationDecision | None:
 
 
 def choices_region(
-    mission: Mission, entries: Sequence[TimelineEntry], recorded: Recorded, *, leg: str
+    mission: Mission, entries: Sequence[TimelineEntry], recorded: ChoiceRecords, *, leg: str
 ) -> ChoicesRegion:
     """`recorded` belongs to what `shown_of` says."""
-    shown = shown_of(mission, leg)
-    inputs = _Told(
+    choice = shown_of(mission, leg)
+    inputs = _ChoiceHistory(
         mission=mission,
         entries=entries,
         stages={stage.node_id: stage for stage in stages(mission, entries, Observed(), selected="")},
         maps=dict(updates(mission)),
     )
     rows = tuple(
-        _row(number, one, inputs, selected=one == shown)
+        _row(number, one, inputs, selected=one == choice)
         for number, one in enumerate(decisions(mission) if mission.contract else (), start=1)
     )
     chosen = next((row for row in rows if row.selected), None)
@@ -143,7 +143,7 @@ def choices_region(
         at=None,
         query=f"?leg={leg}" if leg else "",
         choices=rows,
-        shown=_detail(inputs, shown, chosen, recorded) if shown and chosen else None,
+        shown=_detail(inputs, choice, chosen, recorded) if choice and chosen else None,
     )
 
 
@@ -153,7 +153,7 @@ def exploration_page(
     return ExplorationPage(**vars(region), shell=shell, head=head(mission, entries))
 
 
-def _row(number: int, choice: ExplorationDecision, inputs: _Told, *, selected: bool) -> ChoiceRow:
+def _row(number: int, choice: ExplorationDecision, inputs: _ChoiceHistory, *, selected: bool) -> ChoiceRow:
     change = inputs.maps.get(choice.leg)
     return ChoiceRow(
         number=number,
@@ -170,15 +170,19 @@ def _row(number: int, choice: ExplorationDecision, inputs: _Told, *, selected: b
     )
 
 
-def _detail(inputs: _Told, choice: ExplorationDecision, row: ChoiceRow, recorded: Recorded) -> ChoiceDetail:
+def _detail(
+    inputs: _ChoiceHistory, choice: ExplorationDecision, row: ChoiceRow, recorded: ChoiceRecords
+) -> ChoiceDetail:
     question, answer = recorded.question, recorded.answer
-    wanted = answer.said if answer else None
+    proposal = answer.said if answer else None
     nodes = inputs.mission.contract.nodes if inputs.mission.contract else ()
     look = next((node.node_id for node in nodes if choice.leg in node.depends_on), "")
     return ChoiceDetail(
         row=row,
         reason=reasoned(choice.reason),
-        said=lazy_gettext("({x}, {y}): {reason}", **_placed(wanted.target_m), reason=wanted.reason) if wanted else "",
+        said=lazy_gettext("({x}, {y}): {reason}", **_placed(proposal.target_m), reason=proposal.reason)
+        if proposal
+        else "",
         refused=reasoned(choice.refused),
         at_s=question.at_s if question else None,
         k=choice.k,

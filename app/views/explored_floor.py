@@ -63,7 +63,7 @@ def explored_floor(
     if before is None or question is None:
         return None
     chosen = answer.chosen if answer else None
-    wanted = answer.said if answer and answer.refused else None
+    proposal = answer.said if answer and answer.refused else None
     longest = max((one.length_m for one in question.frontiers), default=1.0)
     return ExploredFloor(
         box=_box(after or before, question),
@@ -84,7 +84,7 @@ def explored_floor(
         ),
         robot=_spot(question.position_m),
         target=_spot(chosen.target_m) if chosen else None,
-        refused=_spot(wanted.target_m) if wanted else None,
+        refused=_spot(proposal.target_m) if proposal else None,
     )
 
 
@@ -94,20 +94,20 @@ def _gained(before: exploration.GridMap, after: exploration.GridMap) -> Callable
     return lambda index: same and after.cells[index] == exploration.FREE and before.cells[index] != exploration.FREE
 
 
-def _cells(grid: exploration.GridMap, wanted: Callable[[int], bool]) -> str:
+def _cells(grid: exploration.GridMap, proposal: Callable[[int], bool]) -> str:
     """The wanted cells as one path: a rectangle for every run of them in a row."""
     return "".join(
         f"M{grid.origin_m[0] + first * grid.cell_m:.2f} {-(grid.origin_m[1] + (row + 1) * grid.cell_m):.2f}"
         f"h{count * grid.cell_m:.2f}v{grid.cell_m:.2f}h-{count * grid.cell_m:.2f}z"
-        for row, first, count in _runs(grid, wanted)
+        for row, first, count in _runs(grid, proposal)
     )
 
 
-def _runs(grid: exploration.GridMap, wanted: Callable[[int], bool]) -> Iterator[tuple[int, int, int]]:
+def _runs(grid: exploration.GridMap, proposal: Callable[[int], bool]) -> Iterator[tuple[int, int, int]]:
     """(row, first column, how many) of every stretch of wanted cells."""
     for row in range(grid.rows):
         column = 0
-        for fits, cells in groupby(range(row * grid.columns, (row + 1) * grid.columns), key=wanted):
+        for fits, cells in groupby(range(row * grid.columns, (row + 1) * grid.columns), key=proposal):
             count = sum(1 for _ in cells)
             if fits:
                 yield row, column, count

@@ -44,15 +44,15 @@ def fact_page(
     """`named`: packet and condition. Raises UnknownName for a fact that was never accepted from that packet."""
     packet_id, condition_id = named
     gate = next((e for e in entries if isinstance(e.event, NodeCommitted) and e.event.packet_id == packet_id), None)
-    kept = next(
+    recorded = next(
         (e for e in entries if isinstance(e.event, PacketRetained) and e.event.packet.identity.packet_id == packet_id),
         None,
     )
     found = gate.event.facts if gate is not None and isinstance(gate.event, NodeCommitted) else ()
     fact = next((one for one in found if one.condition_id == condition_id), None)
-    if fact is None or gate is None or kept is None or not isinstance(kept.event, PacketRetained):
+    if fact is None or gate is None or recorded is None or not isinstance(recorded.event, PacketRetained):
         raise UnknownName(because("packet_without_fact", packet_id=packet_id, condition_id=condition_id))
-    packet = packet_view(mission, kept.event.packet, entries, check=check)
+    packet = packet_view(mission, recorded.event.packet, entries, check=check)
     results = packet.verdict.results if packet.verdict else ()
     return FactPage(
         shell=shell,
@@ -61,7 +61,7 @@ def fact_page(
         disputed=fact in mission.disputed,
         condition=next((one for one in results if one.condition_id == condition_id), None),
         packet=packet,
-        packet_event=kept.position,
+        packet_event=recorded.position,
         gate_event=gate.position,
         digest=gate.digest,
         disputes=tuple(

@@ -45,7 +45,7 @@ class ParameterField:
 
 
 @dataclass(frozen=True)
-class Again:
+class RepeatedMission:
     """The mission that a new one repeats, and the stages it did not get accepted."""
 
     mission_id: str
@@ -76,7 +76,8 @@ class StartPage:
     """The form that starts a mission; `errors` are shown above it and take the focus, `wrong` beside their fields.
 
     `ahead` are the missions of the chosen robot that are done first, oldest first. `preview` is a compiled contract,
-    `reading` what was read of a goal that was not understood as a whole.
+    `reading` what was read of a goal that was not understood as a whole. `recording` is the stored one that the goal
+    was `heard` from.
     """
 
     shell: Shell
@@ -88,10 +89,13 @@ class StartPage:
     robot_wrong: str
     key: str
     errors: tuple[str, ...]
-    again: Again | None
+    again: RepeatedMission | None
     ahead: tuple[Before, ...]
     preview: Preview | None
     reading: ReadingView | None = None
+    recording: str = ""
+    heard: str = ""
+    recording_wrong: str = ""
 
 
 @dataclass(frozen=True)
@@ -124,21 +128,21 @@ def start_page(
     *,
     key: str,
     wrong: Sequence[Wrong] = (),
-    again: Again | None = None,
+    again: RepeatedMission | None = None,
     ahead: Sequence[Before] = (),
     preview: Preview | None = None,
     reading: ReadingView | None = None,
 ) -> StartPage:
     """The form as the person left it; the first template is chosen before anything was typed."""
     templates = offer.templates
-    wanted = typed.get("template", "") or (templates[0].name if templates else "")
-    template = next((one for one in templates if one.name == wanted), None)
+    template_name = typed.get("template", "") or (templates[0].name if templates else "")
+    template = next((one for one in templates if one.name == template_name), None)
     beside = {one.field: one.text for one in wrong if one.field}
     return StartPage(
         shell=shell,
         templates=(
-            *(SelectOption(one.name, one.title, one.name == wanted) for one in templates),
-            SelectOption(BY_GOAL, N_("What the goal says"), wanted == BY_GOAL),
+            *(SelectOption(one.name, one.title, one.name == template_name) for one in templates),
+            SelectOption(BY_GOAL, N_("What the goal says"), template_name == BY_GOAL),
         ),
         robots=tuple(SelectOption(one, one, one == typed.get("robot_id", "")) for one in offer.robots),
         fields=_fields(template, offer.places, typed, beside) if template else (),
@@ -151,6 +155,9 @@ def start_page(
         ahead=tuple(ahead),
         preview=preview,
         reading=reading,
+        recording=typed.get("recording", ""),
+        heard=typed.get("heard", ""),
+        recording_wrong=beside.get("recording_file", ""),
     )
 
 

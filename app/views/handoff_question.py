@@ -93,13 +93,13 @@ def action_view(proposal: ProposedAction | None, *, subject: str) -> ActionView 
     if proposal is None:
         return None
     body = encode(proposal)
-    said: dict[str, Any] = json.loads(body)
-    action, parameters, limits = said.pop("action"), said.pop("parameters"), said.pop("limits")
-    first = action == "retry" and said["attempt"] == 1
+    arguments: dict[str, Any] = json.loads(body)
+    action, parameters, limits = arguments.pop("action"), arguments.pop("parameters"), arguments.pop("limits")
+    first = action == "retry" and arguments["attempt"] == 1
     return ActionView(
         title=N_("Begin this stage") if first else ACTIONS.get(action, action.replace("_", " ")),
-        cost=N_("one of the recovery budget") if said["spends"] else N_("nothing of the recovery budget"),
-        rows=(("action", action), *((name.replace("_", " "), _text(value)) for name, value in said.items())),
+        cost=N_("one of the recovery budget") if arguments["spends"] else N_("nothing of the recovery budget"),
+        rows=(("action", action), *((name.replace("_", " "), _text(value)) for name, value in arguments.items())),
         parameters=tuple((quantity(name, "")[0], _valued(name, value)) for name, value in parameters.items()),
         limits=tuple(quantity(name, value) for name, value in limits.items()),
         digest=sha256(body),

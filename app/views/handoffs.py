@@ -80,7 +80,7 @@ class AlternativeAction:
 
 
 @dataclass(frozen=True)
-class Holding:
+class ClaimView:
     """Who has claimed the question. `mine`: this person; `token` is their claim, or a fresh one to claim with."""
 
     name: str
@@ -148,7 +148,7 @@ class HandoffPage:
     no_answer: str
     fresh_until_s: float
     marks: tuple[RobotMark, ...]
-    hold: Holding
+    hold: ClaimView
     viewers: tuple[str, ...]
     escalated: tuple[str, ...]
     choices: tuple[AlternativeAction, ...]
@@ -242,12 +242,12 @@ def required(handoff: Handoff) -> HandoffOpened:
     return handoff.opened
 
 
-def _holding(handoff: Handoff, inputs: HandoffInputs) -> Holding:
+def _holding(handoff: Handoff, inputs: HandoffInputs) -> ClaimView:
     claim = handoff.claim if handoff.claim and handoff.claim.until_at_s > inputs.now_s else None
     mine = claim is not None and claim.actor.name == inputs.person
     opened = required(handoff)
     limit_s = opened.limit_at_s or opened.deadline_at_s
-    return Holding(
+    return ClaimView(
         name=claim.actor.name if claim else "",
         mine=mine,
         until_at_s=claim.until_at_s if claim else 0.0,

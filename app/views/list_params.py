@@ -61,15 +61,15 @@ class Paging:
 
 def address(path: str, params: Mapping[str, str], **changes: str) -> str:
     """The path with these parameters, changed; empty ones are left out."""
-    kept = {name: value for name, value in {**params, **changes}.items() if value}
-    return f"{path}?{'&'.join(f'{name}={_quoted(value)}' for name, value in kept.items())}" if kept else path
+    query = {name: value for name, value in {**params, **changes}.items() if value}
+    return f"{path}?{'&'.join(f'{name}={_quoted(value)}' for name, value in query.items())}" if query else path
 
 
-def paging(path: str, params: ListParams, following: ListQuery | None, *, shown: int, found: int) -> Paging:
+def paging(path: str, params: ListParams, following: ListQuery | None, *, count: int, found: int) -> Paging:
     """`found` counts up to MANY + 1."""
     after = following.after if following is not None else None
     return Paging(
-        shown=shown,
+        shown=count,
         found=lazy_gettext("more than {many}", many=f"{MANY:,}".replace(",", " ")) if found > MANY else str(found),
         following=address(path, params.params, after=f"{after.amount!r}~{after.seq}") if after is not None else "",
         first=address(path, params.params) if params.deep else "",

@@ -58,8 +58,8 @@ def quantity(name: str, value: float | str) -> tuple[str, str]:
     stem, _, suffix = name.rpartition("_")
     unit = UNITS.get(suffix, "") if stem else ""
     label = word(stem if unit else name)
-    shown = value if isinstance(value, str) else number(value)
-    return label, f"{shown} {unit}".strip()
+    text = value if isinstance(value, str) else number(value)
+    return label, f"{text} {unit}".strip()
 
 
 def fields(stored: Mapping[str, Any]) -> Iterator[Measure]:
@@ -92,12 +92,12 @@ def measures(measured: Mapping[str, float], bounds: Mapping[str, float]) -> tupl
     """Measured values first, each beside the bound of the same name; then bounds that nothing measured."""
     rows = []
     for name, value in measured.items():
-        label, shown = quantity(name, value)
-        rows.append(Measure(name=label, value=shown, bound=quantity(name, bounds[name])[1] if name in bounds else ""))
+        label, text = quantity(name, value)
+        rows.append(Measure(name=label, value=text, bound=quantity(name, bounds[name])[1] if name in bounds else ""))
     for name, bound in bounds.items():
         if name not in measured:
-            label, shown = quantity(name, bound)
-            rows.append(Measure(name=label, value="", bound=shown))
+            label, text = quantity(name, bound)
+            rows.append(Measure(name=label, value="", bound=text))
     return tuple(rows)
 
 

@@ -9,7 +9,7 @@ from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext
 from app.views.measures import Measure, fields
 from app.views.shell import Shell
-from harness.contracts.memory import MemoryRecord, Remembered
+from harness.contracts.memory import MemoryEntry, MemoryRecord
 
 TONES = {"disputed": "bad", "verified": "good"}
 ROLES: tuple[tuple[str, str, tuple[str, ...]], ...] = (
@@ -35,7 +35,7 @@ class MemoryPage:
 
     shell: Shell
     tabs: tuple[RoleTab, ...]
-    rows: tuple[Remembered, ...]
+    rows: tuple[MemoryEntry, ...]
     subject: str
     everything: bool
     limit: int
@@ -48,7 +48,7 @@ def kinds_of(role: str) -> tuple[str, ...]:
 
 
 def memory_page(
-    shell: Shell, role: str, found: Sequence[Remembered], *, subject: str, everything: bool, limit: int
+    shell: Shell, role: str, found: Sequence[MemoryEntry], *, subject: str, everything: bool, limit: int
 ) -> MemoryPage:
     """`everything`: superseded records and sides of open conflicts too."""
     return MemoryPage(

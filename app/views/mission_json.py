@@ -6,6 +6,8 @@ from itertools import pairwise
 from math import dist
 from typing import Any
 
+import msgspec
+
 from app.i18n.reasons import rendering as reasons
 from app.views.proposals import proposals_json
 from app.views.readings import clauses_json, mission_reading, reading_json
@@ -16,6 +18,7 @@ from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.handoff_events import HandoffOpened, NoAnswerTaken
 from harness.contracts.protocol import PhysicalStart, Receipt
 from harness.contracts.retreat_events import RetreatEnded, RetreatEvent, RetreatIntended
+from harness.contracts.spoken_goals import SpokenGoal
 from harness.contracts.tasks import Node, order
 from harness.projections.mission import Mission, NodeState, declared_goals
 from harness.projections.starts import repeated_starts
@@ -33,6 +36,7 @@ def mission_outcome(
         "mission_id": mission.mission_id,
         "status": mission.status,
         "goal": mission.goal,
+        "spoken": msgspec.to_builtins(mission.spoken) if isinstance(mission.spoken, SpokenGoal) else None,
         "reading": reading_json(mission.goal, reading) if (reading := mission_reading(mission)) else None,
         "clauses": clauses_json(mission),
         "template": mission.template,

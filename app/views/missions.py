@@ -11,7 +11,7 @@ from app.views.timeline import TimelineEntry
 from harness.contracts.events import MissionEnded
 from harness.contracts.protocol import RobotStatus
 from harness.contracts.read_models import MissionItem
-from harness.contracts.reasons import because
+from harness.contracts.reasons import because, recorded
 from harness.contracts.tasks import order
 from harness.projections.exploration import choices
 from harness.projections.mission import Mission, declared_goals
@@ -59,8 +59,8 @@ def head(mission: Mission, entries: Sequence[TimelineEntry]) -> MissionHeader:
 
 def labels(mission: Mission) -> str:
     """Its labels in one line, but for the mission that it repeats."""
-    told = fields({name: value for name, value in mission.labels.items() if name != "rerun_of"})
-    return ", ".join(f"{one.name} {one.value}" for one in told)
+    label_fields = fields({name: value for name, value in mission.labels.items() if name != "rerun_of"})
+    return ", ".join(f"{one.name} {one.value}" for one in label_fields)
 
 
 def targets(mission: Mission) -> int:
@@ -90,7 +90,7 @@ def sentence(mission: Mission) -> str:
         case "paused":
             return lazy_gettext("Paused: {reason}", reason=mission.reason)
         case "cancelled" | "safe_stopped" | "failed" | "handed_off" | "partly_verified":
-            return reasoned(because("mission_over", reason=mission.reason))
+            return _over(mission)
         case "compiled":
             return lazy_gettext("Compiled; it begins when {robot_id} is free.", robot_id=mission.robot_id)
         case "succeeded":
@@ -118,10 +118,10 @@ def query(*, instant: str, node: str) -> str:
     return "?" + "&".join(pairs) if pairs else ""
 
 
-def chosen_node(mission: Mission, wanted: str) -> str:
+def chosen_node(mission: Mission, node_id: str) -> str:
     """The stage the reader asked for, else the one under way, else the last one with a verdict."""
-    if wanted in mission.nodes or mission.contract is None:
-        return wanted
+    if node_id in mission.nodes or mission.contract is None:
+        return node_id
     names = order(mission.contract)
     judged = [name for name in names if mission.of(name).packets]
     return judged[-1] if judged else names[0]
@@ -143,11 +143,17 @@ def goal_conditions(mission: Mission) -> tuple[ConditionRow, ...]:
     )
 
 
+def _over(mission: Mission) -> str:
+    """Why a mission ended. What a person wrote, and what an older release stored, stays as it is."""
+    reason = recorded(mission.reason) if isinstance(mission.reason, str) else mission.reason
+    return reasoned(because("mission_over", reason=reason))
+
+
 def goal_reason(mission: Mission) -> str:
     """Why the goal counts as reached, in part or not, as far as it was tested."""
     verdict = mission.goal_verdict
     if verdict is None:
         return N_("Tested once every required stage is accepted, exactly as they were first stored.")
     if mission.status == "partly_verified":
-        return reasoned(because("mission_over", reason=mission.reason))
+        return _over(mission)
     return reasoned(verdict.reason) or N_("Every original condition was tested again.")

@@ -40,12 +40,12 @@ def overview(
 ) -> OverviewRegions:
     """Missions newest first, robots in the configured order; robots without a report are listed as idle."""
     ended = [one for one in rows if one.status in TERMINAL_MISSION]
-    heard = {strip.status.robot_id for strip in strips}
+    reporting = {strip.status.robot_id for strip in strips}
     return OverviewRegions(
         waiting=tuple(waiting),
         running=tuple(one for one in rows if one.status not in TERMINAL_MISSION),
         ended=tuple(ended[:RECENT]),
         robots=tuple(sorted(strips, key=lambda strip: [*robots, strip.status.robot_id].index(strip.status.robot_id))),
-        idle=tuple(robot for robot in robots if robot not in heard),
+        idle=tuple(robot for robot in robots if robot not in reporting),
         now_s=now_s,
     )

@@ -17,7 +17,7 @@ NEAR_M = 0.4
 
 
 @dataclass(frozen=True)
-class Typed:
+class FieldValue:
     """The value of a field, and what is wrong with it."""
 
     value: str
@@ -46,15 +46,15 @@ class PlaceForm:
     removed: bool
     frame: str
     map_version: str
-    identifier: Typed
-    name: Typed
-    aliases: Typed
-    x: Typed
-    y: Typed
-    heading: Typed
-    region: Typed
-    verification: Typed
-    reason: Typed
+    identifier: FieldValue
+    name: FieldValue
+    aliases: FieldValue
+    x: FieldValue
+    y: FieldValue
+    heading: FieldValue
+    region: FieldValue
+    verification: FieldValue
+    reason: FieldValue
     errors: tuple[str, ...]
     warnings: tuple[str, ...]
     versions: tuple[Version, ...]
@@ -90,8 +90,8 @@ def place_form(
     """The form as the person left it."""
     beside = {one.field: one.text for one in wrong if one.field}
 
-    def of(name: str, default: str = "") -> Typed:
-        return Typed(value=typed.get(name, default), wrong=beside.get(name, ""))
+    def of(name: str, default: str = "") -> FieldValue:
+        return FieldValue(value=typed.get(name, default), wrong=beside.get(name, ""))
 
     x, y = _number(typed.get("x", "")), _number(typed.get("y", ""))
     place_id = typed.get("place_id", "")

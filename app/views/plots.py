@@ -212,11 +212,13 @@ def _line(series: Series, cursor: TimeCursor, *, low: float, high: float) -> str
     buckets: dict[int, list[tuple[float, float]]] = {}
     for one in series:
         buckets.setdefault(int(BUCKETS * (one[0] - cursor.begin_s) / span_s), []).append(one)
-    kept: list[tuple[float, float]] = []
+    thinned: list[tuple[float, float]] = []
     for bucket in buckets.values():
         ends = {bucket[0], bucket[-1], min(bucket, key=lambda one: one[1]), max(bucket, key=lambda one: one[1])}
-        kept += [one for one in bucket if one in ends] if len(bucket) > 4 else bucket
-    return " ".join(f"{cursor.left_of(t) * WIDTH / 100:.1f},{_y(value, low=low, high=high):.1f}" for t, value in kept)
+        thinned += [one for one in bucket if one in ends] if len(bucket) > 4 else bucket
+    return " ".join(
+        f"{cursor.left_of(t) * WIDTH / 100:.1f},{_y(value, low=low, high=high):.1f}" for t, value in thinned
+    )
 
 
 def _y(value: float, *, low: float, high: float) -> float:

@@ -63,8 +63,10 @@ def allowed(limits: RecoveryLimits) -> str:
         N_("plan again"): limits.local_replan,
         N_("switch the skill"): limits.switch_skill,
     }
-    told = listed(lazy_gettext("{action} {count}", action=name, count=count) for name, count in spends.items() if count)
-    return lazy_gettext("{total} in all: {allowed}", total=limits.total, allowed=told) if limits.total else "none"
+    counts = listed(
+        lazy_gettext("{action} {count}", action=name, count=count) for name, count in spends.items() if count
+    )
+    return lazy_gettext("{total} in all: {allowed}", total=limits.total, allowed=counts) if limits.total else "none"
 
 
 def _marks(contract: TaskContract, site: Site, nodes: Sequence[Node]) -> tuple[PlaceMark, ...]:

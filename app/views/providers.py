@@ -118,8 +118,8 @@ def card_fields(card: CapabilityCard) -> tuple[tuple[str, str], ...]:
 
 
 def _parameter(name: str, unit: str, *, required: bool) -> str:
-    shown = lazy_gettext("{name} in {unit}", name=name, unit=unit) if unit else name
-    return shown if required else lazy_gettext("{name} (optional)", name=shown)
+    label = lazy_gettext("{name} in {unit}", name=name, unit=unit) if unit else name
+    return label if required else lazy_gettext("{name} (optional)", name=label)
 
 
 def _latency(base_s: float, per_metre_s: float) -> str:

@@ -35,6 +35,6 @@ def queue_page(shell: Shell, lines: Mapping[str, Sequence[Mission]], errors: Seq
     )
 
 
-def begun(mission: Mission) -> bool:
+def has_started(mission: Mission) -> bool:
     """Whether a mission has begun: then it can be stopped, and before that withdrawn."""
     return mission.status not in NOT_BEGUN

@@ -13,6 +13,7 @@ from app.i18n.task_texts import task_text
 from harness.contracts.read_models import MissionItem
 from harness.contracts.readings import PROFILE, Reading, ReadingQuestion, TextSpan, Unread
 from harness.contracts.reasons import Reason
+from harness.contracts.spoken_goals import Transcription
 from harness.projections.judged_goal import TestedCondition, tested_clauses
 from harness.projections.mission import Mission
 from harness.projections.readings import (
@@ -56,7 +57,10 @@ class ClauseVerdict:
 
 @dataclass(frozen=True)
 class ReadingView:
-    """A reading beside its text. `digest` is what a person confirms; empty where there is nothing to confirm."""
+    """A reading beside its text. `digest` is what a person confirms; empty where there is nothing to confirm.
+
+    `heard`: what the text was written down from, where it was spoken.
+    """
 
     text: str
     parts: tuple[TextPart, ...]
@@ -64,6 +68,7 @@ class ReadingView:
     digest: str
     whole: bool
     template: str = ""
+    heard: Transcription | None = None
 
 
 def reading_view(text: str, reading: Reading) -> ReadingView:
@@ -87,22 +92,23 @@ def question_view(question: ReadingQuestion) -> ReadingView:
         digest=nearest.digest if nearest else "",
         whole=False,
         template=question.template,
+        heard=question.heard,
     )
 
 
-def goal_words(shown: Mission | MissionItem) -> str:
+def goal_words(text: Mission | MissionItem) -> str:
     """What a mission is for: what was read; the goal's own text for one without a reading."""
-    if isinstance(shown, MissionItem):
-        return reasoned(shown.reading) if isinstance(shown.reading, Reason) else shown.goal
-    reading = mission_reading(shown)
-    return reasoned(reading_in_words(reading)) if reading else shown.goal
+    if isinstance(text, MissionItem):
+        return reasoned(text.reading) if isinstance(text.reading, Reason) else text.goal
+    reading = mission_reading(text)
+    return reasoned(reading_in_words(reading)) if reading else text.goal
 
 
-def source_words(shown: Mission | MissionItem) -> str:
+def source_words(text: Mission | MissionItem) -> str:
     """The goal's own text, where what is shown above it is a reading; empty otherwise."""
-    if isinstance(shown, MissionItem):
-        return shown.goal if isinstance(shown.reading, Reason) else ""
-    return shown.goal if mission_reading(shown) else ""
+    if isinstance(text, MissionItem):
+        return text.goal if isinstance(text.reading, Reason) else ""
+    return text.goal if mission_reading(text) else ""
 
 
 def mission_reading(mission: Mission) -> Reading | None:

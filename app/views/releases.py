@@ -150,15 +150,15 @@ def policy_form(
     )
 
 
-def at_instant(pointer: Pointer, asked: str, instant_s: float | None, robots: Sequence[str]) -> At:
+def at_instant(pointer: Pointer, text: str, instant_s: float | None, robots: Sequence[str]) -> At:
     """What a mission begun then was pinned to, on every robot. Without an instant it says how to write one."""
     if instant_s is None:
         wrong = N_("Write an instant as 2026-11-20T09:30:00Z.")
-        return At(asked=asked, instant_s=0.0, found="", robots=(), wrong=wrong)
+        return At(asked=text, instant_s=0.0, found="", robots=(), wrong=wrong)
     by_robot = [(robot, current_at(pointer, instant_s, robot_id=RobotId(robot)) or "") for robot in robots]
     found = current_at(pointer, instant_s) or ""
     others = tuple((robot, name) for robot, name in by_robot if name != found)
-    return At(asked=asked, instant_s=instant_s, found=found, robots=others, wrong="")
+    return At(asked=text, instant_s=instant_s, found=found, robots=others, wrong="")
 
 
 def _spans(pointer: Pointer, *, now_s: float) -> tuple[Span, ...]:

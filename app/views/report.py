@@ -16,7 +16,7 @@ from harness.contracts.evidence import DeclaredEffect
 from harness.contracts.ids import NodeId
 from harness.contracts.protocol import Receipt
 from harness.contracts.revision_events import AttestationRecorded, CompletionDisputed
-from harness.projections.handoffs import Unanswered
+from harness.projections.handoffs import NoAnswerAction
 from harness.projections.mission import Mission
 
 
@@ -79,7 +79,7 @@ class ReportPage:
     findings: tuple[DeclaredResult, ...]
     receipts: tuple[DeclaredResult, ...]
     pictures: tuple[ReportPicture, ...]
-    deeds: tuple[ReportAction, ...]
+    actions: tuple[ReportAction, ...]
     disputes: tuple[ReportAction, ...]
     unaccepted: tuple[str, ...]
     errors: tuple[str, ...]
@@ -101,7 +101,7 @@ class ReportSources:
     starts: int | None
     duplicates: int | None
     is_case: bool = False
-    unanswered: Unanswered | None = None
+    unanswered: NoAnswerAction | None = None
 
 
 def report_page(
@@ -114,7 +114,7 @@ def report_page(
     errors: Sequence[str] = (),
 ) -> ReportPage:
     """`broken`: for every picture whose bytes do not match their digest now, why."""
-    said = _words(entries)
+    words = _words(entries)
     goal = mission.goal_verdict
     return ReportPage(
         shell=shell,
@@ -126,13 +126,13 @@ def report_page(
         declared=mission.declared,
         stages=stages(mission, entries, Observed(), selected=""),
         timings=timings(mission, entries),
-        findings=tuple(word for word in said if word.kind == "analysis"),
-        receipts=tuple(word for word in said if word.kind != "analysis"),
+        findings=tuple(word for word in words if word.kind == "analysis"),
+        receipts=tuple(word for word in words if word.kind != "analysis"),
         pictures=tuple(
             ReportPicture(blob=blob, node_id=node_id, at_s=at_s, broken=broken.get(blob, ""))
             for blob, node_id, at_s in pictures(entries)
         ),
-        deeds=_deeds(entries, journal.unanswered),
+        actions=_actions(entries, journal.unanswered),
         disputes=tuple(
             ReportAction(entry.mission_s, entry.event.actor.name, f"{entry.event.condition_id}: {entry.event.reason}")
             for entry in entries
@@ -207,7 +207,7 @@ def _word(receipt: Receipt, node_id: str) -> DeclaredResult:
     )
 
 
-def _deeds(entries: Sequence[TimelineEntry], unanswered: Unanswered | None) -> tuple[ReportAction, ...]:
+def _actions(entries: Sequence[TimelineEntry], unanswered: NoAnswerAction | None) -> tuple[ReportAction, ...]:
     found: list[ReportAction] = []
     for entry in entries:
         match entry.event:
@@ -247,7 +247,7 @@ def _deeds(entries: Sequence[TimelineEntry], unanswered: Unanswered | None) -> t
     return tuple(found)
 
 
-def no_answer_taken(unanswered: Unanswered) -> str:
+def no_answer_taken(unanswered: NoAnswerAction) -> str:
     """What the robot did because nobody answered: shown to be done or not, and never an accepted result."""
     action, reason = NO_ANSWER_ACTIONS[unanswered.action], unanswered.reason
     if unanswered.done:

@@ -1,7 +1,8 @@
 """Shapes robots: what each reports and shows, its mission, and who is in control."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned
@@ -10,6 +11,8 @@ from app.views.shell import Shell
 from harness.contracts.control import LEVELS, Autonomy
 from harness.contracts.ids import RobotId
 from harness.contracts.protocol import Picture, RobotStatus
+from harness.contracts.reasons import Reason
+from harness.projections.admissions import Admission
 from harness.projections.control import Retreating, SiteControl, TeleoperationSession
 from harness.projections.mission import Mission
 
@@ -149,6 +152,7 @@ class RobotsPage(RobotsRegion):
     limit_reason: str
     present: tuple[str, ...]
     errors: tuple[str, ...]
+    absent: tuple[tuple[RobotId, Reason], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -165,6 +169,8 @@ class RobotPage(RobotRegion):
     shell: Shell
     levels: tuple[Level, ...]
     errors: tuple[str, ...]
+    admissions: tuple[Admission, ...] = ()
+    unused: tuple[Reason, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -245,9 +251,9 @@ def stop_steps(mission: Mission) -> tuple[StopStep, ...]:
     acknowledged = running is None
     static = stopped is not None and stopped.static
     if stopped is None:
-        shown = N_("the body is watched by its odometry")
+        evidence = N_("the body is watched by its odometry")
     else:
-        shown = reasoned(stopped.reason) or (
+        evidence = reasoned(stopped.reason) or (
             N_("the body is static") if static else N_("nothing shows the body at rest")
         )
     return (
@@ -259,7 +265,7 @@ def stop_steps(mission: Mission) -> tuple[StopStep, ...]:
             acknowledged,
             N_("no execution runs") if acknowledged else N_("the provider has not answered yet"),
         ),
-        StopStep("static", static, shown),
+        StopStep("static", static, evidence),
     )
 
 
@@ -322,7 +328,9 @@ def robots_page(
     *,
     present: Sequence[str],
     errors: Sequence[str] = (),
+    absent: Mapping[RobotId, Reason] = MappingProxyType({}),
 ) -> RobotsPage:
+    """`absent`: robots of the site that could not be connected when this console was started, and why."""
     return RobotsPage(
         shell=shell,
         robots=tuple(robots),
@@ -331,6 +339,7 @@ def robots_page(
         limit_reason=control.limit_reason,
         present=tuple(present),
         errors=tuple(errors),
+        absent=tuple(absent.items()),
     )
 
 

@@ -279,10 +279,10 @@ def _judged(event: events.VerdictRecorded | events.GoalVerified) -> Tone:
 def _packet(event: events.PacketRetained) -> str:
     packet = event.packet
     pieces = len(packet.before) + len(packet.after) + len(packet.estimates)
-    kept = lazy_gettext("{pieces} references, {count} receipts", pieces=pieces, count=len(packet.receipts))
+    references = lazy_gettext("{pieces} references, {count} receipts", pieces=pieces, count=len(packet.receipts))
     return lazy_gettext(
         "{node_id}: packet kept, {terminal}, {kept}",
         node_id=packet.identity.node_id,
         terminal=packet.terminal,
-        kept=kept,
+        kept=references,
     )

@@ -205,9 +205,9 @@ def _declared(state: NodeState, now: Observed) -> tuple[Measure, ...]:
     for receipt in packet.receipts:
         kinds[receipt.kind] = kinds.get(receipt.kind, 0) + 1
     leading = sorted(packet.declared, key=lambda name: (_rank(name), name.endswith("_at_s")))
-    told = [Measure(*quantity(name, packet.declared[name])) for name in leading[:1]]
-    told += [Measure(name=_receipts(kind, many), value=str(many)) for kind, many in kinds.items()]
-    return tuple(told[:2])
+    measures = [Measure(*quantity(name, packet.declared[name])) for name in leading[:1]]
+    measures += [Measure(name=_receipts(kind, many), value=str(many)) for kind, many in kinds.items()]
+    return tuple(measures[:2])
 
 
 def _receipts(kind: str, many: int) -> str:

@@ -26,7 +26,7 @@ class ListShape:
 
 
 @dataclass(frozen=True)
-class Counted:
+class TabCounts:
     """How many rows each tab holds under the other filters, up to MANY + 1, and the values that filters offer."""
 
     groups: Mapping[str, int]
@@ -65,7 +65,7 @@ def tabbed_list(
     params: list_params.ListParams,
     rows: Sequence[Row],
     following: ListQuery | None,
-    counted: Counted,
+    counted: TabCounts,
 ) -> TabbedList[Row]:
     """The rows of one page, in the order they come in."""
     chosen = params.given.get("status", "")
@@ -75,7 +75,7 @@ def tabbed_list(
         rows=tuple(rows),
         groups=_tabs(shape, params, counted),
         filters=(*filters, list_params.order_filter(params, by_length=shape.by_length)),
-        paging=list_params.paging(shape.path, params, following, shown=len(rows), found=counted.groups[chosen]),
+        paging=list_params.paging(shape.path, params, following, count=len(rows), found=counted.groups[chosen]),
         words=params.words,
         group=chosen,
         live=not params.deep,
@@ -84,7 +84,7 @@ def tabbed_list(
     )
 
 
-def _tabs(shape: ListShape, params: list_params.ListParams, counted: Counted) -> tuple[ListTab, ...]:
+def _tabs(shape: ListShape, params: list_params.ListParams, counted: TabCounts) -> tuple[ListTab, ...]:
     return tuple(
         ListTab(
             title=title,

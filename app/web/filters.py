@@ -135,7 +135,7 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "alert_tone": alerts.tone,
     "allowed": preview.allowed,
     "autonomy": robots.AUTONOMY.__getitem__,
-    "begun": queue.begun,
+    "begun": queue.has_started,
     "begun_s": lambda candidate: review.said_at(candidate, "evaluation_begun"),
     "builtins": msgspec.to_builtins,
     "canonical": lambda value: encode(value).decode(),

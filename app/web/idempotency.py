@@ -47,8 +47,8 @@ class Idempotency:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         principal: Principal | None = scope.get("state", {}).get("principal")
         key = Headers(scope=scope).get("idempotency-key") if scope["type"] == "http" else None
-        wanted = key is not None and principal is not None and str(scope["path"]).startswith("/api/")
-        if not wanted or key is None or principal is None or scope["method"] in ("GET", "HEAD", "OPTIONS"):
+        applies = key is not None and principal is not None and str(scope["path"]).startswith("/api/")
+        if not applies or key is None or principal is None or scope["method"] in ("GET", "HEAD", "OPTIONS"):
             await self._app(scope, receive, send)
             return
         if KEY.fullmatch(key) is None:
@@ -67,9 +67,15 @@ class Idempotency:
             body = await _read(receive)
         except ClientDisconnect:
             return
-        said = b"\n".join((scope["method"].encode(), scope["path"].encode(), scope["query_string"], body))
+        request_bytes = b"\n".join((scope["method"].encode(), scope["path"].encode(), scope["query_string"], body))
         begun = StoredAnswer(
-            caller=caller, key=key, request=sha256(said), begun_at_s=self._clock(), status=0, media_type="", body=b""
+            caller=caller,
+            key=key,
+            request=sha256(request_bytes),
+            begun_at_s=self._clock(),
+            status=0,
+            media_type="",
+            body=b"",
         )
         name = (caller, key)
         try:
@@ -82,7 +88,7 @@ class Idempotency:
             return
         done = self._under_way[name] = asyncio.Event()
         writes = RequestWrites()
-        mark, answer = WRITES.set(writes), _Overheard(send)
+        mark, answer = WRITES.set(writes), _RecordingSend(send)
         try:
             await self._app(scope, _told_again(body, receive), answer)
         finally:
@@ -105,16 +111,16 @@ class Idempotency:
             return known
         return self._unkept[name]
 
-    async def _end(self, begun: StoredAnswer, answer: "_Overheard", writes: RequestWrites, *, secret: bool) -> None:
+    async def _end(self, begun: StoredAnswer, answer: "_RecordingSend", writes: RequestWrites, *, secret: bool) -> None:
         """Keep the answer, or free the key where nothing was done; by memory where the store is held right now."""
         name = (begun.caller, begun.key)
         if answer.status < 400 or answer.status == 409:
             body = b"" if secret and answer.status < 400 else answer.body
-            kept = replace(begun, status=answer.status, media_type=answer.media_type, body=body)
+            stored = replace(begun, status=answer.status, media_type=answer.media_type, body=body)
             try:
-                await run_in_threadpool(self._store.keep, kept)
+                await run_in_threadpool(self._store.keep, stored)
             except StoreUnavailable:
-                self._unkept[name] = kept
+                self._unkept[name] = stored
         elif answer.status < 500 or writes.nothing:
             try:
                 await run_in_threadpool(self._store.forget, *name)
@@ -123,7 +129,7 @@ class Idempotency:
                 self._unkept[name] = None
 
 
-class _Overheard:
+class _RecordingSend:
     """Passes a response on and records it."""
 
     def __init__(self, send: Send) -> None:
@@ -192,13 +198,13 @@ async def _read(receive: Receive) -> bytes:
 
 
 def _told_again(body: bytes, receive: Receive) -> Receive:
-    told = False
+    sent = False
 
     async def again() -> Message:
-        nonlocal told
-        if told:
+        nonlocal sent
+        if sent:
             return await receive()
-        told = True
+        sent = True
         return {"type": "http.request", "body": body, "more_body": False}
 
     return again

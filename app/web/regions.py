@@ -22,8 +22,8 @@ class Region:
 def _region(name: str, *signals: str) -> Region:
     """A region with its triggers; the signal "observations 2s" refreshes it every two seconds at most."""
     parts = [one.partition(" ") for one in ("mission", *signals)]
-    heard = [f"live:{signal} from:body{f' throttle:{pause}' if pause else ''}" for signal, _, pause in parts]
-    return Region(name=name, triggers=", ".join(heard))
+    triggers = [f"live:{signal} from:body{f' throttle:{pause}' if pause else ''}" for signal, _, pause in parts]
+    return Region(name=name, triggers=", ".join(triggers))
 
 
 TABLE = (

@@ -46,7 +46,7 @@ class PictureUnreadable(HarnessError):
     code = "picture_unreadable"
 
 
-class _Paper(FPDF):
+class _ReportDocument(FPDF):
     """Pages with a foot, in one language; `lacking` counts the signs that no font has."""
 
     def __init__(self, page: ReportPage, fonts: Path, language: str) -> None:
@@ -142,7 +142,7 @@ def report_pdf(
 
     Raises PictureUnreadable for bytes that are no picture.
     """
-    paper = _Paper(page, fonts, language)
+    paper = _ReportDocument(page, fonts, language)
     try:
         body = _drawn(paper, page, pictures, made_s=made_s)
     finally:
@@ -150,7 +150,7 @@ def report_pdf(
     return Document(body=body, lacking=paper.lacking)
 
 
-def _drawn(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes], *, made_s: float) -> bytes:
+def _drawn(paper: _ReportDocument, page: ReportPage, pictures: Mapping[str, bytes], *, made_s: float) -> bytes:
     paper.set_creation_date(datetime.fromtimestamp(made_s, UTC))
     paper.set_title(f"Report {page.mission_id}")
     paper.set_lang(paper.language)
@@ -161,7 +161,7 @@ def _drawn(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes], *, ma
     _words(paper, lazy_gettext("Findings: declared by the analysis"), page.findings)
     _pictures(paper, page, pictures)
     _words(paper, lazy_gettext("Receipts: declared by a service, not measured"), page.receipts)
-    _deeds(paper, page)
+    _actions(paper, page)
     if paper.lacking:
         paper.title_line(lazy_gettext("What could not be printed"), size=10)
         paper.paragraph(
@@ -180,11 +180,11 @@ def _single_source(page: ReportPage) -> tuple[tuple[str, str], ...]:
     topic = page.head.mission.labels.get(SINGLE_SOURCE)
     if not topic:
         return ()
-    said = lazy_gettext("Position and motion come from {topic}; nothing else confirms them.", topic=topic)
-    return ((lazy_gettext("single source"), said),)
+    text = lazy_gettext("Position and motion come from {topic}; nothing else confirms them.", topic=topic)
+    return ((lazy_gettext("single source"), text),)
 
 
-def _summary(paper: _Paper, page: ReportPage) -> None:
+def _summary(paper: _ReportDocument, page: ReportPage) -> None:
     say = paper.spoken
     paper.title_line(lazy_gettext("Report: {goal}", goal=goal_words(page.head.mission)), size=15)
     if source := source_words(page.head.mission):
@@ -216,7 +216,7 @@ def _summary(paper: _Paper, page: ReportPage) -> None:
     paper.paragraph(LABELS)
 
 
-def _goal(paper: _Paper, page: ReportPage) -> None:
+def _goal(paper: _ReportDocument, page: ReportPage) -> None:
     say = paper.spoken
     paper.title_line(
         lazy_gettext("Goal: {verdict}", verdict=word(page.verdict) if page.verdict else lazy_gettext("not tested"))
@@ -239,7 +239,7 @@ def _goal(paper: _Paper, page: ReportPage) -> None:
         paper.rows((lazy_gettext("condition"), lazy_gettext("stage"), lazy_gettext("at")), body, (56, 28, 16))
 
 
-def _clauses(paper: _Paper, page: ReportPage) -> None:
+def _clauses(paper: _ReportDocument, page: ReportPage) -> None:
     """The goal verdict as a table by clause (D44)."""
     say = paper.spoken
     body = [
@@ -266,7 +266,7 @@ def _clauses(paper: _Paper, page: ReportPage) -> None:
         paper.ln(1)
 
 
-def _stages(paper: _Paper, page: ReportPage) -> None:
+def _stages(paper: _ReportDocument, page: ReportPage) -> None:
     say, nothing = paper.spoken, lazy_gettext("nothing")
     paper.title_line(lazy_gettext("Stages"))
     body = [
@@ -304,7 +304,7 @@ def _stages(paper: _Paper, page: ReportPage) -> None:
     paper.rows(head, took, (32, 18, 18, 18, 14))
 
 
-def _words(paper: _Paper, title: str, told_so: Sequence[DeclaredResult]) -> None:
+def _words(paper: _ReportDocument, title: str, told_so: Sequence[DeclaredResult]) -> None:
     say = paper.spoken
     paper.title_line(title)
     if not told_so:
@@ -324,7 +324,7 @@ def _words(paper: _Paper, title: str, told_so: Sequence[DeclaredResult]) -> None
     )
 
 
-def _pictures(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes]) -> None:
+def _pictures(paper: _ReportDocument, page: ReportPage, pictures: Mapping[str, bytes]) -> None:
     """Those that verify, two beside each other; then the ones that do not, by name."""
     paper.title_line(lazy_gettext("Pictures"), before_mm=78.0 if pictures else 22.0)
     if not page.pictures:
@@ -349,7 +349,7 @@ def _pictures(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes]) ->
             paper.paragraph(f"{_caption(paper, one)}: {paper.spoken(lazy_gettext('not shown'))}, {why}")
 
 
-def _height(paper: _Paper, body: bytes, blob: str, mission_id: str) -> float:
+def _height(paper: _ReportDocument, body: bytes, blob: str, mission_id: str) -> float:
     """Millimetres of a picture that is PICTURE_MM wide. Raises PictureUnreadable."""
     try:
         _, _, info = preload_image(paper.image_cache, BytesIO(body))
@@ -360,14 +360,14 @@ def _height(paper: _Paper, body: bytes, blob: str, mission_id: str) -> float:
     return PICTURE_MM * info.height / info.width
 
 
-def _caption(paper: _Paper, one: ReportPicture) -> str:
+def _caption(paper: _ReportDocument, one: ReportPicture) -> str:
     return f"{paper.spoken(words(one.node_id))} {clock(one.at_s)} UTC, sha256 {one.blob[:16]}"
 
 
-def _deeds(paper: _Paper, page: ReportPage) -> None:
+def _actions(paper: _ReportDocument, page: ReportPage) -> None:
     paper.title_line(lazy_gettext("What people decided and recovery spent"))
-    if page.deeds:
-        rows = [(clock(one.at_s), one.who, one.text) for one in page.deeds]
+    if page.actions:
+        rows = [(clock(one.at_s), one.who, one.text) for one in page.actions]
         paper.rows((lazy_gettext("at"), lazy_gettext("who"), lazy_gettext("what")), rows, (14, 26, 60))
     else:
         paper.paragraph(lazy_gettext("Nobody had to decide anything and recovery spent nothing."))

@@ -68,8 +68,8 @@ class ResponseCache:
         return path, scope["query_string"], CHOICE.get().language, roles, name, self._changes()
 
     def _fresh(self, key: Key) -> CachedResponse | None:
-        kept = self._kept.get(key)
-        return kept if kept is not None and self._clock() - kept.at_s < LASTS_S else None
+        cached = self._kept.get(key)
+        return cached if cached is not None and self._clock() - cached.at_s < LASTS_S else None
 
     async def _under_way(self, key: Key) -> CachedResponse | None:
         """The response to another request for the same region that is under way; None if that one fails."""
@@ -79,11 +79,11 @@ class ResponseCache:
     async def _render(self, key: Key, scope: Scope, receive: Receive, send: Send) -> None:
         rendering: asyncio.Future[CachedResponse | None] = asyncio.get_running_loop().create_future()
         self._rendering[key] = rendering
-        heard, at_s = _ResponseRecorder(send), self._clock()
+        recorder, at_s = _ResponseRecorder(send), self._clock()
         try:
-            await self._app(scope, receive, heard)
+            await self._app(scope, receive, recorder)
         finally:
-            answer = heard.answer(at_s)
+            answer = recorder.answer(at_s)
             if answer is not None:
                 self._kept[key] = answer
             if self._rendering.get(key) is rendering:

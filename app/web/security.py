@@ -116,7 +116,7 @@ class SecurityMiddleware:
         if principal is None:
             await self._app(scope, receive, send)
             return
-        held = self._sessions.held(principal, authorization=connection.headers.get("authorization", ""))
+        held = self._sessions.access(principal, authorization=connection.headers.get("authorization", ""))
         stream = GuardedStream(self._policy.streams, caller=_caller(principal), lasts=held.lasts)
         await stream.run(self._app, scope, receive, send)
         if stream.too_many:

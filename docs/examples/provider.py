@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A provider of its own, written from docs/providers.md alone: it waits. Python's standard library and nothing else.
+"""A provider of its own, written from docs/how-to/write-a-provider.md alone: it waits. Standard library only.
 
 python docs/examples/provider.py --port 8765 --token SECRET
 regen provider check http://127.0.0.1:8765 --token SECRET --file docs/examples/wait.yaml

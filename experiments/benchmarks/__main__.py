@@ -65,9 +65,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m experiments.benchmarks", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="smaller, and nothing is kept")
     parser.add_argument("names", nargs="*", help=f"of {', '.join(whole())}; all of them if none is given")
-    asked = parser.parse_args()
-    measures = quick() if asked.quick else whole()
-    chosen = asked.names or list(measures)
+    arguments = parser.parse_args()
+    measures = quick() if arguments.quick else whole()
+    chosen = arguments.names or list(measures)
     unknown = [name for name in chosen if name not in measures]
     if unknown:
         parser.error(f"there is no {', '.join(unknown)}; there are {', '.join(measures)}")
@@ -83,7 +83,7 @@ def main() -> None:
             continue
         print(f"{table(rows)}\n   {time.perf_counter() - begun:.0f} s", flush=True)
         found += rows
-        if not asked.quick:
+        if not arguments.quick:
             keep(rows)
     print(f"\n{table(found)}")
     if failed:

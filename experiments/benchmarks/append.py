@@ -25,7 +25,7 @@ import msgspec
 import psycopg
 import sqlalchemy
 
-from harness.adapters.stores.opening import open_log
+from harness.adapters.stores.log_address import open_log
 from harness.adapters.stores.postgres import PostgresEventStore
 from harness.adapters.stores.sql import SqlEventStore
 from harness.contracts.ids import StreamId, sha256

@@ -24,7 +24,7 @@ def measure(*, count: int, approvals: int) -> list[Figure]:
     """One row: the 99th percentile in milliseconds; medians stand in the detail."""
     with arms(RECIPES) as started:
         replies = rounds(started, {key: ({"approvals": approvals},) for key in started}, count=count)
-        said = said_by(started)
+        environment = said_by(started)
     waits = {key: [1e3 * wait for reply in replies[key, 0] for wait in reply["waits_s"]] for key in started}
     p99 = {key: quantiles(found, n=100)[98] for key, found in waits.items()}
     return [
@@ -35,7 +35,7 @@ def measure(*, count: int, approvals: int) -> list[Figure]:
             peer={"LangGraph": p99["LangGraph"]} if "LangGraph" in p99 else {},
             floor=p99["floor"],
             n=count * approvals,
-            said=said,
+            environment=environment,
             targets=(
                 Target("p99 <= 3x floor", 3.0, "lower", "floor"),
                 Target("faster than LangGraph", 1.0, "lower", "LangGraph"),

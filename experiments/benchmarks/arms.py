@@ -88,8 +88,8 @@ class RunningArm:
         line = self._process.stdout.readline()
         if not line:
             raise self._failed()
-        said: dict[str, Any] = json.loads(line)
-        return said
+        answer: dict[str, Any] = json.loads(line)
+        return answer
 
     def _failed(self) -> ArmFailed:
         self._errors.seek(0)

@@ -64,10 +64,10 @@ class BrowserReaders:
         """Record an answer that one reader just got. The reader had seen the ticks up to `newest`; returns the
         newest now.
         """
-        told = max((int(one) for one in TICK.findall(body)), default=newest)
-        for tick in range(newest + 1, told + 1):
+        newest_tick = max((int(one) for one in TICK.findall(body)), default=newest)
+        for tick in range(newest + 1, newest_tick + 1):
             self.seen.setdefault(tick, []).append(time.time())
-        return max(told, newest)
+        return max(newest_tick, newest)
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,10 @@ class BrowserPlan:
 def measure(*, readers: int, pages: int, events: int, per_s: float) -> list[Figure]:
     """Two rows: commit to changed DOM in the real pages, and the console's share of one core."""
     run = _run(readers=readers - pages, pages=pages, events=events, per_s=per_s)
-    said = {"versions": versions((*PACKAGES, "fastapi", "uvicorn", "playwright")), "durability": {"ours": "in memory"}}
+    environment = {
+        "versions": versions((*PACKAGES, "fastapi", "uvicorn", "playwright")),
+        "durability": {"ours": "in memory"},
+    }
     detail = {
         "readers": readers, "of them Chromium pages": pages, "events": events, "events per second": per_s,
         "pages p50 ms": round(median(run.pages_ms), 1), "connections p50 ms": round(median(run.readers_ms), 1),
@@ -110,10 +113,11 @@ def measure(*, readers: int, pages: int, events: int, per_s: float) -> list[Figu
     return [
         figure(
             f"commit to changed DOM, {title}, p95", unit="ms", ours=round(_p95(run.pages_ms), 1), n=len(run.pages_ms),
-            said=said, targets=(Target(f"<= {TARGET_MS:g} ms", TARGET_MS, "lower"),), detail=detail,
+            environment=environment, targets=(Target(f"<= {TARGET_MS:g} ms", TARGET_MS, "lower"),), detail=detail,
         ),
         figure(
-            f"the console's share of one core, {title}", unit="cores", ours=round(run.cpu, 2), n=events, said=said,
+            f"the console's share of one core, {title}", unit="cores", ours=round(run.cpu, 2), n=events,
+            environment=environment,
             targets=(Target(f"< {TARGET_SHARE:g}", TARGET_SHARE, "lower"),), detail=detail,
         ),
     ]  # fmt: skip
@@ -295,8 +299,8 @@ def _committing(
     for number in range(events):
         time.sleep(max(0.0, begun_s + number / per_s - time.perf_counter()))
         pauses = number % 2 == 0
-        said = f"tick {number}"
-        command = PauseMission(actor=ADA, reason=said) if pauses else ResumeMission(actor=ADA, reason=said)
+        message = f"tick {number}"
+        command = PauseMission(actor=ADA, reason=message) if pauses else ResumeMission(actor=ADA, reason=message)
         decision = runtime.submit(mission_id, command)
         assert isinstance(decision, Accepted), decision
         committed[number] = time.time()
@@ -324,11 +328,11 @@ def main() -> None:
     parser.add_argument("--events", type=int, default=100)
     parser.add_argument("--per-s", type=float, default=5.0)
     parser.add_argument("--keep", action="store_true", help="write the rows to docs/results")
-    asked = parser.parse_args()
-    figures = measure(readers=asked.browsers, pages=asked.pages, events=asked.events, per_s=asked.per_s)
+    arguments = parser.parse_args()
+    figures = measure(readers=arguments.browsers, pages=arguments.pages, events=arguments.events, per_s=arguments.per_s)
     print(table(figures))
     print(figures[0].detail)
-    if asked.keep:
+    if arguments.keep:
         keep(figures)
 
 

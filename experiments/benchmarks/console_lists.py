@@ -79,7 +79,10 @@ PATHS = {"missions": MISSIONS, "evidence": FILTERED}
 def measure(*, missions: Sequence[int], count: int) -> list[Figure]:
     """A row for each list: the 95th percentile of server time at the largest size; the other sizes stand beside it."""
     found = _rows_found(missions, rounds=count)
-    said = {"versions": versions((*PACKAGES, "fastapi", "jinja2")), "durability": {"ours": "read models in SQLite"}}
+    environment = {
+        "versions": versions((*PACKAGES, "fastapi", "jinja2")),
+        "durability": {"ours": "read models in SQLite"},
+    }
     figures = []
     for name, title, target_ms in LISTS:
         rows = [row for row in found if row["list"] == name]
@@ -89,7 +92,7 @@ def measure(*, missions: Sequence[int], count: int) -> list[Figure]:
                 unit="ms",
                 ours=rows[-1]["p95_ms"],
                 n=count * len(PATHS[name]),
-                said=said,
+                environment=environment,
                 targets=(Target(f"<= {target_ms:g} ms", target_ms, "lower"),),
                 detail={"by_size": rows},
             )
@@ -101,8 +104,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--missions", type=int, nargs="+", default=list(SIZES))
     parser.add_argument("--rounds", type=int, default=20)
-    asked = parser.parse_args()
-    figures = measure(missions=asked.missions, count=asked.rounds)
+    arguments = parser.parse_args()
+    figures = measure(missions=arguments.missions, count=arguments.rounds)
     for row in (row for one in figures for row in one.detail["by_size"]):
         print(
             f"{row['missions']:>9} {row['rows']:>9} {row['list']:>9} {row['p50_ms']:>8.1f} {row['p95_ms']:>8.1f} "
@@ -175,8 +178,8 @@ def filled(models: SqlReadModels, stand: FastAPI, mission: Mission, *, count: in
     """Rows of `count` missions; the mark is at the head of the real log, so that the console follows no further."""
     console: Console = stand.state.console
     histories = console.histories
-    told: list[Placed] = [(one.position, one.event) for one in histories.of(mission.mission_id)]
-    telling = [one for one in told if isinstance(one[1], PacketRetained | VerdictRecorded | NodeCommitted)]
+    events: list[Placed] = [(one.position, one.event) for one in histories.of(mission.mission_id)]
+    telling = [one for one in events if isinstance(one[1], PacketRetained | VerdictRecorded | NodeCommitted)]
     mark = EMPTY
     for start in range(0, count, BATCH):
         rows = [row for number in range(start, min(start + BATCH, count)) for row in _rows(mission, telling, number)]

@@ -37,7 +37,7 @@ def measure(*, count: int) -> list[Figure]:
             unit="s",
             ours=median(times[1:]),
             n=count,
-            said={"versions": versions((*PACKAGES, "pip")), "durability": {"ours": "SQLite, FULL"}},
+            environment={"versions": versions((*PACKAGES, "pip")), "durability": {"ours": "SQLite, FULL"}},
             targets=(Target("<= 30 s", 30.0, "lower"),),
             detail={"first_s": round(times[0], 1)},
         )
@@ -49,8 +49,8 @@ def _first_page_s() -> float:
     with TemporaryDirectory(dir=BENCH) as name:
         folder = Path(name) / "clone"
         _clone(folder)
-        said = Path(name) / "said"
-        with said.open("wb") as output:
+        log = Path(name) / "said"
+        with log.open("wb") as output:
             begun = time.perf_counter()
             process = subprocess.Popen(
                 ["make", "run"],
@@ -62,7 +62,7 @@ def _first_page_s() -> float:
                 env=os.environ | {"REGEN_PORT": str(_free_port())},
             )
             try:
-                _wait_for_page(process, said, until=begun + LONGEST_S)
+                _wait_for_page(process, log, until=begun + LONGEST_S)
                 return time.perf_counter() - begun
             finally:
                 os.killpg(process.pid, signal.SIGTERM)
@@ -79,15 +79,15 @@ def _clone(folder: Path) -> None:
             shutil.copy2(ROOT / path, folder / path)
 
 
-def _wait_for_page(process: subprocess.Popen[bytes], said: Path, *, until: float) -> None:
+def _wait_for_page(process: subprocess.Popen[bytes], output: Path, *, until: float) -> None:
     while time.perf_counter() < until:
-        link = LINK.search(said.read_bytes())
+        link = LINK.search(output.read_bytes())
         if link is not None and _answers(link.group().decode()):
             return
         if process.poll() is not None:
             break
         time.sleep(0.05)
-    raise RuntimeError(f"`make run` showed no page: {said.read_bytes()[-1000:].decode(errors='replace')}")
+    raise RuntimeError(f"`make run` showed no page: {output.read_bytes()[-1000:].decode(errors='replace')}")
 
 
 def _answers(link: str) -> bool:

@@ -81,8 +81,8 @@ def measure(*, points: int, count: int) -> list[Figure]:
         ours: list[dict[str, float]] = []
         whole: list[dict[str, float]] = []
         for _ in range(count):
-            ours.append(_shown(playwright, browser, lambda server: _refining(server, harness.runtime, cloud)))
-            whole.append(_shown(playwright, browser, lambda server: _at_once(server, cloud_points)))
+            ours.append(_time_to_pixels(playwright, browser, lambda server: _refining(server, harness.runtime, cloud)))
+            whole.append(_time_to_pixels(playwright, browser, lambda server: _at_once(server, cloud_points)))
     return [
         figure(
             f"first 3D pixels of a map of {points:,} points",
@@ -90,7 +90,7 @@ def measure(*, points: int, count: int) -> list[Figure]:
             ours=median(one["first_s"] for one in ours),
             peer={"viser, one cloud": median(one["first_s"] for one in whole)},
             n=count,
-            said={"versions": versions((*PACKAGES, "viser")), "durability": {"ours": "not a write"}},
+            environment={"versions": versions((*PACKAGES, "viser")), "durability": {"ours": "not a write"}},
             targets=(Target("<= 2 s", 2.0, "lower"),),
             detail={
                 "all_drawn_s": round(median(one["all_s"] for one in ours), 1),
@@ -126,7 +126,7 @@ def _at_once(server: viser.ViserServer, points: NDArray[np.float64]) -> Step:
     return lambda: True
 
 
-def _shown(playwright: Any, browser: str, prepare: Callable[[viser.ViserServer], Step]) -> dict[str, float]:
+def _time_to_pixels(playwright: Any, browser: str, prepare: Callable[[viser.ViserServer], Step]) -> dict[str, float]:
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     chromium = playwright.chromium.launch(executable_path=browser, args=[*FLAGS, "--headless=new"])
     try:

@@ -102,7 +102,7 @@ def setting(draw: random.Random) -> tuple[ProviderId, str, Digest]:
 
 def outcome(number: int, draw: random.Random) -> MemoryRecord:
     provider, place, configuration = setting(draw)
-    said = ProviderOutcome(
+    result = ProviderOutcome(
         provider_id=provider,
         provider_version="1.0.0",
         capability="navigate",
@@ -114,12 +114,12 @@ def outcome(number: int, draw: random.Random) -> MemoryRecord:
         duration_s=40.0,
         measured={"distance_m": 0.07, "pose_age_s": 0.1, "path_length_m": 17.6, "displacement_m": 0.001},
     )
-    return record(number, "operational", f"outcome/inv_{number}", said)
+    return record(number, "operational", f"outcome/inv_{number}", result)
 
 
 def episode(number: int, draw: random.Random) -> MemoryRecord:
     provider, place, configuration = setting(draw)
-    said = Episode(
+    knowledge = Episode(
         node_id=NodeId("go"),
         subgoal="Go to the storage area",
         attempt=1,
@@ -133,15 +133,15 @@ def episode(number: int, draw: random.Random) -> MemoryRecord:
         committed=True,
         duration_s=40.0,
     )
-    return record(number, "episodic", f"attempt/inv_{number}", said)
+    return record(number, "episodic", f"attempt/inv_{number}", knowledge)
 
 
 def pose(number: int, draw: random.Random, last: dict[str, str]) -> MemoryRecord:
     robot = f"vbot-{draw.randrange(ROBOTS)}"
     x_m, y_m = draw.uniform(0, 200), draw.uniform(0, 200)
     supersedes = (last[robot],) if robot in last else ()
-    said = KnownPose(robot_id=RobotId(robot), point_m=(x_m, y_m), within_m=0.1, place="")
-    made = record(number, "spatial", f"robot/{robot}", said, supersedes=supersedes, where=around(x_m, y_m, 0.1))
+    known_pose = KnownPose(robot_id=RobotId(robot), point_m=(x_m, y_m), within_m=0.1, place="")
+    made = record(number, "spatial", f"robot/{robot}", known_pose, supersedes=supersedes, where=around(x_m, y_m, 0.1))
     last[robot] = made.record_id
     return made
 
@@ -243,13 +243,13 @@ def questions(index: SqlMemoryIndex, path: Path, count: int) -> dict[str, Callab
     }
 
 
-def measure(asked: dict[str, Callable[[random.Random], int]], *, queries: int) -> list[dict[str, Any]]:
+def measure(query: dict[str, Callable[[random.Random], int]], *, queries: int) -> list[dict[str, Any]]:
     """Every question in turn, `queries` times, after some warm-up queries."""
     draw = random.Random(11)
-    times: dict[str, list[float]] = {name: [] for name in asked}
-    answers: dict[str, list[int]] = {name: [] for name in asked}
+    times: dict[str, list[float]] = {name: [] for name in query}
+    answers: dict[str, list[int]] = {name: [] for name in query}
     for turn in range(queries + 5):
-        for name, ask in asked.items():
+        for name, ask in query.items():
             begun = time.perf_counter()
             found = ask(draw)
             took_ms = (time.perf_counter() - begun) * 1e3
@@ -285,8 +285,8 @@ def follow(missions: int, folder: Path) -> dict[str, Any]:
     for number in range(missions):
         name = f"msn_{number:06d}"
         bodies = (one.body.replace(mission.mission_id.encode(), name.encode()) for one in events)
-        told = tuple(NewEvent(kind=one.kind, body=body) for one, body in zip(events, bodies, strict=True))
-        batch = Batch(stream=StreamId(f"mission/{name}"), expected_version=0, events=told)
+        new_events = tuple(NewEvent(kind=one.kind, body=body) for one, body in zip(events, bodies, strict=True))
+        batch = Batch(stream=StreamId(f"mission/{name}"), expected_version=0, events=new_events)
         log.append([batch], contexts, Moment(mission_s=START_S + number, wall_s=START_S + number))
     with closing(SqlMemoryIndex(f"sqlite:///{folder / 'followed.db'}")) as index:
         memory = MemoryFabric(store=log, index=index)
@@ -306,8 +306,8 @@ def follow(missions: int, folder: Path) -> dict[str, Any]:
 
 
 def _contexts(body: bytes) -> list[Digest]:
-    said = msgspec.json.decode(body)
-    return [Digest(said["context"])] if said["kind"] == "DispatchIntended" else []
+    context = msgspec.json.decode(body)
+    return [Digest(context["context"])] if context["kind"] == "DispatchIntended" else []
 
 
 def main() -> None:

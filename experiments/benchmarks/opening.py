@@ -51,7 +51,7 @@ def measure(*, events: int, count: int) -> list[Figure]:
             unit="ms",
             ours=median(found["snapshots"]),
             n=count,
-            said={"versions": versions(PACKAGES), "durability": durability},
+            environment={"versions": versions(PACKAGES), "durability": durability},
             targets=(Target("<= 50 ms", 50.0, "lower"),),
             detail={"without_snapshots_ms": round(median(found["events"]), 1)},
         )
@@ -98,8 +98,8 @@ def _reference(number: int) -> EvidenceReference:
 
 def _in_a_new_process(folder: Path, mission_id: MissionId, way: str) -> float:
     command = [sys.executable, "-m", "experiments.benchmarks.opening", "--open", str(folder), mission_id, way]
-    said = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=120)
-    return float(json.loads(said.stdout)["ms"])
+    process = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=120)
+    return float(json.loads(process.stdout)["ms"])
 
 
 def _open(folder: Path, mission_id: MissionId, way: str) -> None:

@@ -59,7 +59,7 @@ class Approvals:
 
     def _one(self, noop: NoopHarness) -> float:
         noop.providers[ONE].failing = True
-        mission_id = _asked(noop, noop.begin(ONE, shape=self._shape))
+        mission_id = _open_handoff(noop, noop.begin(ONE, shape=self._shape))
         noop.providers[ONE].failing = False
         approval = _approval(noop, mission_id)
         self._looked_s = self._began_s = 0.0
@@ -73,7 +73,7 @@ class Approvals:
         raise RuntimeError(f"the approved mission is still {noop.runtime.mission(mission_id).status}")
 
 
-def _asked(noop: NoopHarness, mission_id: MissionId) -> MissionId:
+def _open_handoff(noop: NoopHarness, mission_id: MissionId) -> MissionId:
     """Run a mission whose provider fails until it waits for a person, who then takes a moment."""
     for _ in range(MOST_STEPS):
         wake_s = noop.supervisor.step(mission_id)
@@ -89,16 +89,16 @@ def _approval(noop: NoopHarness, mission_id: MissionId) -> tuple[HandoffId, Appr
     handoff_id = noop.runtime.mission(mission_id).handoff_id
     if handoff_id is None:
         raise RuntimeError("the mission waits without a handoff")
-    asked = noop.runtime.handoff(handoff_id)
-    if asked.opened is None:
+    handoff = noop.runtime.handoff(handoff_id)
+    if handoff.opened is None:
         raise RuntimeError("the handoff was never opened")
     return handoff_id, ApproveHandoff(
         actor=OPERATOR,
         reason="seen",
         key=f"key-{handoff_id}",
-        cycle=asked.cycle,
-        subject=asked.opened.subject,
-        evidence=asked.opened.evidence,
+        cycle=handoff.cycle,
+        subject=handoff.opened.subject,
+        evidence=handoff.opened.evidence,
     )
 
 

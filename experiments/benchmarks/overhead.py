@@ -28,7 +28,7 @@ def measure(*, count: int, missions: int) -> list[Figure]:
     with arms(RECIPES) as started:
         requests = dict.fromkeys(started, both) | {"floor": ({"appends": APPENDS},)}
         replies = rounds(started, requests, count=count)
-        said = said_by(started)
+        environment = said_by(started)
     floor_us = median(median(reply["waits_s"]) for reply in replies["floor", 0]) * 1e6
     systems = [key for key in started if key != "floor"]
     alone = {key: 1e6 * _per_step(replies[key, 0], "wall_s") for key in systems}
@@ -44,7 +44,7 @@ def measure(*, count: int, missions: int) -> list[Figure]:
             peer=alone,
             floor=floor_us,
             n=n,
-            said=said,
+            environment=environment,
             targets=(
                 Target("<= 6 floor appends", 6.0, "lower", "floor"),
                 Target(">= 1.1x LangGraph sync", 1 / 1.1, "lower", "LangGraph"),
@@ -58,7 +58,7 @@ def measure(*, count: int, missions: int) -> list[Figure]:
             ours=ours_per_s,
             peer=at_once,
             n=n,
-            said=said,
+            environment=environment,
             targets=(
                 Target(">= 2.5x LangGraph", 2.5, "higher", "LangGraph"),
                 Target(">= 6x DBOS as shipped", 6.0, "higher", "DBOS"),

@@ -24,7 +24,7 @@ def measure(*, events: int, count: int) -> list[Figure]:
     )
     with arms(recipes) as started:
         replies = rounds(started, {key: ({},) for key in started}, count=count)
-        said = said_by(started)
+        environment = said_by(started)
     per_s = {key: median(reply["events"] / reply["wall_s"] for reply in replies[key, 0]) for key in started}
     return [
         figure(
@@ -33,7 +33,7 @@ def measure(*, events: int, count: int) -> list[Figure]:
             ours=per_s.pop("ours"),
             peer=per_s,
             n=count,
-            said=said,
+            environment=environment,
             targets=(
                 Target(">= 1,000,000 events/s", 1e6, "higher"),
                 Target(">= 15x eventsourcing", 15.0, "higher", "eventsourcing"),

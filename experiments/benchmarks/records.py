@@ -48,7 +48,7 @@ def figure(
     unit: str,
     ours: float,
     n: int,
-    said: dict[str, Any],
+    environment: dict[str, Any],
     peer: dict[str, float] | None = None,
     floor: float | None = None,
     targets: Sequence[Target] = (),
@@ -67,8 +67,8 @@ def figure(
         targets=tuple(targets),
         met=all(_is_met(target, ours, ratio) for target in targets) if targets else None,
         n=n,
-        versions=said.get("versions", {}),
-        durability=said.get("durability", {}),
+        versions=environment.get("versions", {}),
+        durability=environment.get("durability", {}),
         detail=detail or {},
         load=round(os.getloadavg()[0], 1),
     )
@@ -115,5 +115,5 @@ def _show(rows: Sequence[dict[str, Any]]) -> None:
     _, _, after = rest.partition(END)
     versions = sorted({f"{name} {number}" for one in figures for name, number in one.versions.items()})
     loads = ", ".join(f"{one.name}: {one.load:g}" for one in figures)
-    shown = f"{table(figures)}\n\nVersions: {', '.join(versions)}.\nLoad when each ended: {loads}."
-    PAGE.write_text(f"{before}{BEGIN}\n{shown}\n{END}{after}", encoding="utf-8")
+    text = f"{table(figures)}\n\nVersions: {', '.join(versions)}.\nLoad when each ended: {loads}."
+    PAGE.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")

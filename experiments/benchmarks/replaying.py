@@ -49,7 +49,10 @@ def measure(*, files: Sequence[Path], count: int) -> list[Figure]:
                 unit="x real time",
                 ours=length_s / wall_s,
                 n=count,
-                said={"versions": versions((*PACKAGES, "mcap", "rosbags")), "durability": {"ours": "SQLite, FULL"}},
+                environment={
+                    "versions": versions((*PACKAGES, "mcap", "rosbags")),
+                    "durability": {"ours": "SQLite, FULL"},
+                },
                 targets=(Target(">= 50x real time, end to end", 50.0, "higher"),),
                 detail={
                     "length_s": round(length_s, 1),
@@ -65,16 +68,16 @@ def measure(*, files: Sequence[Path], count: int) -> list[Figure]:
 
 def _replay(path: Path, folder: Path) -> tuple[float, float]:
     """Seconds of the whole command, start of Python included, and its peak memory in MiB."""
-    with TemporaryDirectory(dir=folder) as data, (Path(data) / "said").open("w+b") as said:
+    with TemporaryDirectory(dir=folder) as data, (Path(data) / "said").open("w+b") as output:
         command = [str(Path(sys.executable).parent / "regen"), "mission", "replay", str(path), "--data", data, "--json"]
         begun = time.perf_counter()
-        process = subprocess.Popen(command, cwd=ROOT, stdout=said, stderr=subprocess.STDOUT)
+        process = subprocess.Popen(command, cwd=ROOT, stdout=output, stderr=subprocess.STDOUT)
         _, status, used = os.wait4(process.pid, 0)
         wall_s = time.perf_counter() - begun
         process.returncode = os.waitstatus_to_exitcode(status)
         if process.returncode not in (0, 1) or wall_s > LONGEST_S:
-            said.seek(0)
-            raise RuntimeError(f"the replay of {path} ended {process.returncode}: {said.read()[-500:]!r}")
+            output.seek(0)
+            raise RuntimeError(f"the replay of {path} ended {process.returncode}: {output.read()[-500:]!r}")
         return wall_s, used.ru_maxrss / 1024
 
 

@@ -58,9 +58,9 @@ def _lamp(chance: np.random.Generator) -> tuple[float, float, float]:
 def _boxes_inside(chance: np.random.Generator, colours: list[Rgb]) -> tuple[Solid, ...]:
     """One to three boxes whose centres are well inside the passage and which do not overlap."""
     found: list[Solid] = []
-    wanted = int(chance.integers(1, 4))
+    count = int(chance.integers(1, 4))
     for attempt in range(30):
-        if len(found) == wanted:
+        if len(found) == count:
             break
         size = (float(chance.uniform(0.3, 0.65)), float(chance.uniform(0.3, 0.65)), float(chance.uniform(0.25, 0.8)))
         at = _somewhere(chance, (AISLE_X[0] + 0.25, AISLE_X[1] - 0.25), (AISLE_Y[0] + 0.25, AISLE_Y[1] - 0.35))

@@ -64,9 +64,9 @@ def mission_turns(mission: Callable[[int], None], *, warm: int = 10) -> Turn:
 
     def turn(request: dict[str, Any]) -> dict[str, Any]:
         nonlocal done
-        said = timed_missions(mission, first=done, count=request["missions"], at_once=request["at_once"])
+        timings = timed_missions(mission, first=done, count=request["missions"], at_once=request["at_once"])
         done += request["missions"]
-        return said
+        return timings
 
     return turn
 

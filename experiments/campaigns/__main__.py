@@ -17,13 +17,13 @@ import msgspec
 from experiments.campaigns import fuzz, hostile, recovery_steps, seeds
 from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.damage import DamageReport, damages
-from experiments.campaigns.declared import declared_offences
+from experiments.campaigns.declared_effects import declared_offences
 from experiments.campaigns.hammer import HammerReport, hammer
 from experiments.campaigns.hard_faults import HardFaultReport, hard_faults
 from experiments.campaigns.kills import KillReport, kill_campaign
 from experiments.campaigns.mission import played
 from experiments.campaigns.plan import mission_plan
-from experiments.campaigns.planted import RED, Check, PlantedReport, planted_bugs
+from experiments.campaigns.planted_bugs import RED, Check, PlantedReport, planted_bugs
 from experiments.campaigns.publish import publish
 from experiments.campaigns.races import RaceReport, races
 from experiments.campaigns.random_kills import RandomKillReport, random_kills
@@ -31,7 +31,7 @@ from experiments.campaigns.regen import ROOT
 from experiments.campaigns.release_races import release_races
 from experiments.campaigns.rivals import rival_rounds
 from experiments.campaigns.simulate import one_mission, seeds_of, simulated_campaign
-from experiments.campaigns.suspended import SuspensionReport, suspensions
+from experiments.campaigns.suspended_holders import SuspensionReport, suspensions
 from experiments.campaigns.tally import summary
 from experiments.campaigns.workers import WorkersReport, worked_missions
 from experiments.verifier import campaign as verifier
@@ -134,32 +134,32 @@ def main() -> None:
     check.add_argument("name", choices=get_args(Check))
     check.add_argument("--missions", type=int, default=FULL["planted"])
     check.add_argument("--seed", type=int, default=SEED)
-    asked = parser.parse_args()
-    match asked.command:
+    arguments = parser.parse_args()
+    match arguments.command:
         case "run":
-            _run(asked)
+            _run(arguments)
         case "recovery":
-            recovery_steps.run(asked)
+            recovery_steps.run(arguments)
         case "seeds":
-            seeds.run(asked)
+            seeds.run(arguments)
         case "fuzz":
-            fuzz.run(asked)
+            fuzz.run(arguments)
         case "hostile":
-            hostile.run(asked)
+            hostile.run(arguments)
         case "verifier":
-            verifier.run(asked)
+            verifier.run(arguments)
         case "replay":
-            _replay(asked.seed)
+            _replay(arguments.seed)
         case _:
-            _check(asked)
+            _check(arguments)
 
 
-def _run(asked: argparse.Namespace) -> None:
-    share = min(1.0, asked.missions / MISSIONS)
-    full = asked.missions >= MISSIONS and asked.minutes is None
-    made = {"command": _command(asked), "code": _code()}
-    found = _found(asked, share=1.0 if full or asked.publish else share)
-    result: dict[str, Any] = {"seed": asked.seed, "command": made["command"]}
+def _run(arguments: argparse.Namespace) -> None:
+    share = min(1.0, arguments.missions / MISSIONS)
+    full = arguments.missions >= MISSIONS and arguments.minutes is None
+    made = {"command": _command(arguments), "code": _code()}
+    found = _found(arguments, share=1.0 if full or arguments.publish else share)
+    result: dict[str, Any] = {"seed": arguments.seed, "command": made["command"]}
     for figures, _ in found.values():
         result |= figures
     result["made_by"] = dict.fromkeys(found, made)
@@ -167,33 +167,37 @@ def _run(asked: argparse.Namespace) -> None:
     offences = [offence for _, offences in found.values() for offence in offences]
     for offence in offences:
         print(offence, file=sys.stderr)
-    if full or asked.publish:
+    if full or arguments.publish:
         publish(result)
     if offences:
         raise SystemExit(1)
 
 
-def _found(asked: argparse.Namespace, *, share: float) -> dict[str, tuple[dict[str, Any], list[str]]]:
+def _found(arguments: argparse.Namespace, *, share: float) -> dict[str, tuple[dict[str, Any], list[str]]]:
     """Of each campaign that was asked for: its figures, and what must not be."""
     sizes = {name: max(SMALLEST[name], round(FULL[name] * share)) for name in FULL}
     points = None if share >= 1.0 else max(4, round(40 * share))
     parts: dict[str, Callable[[], tuple[dict[str, Any], list[str]]]] = {
-        "planted": lambda: _planted(planted_bugs(missions=sizes["planted"], seed=asked.seed)),
-        "races": lambda: _plain("races", races(answers=sizes["answers"], appends=sizes["appends"], seed=asked.seed)),
+        "planted": lambda: _planted(planted_bugs(missions=sizes["planted"], seed=arguments.seed)),
+        "races": lambda: _plain(
+            "races", races(answers=sizes["answers"], appends=sizes["appends"], seed=arguments.seed)
+        ),
         "rivals": lambda: _plain("rivals", rival_rounds(sizes["rivals"])),
         "releases": lambda: _plain("release_races", release_races(sizes["releases"])),
         "suspended": lambda: _plain("suspended_holders", suspensions(sizes["suspensions"])),
         "damage": lambda: _plain("damage", damages()),
-        "kills": lambda: _killed(kill_campaign(most=points, seed=asked.seed)),
+        "kills": lambda: _killed(kill_campaign(most=points, seed=arguments.seed)),
         "instants": lambda: _plain(
-            "random_kills", random_kills(sizes["instants"], seed=asked.seed, minutes=asked.minutes)
+            "random_kills", random_kills(sizes["instants"], seed=arguments.seed, minutes=arguments.minutes)
         ),
-        "hard": lambda: _plain("hard_faults", hard_faults(sizes["hard"], seed=asked.seed)),
-        "hammer": lambda: _plain("hammer", hammer(sizes["hammer"], seed=asked.seed)),
-        "workers": lambda: _plain("workers", worked_missions(sizes["workers"], seed=asked.seed, minutes=asked.minutes)),
-        "simulation": lambda: _simulated(asked),
+        "hard": lambda: _plain("hard_faults", hard_faults(sizes["hard"], seed=arguments.seed)),
+        "hammer": lambda: _plain("hammer", hammer(sizes["hammer"], seed=arguments.seed)),
+        "workers": lambda: _plain(
+            "workers", worked_missions(sizes["workers"], seed=arguments.seed, minutes=arguments.minutes)
+        ),
+        "simulation": lambda: _simulated(arguments),
     }
-    return {name: part() for name, part in parts.items() if asked.only in ("", name)}
+    return {name: part() for name, part in parts.items() if arguments.only in ("", name)}
 
 
 def _planted(bugs: PlantedReport) -> tuple[dict[str, Any], list[str]]:
@@ -210,29 +214,29 @@ def _plain(name: str, report: Report) -> tuple[dict[str, Any], list[str]]:
     return {name: msgspec.to_builtins(report)}, list(report.offences)
 
 
-def _simulated(asked: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
-    seeds = seeds_of(asked.seed, asked.missions)
-    tally = simulated_campaign(seeds, processes=asked.processes, minutes=asked.minutes)
+def _simulated(arguments: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
+    seeds = seeds_of(arguments.seed, arguments.missions)
+    tally = simulated_campaign(seeds, processes=arguments.processes, minutes=arguments.minutes)
     return summary(tally), [
         f"{offence}\n    python -m experiments.campaigns replay {seed}" for seed, offence in tally.offences
     ]
 
 
-def _command(asked: argparse.Namespace) -> str:
+def _command(arguments: argparse.Namespace) -> str:
     words = [
         "python",
         "-m",
         "experiments.campaigns",
         "run",
         "--missions",
-        str(asked.missions),
+        str(arguments.missions),
         "--seed",
-        str(asked.seed),
+        str(arguments.seed),
     ]
-    words += ["--processes", str(asked.processes)]
-    words += ["--only", asked.only] if asked.only else []
-    words += ["--minutes", f"{asked.minutes:g}"] if asked.minutes is not None else []
-    return shlex.join([*words, *(["--publish"] if asked.publish else [])])
+    words += ["--processes", str(arguments.processes)]
+    words += ["--only", arguments.only] if arguments.only else []
+    words += ["--minutes", f"{arguments.minutes:g}"] if arguments.minutes is not None else []
+    return shlex.join([*words, *(["--publish"] if arguments.publish else [])])
 
 
 def _code() -> str:
@@ -256,20 +260,25 @@ def _replay(seed: int) -> None:
         raise SystemExit(1)
 
 
-def _check(asked: argparse.Namespace) -> None:
+def _check(arguments: argparse.Namespace) -> None:
     """Until the first offence, which is printed; exit RED then: what merely breaks down has found nothing."""
-    match asked.name:
+    match arguments.name:
         case "simulation":
             found = next(
-                (t.offences[0][1] for t in map(one_mission, seeds_of(asked.seed, asked.missions)) if t.offences), ""
+                (
+                    t.offences[0][1]
+                    for t in map(one_mission, seeds_of(arguments.seed, arguments.missions))
+                    if t.offences
+                ),
+                "",
             )
         case "races":
-            found = next(iter(races(answers=2, appends=QUICK, seed=asked.seed).offences), "")
+            found = next(iter(races(answers=2, appends=QUICK, seed=arguments.seed).offences), "")
         case "hammer":
-            hammered = hammer(QUICK_DECISIONS, seed=asked.seed, callers=2, between_s=QUICK_KILLS_S)
+            hammered = hammer(QUICK_DECISIONS, seed=arguments.seed, callers=2, between_s=QUICK_KILLS_S)
             found = next(iter(hammered.offences), "")
         case "declared":
-            found = next(declared_offences(seed=asked.seed), "")
+            found = next(declared_offences(seed=arguments.seed), "")
         case _:
             found = next(iter(suspensions(2).offences), "")
     if found:

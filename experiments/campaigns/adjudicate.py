@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from experiments.campaigns.findings import Findings
 from experiments.campaigns.ledgers import Books, read_books
-from experiments.campaigns.mission import Played
+from experiments.campaigns.mission import PlayedMission
 from experiments.campaigns.truths import contradicted, metric_of, truly_reached
 from harness.contexts.verifier import verifier_context
 from harness.contexts.view import StateView
@@ -20,7 +20,7 @@ from harness.contracts.reasons import plain
 ACTING = {"navigate": "robot", "capture_panorama": "robot", "deliver_message": "outbox"}
 
 
-def judged(mission: Played) -> Findings:
+def judged(mission: PlayedMission) -> Findings:
     """Everything that is wrong with one mission, in sentences."""
     books = read_books(mission.log, mission.commits)
     contract_false: list[str] = []
@@ -47,7 +47,7 @@ def judged(mission: Played) -> Findings:
     )
 
 
-def _false(mission: Played, books: Books, event: NodeCommitted, packet: EvidencePacket) -> tuple[str, str]:
+def _false(mission: PlayedMission, books: Books, event: NodeCommitted, packet: EvidencePacket) -> tuple[str, str]:
     """Why an accepted stage is not true, and what in the evidence should have shown it."""
     undone = _undone(mission, books, event, packet)
     if undone:
@@ -61,14 +61,14 @@ def _false(mission: Played, books: Books, event: NodeCommitted, packet: Evidence
     return why or (f"accepted against its evidence ({seen})" if seen else ""), seen
 
 
-def _undone(mission: Played, books: Books, event: NodeCommitted, packet: EvidencePacket) -> str:
+def _undone(mission: PlayedMission, books: Books, event: NodeCommitted, packet: EvidencePacket) -> str:
     """An act that was accepted and never took place, by the journals of the systems that would have acted."""
     requests = {packet.identity.request_id}
     requests |= {books.packets[cited].identity.request_id for cited in packet.cites if cited in books.packets}
     intents = [intent for intent in books.intents.values() if intent.request_id in requests]
-    wanted = {ACTING[intent.capability] for intent in intents if intent.capability in ACTING}
+    actions = {ACTING[intent.capability] for intent in intents if intent.capability in ACTING}
     done = {"robot": {start.request_id for start in mission.starts}, "outbox": mission.sent}
-    missing = [who for who in wanted if not requests & done[who]]
+    missing = [who for who in actions if not requests & done[who]]
     return f"the {missing[0]} never did it" if missing else ""
 
 
@@ -76,7 +76,7 @@ def _first_s(books: Books, node_id: str) -> float:
     return min((one.dispatched_s for one in books.intents.values() if one.node_id == node_id), default=0.0) - 3.0
 
 
-def _false_rejections(mission: Played, books: Books) -> Iterator[str]:
+def _false_rejections(mission: PlayedMission, books: Books) -> Iterator[str]:
     """Executions that had truly reached their target and were not accepted on their evidence."""
     for event in books.rejected:
         packet, node = books.packets.get(event.packet_id), books.node(event.node_id)
@@ -88,7 +88,7 @@ def _false_rejections(mission: Played, books: Books) -> Iterator[str]:
             yield f"{event.node_id}: {plain(event.reason)}"
 
 
-def _duplicates(mission: Played) -> Iterator[str]:
+def _duplicates(mission: PlayedMission) -> Iterator[str]:
     """Physical starts beyond the first of the same request, and of the same attempt."""
     requests = Counter(start.request_id for start in mission.starts)
     yield from (f"request {name[:12]} started {n} times" for name, n in requests.items() if n > 1)
@@ -96,17 +96,17 @@ def _duplicates(mission: Played) -> Iterator[str]:
     yield from (f"{node}, attempt {a}, started {n} times" for (node, a), n in attempts.items() if n > 1)
 
 
-def _loose_starts(mission: Played, books: Books) -> Iterator[str]:
+def _loose_starts(mission: PlayedMission, books: Books) -> Iterator[str]:
     """Physical starts without a recorded intent: of a stage, or of a minimal-risk manoeuvre that its zone
     authorised before.
     """
-    asked = {intent.request_id for intent in books.intents.values()} | books.retreats
+    requests = {intent.request_id for intent in books.intents.values()} | books.retreats
     yield from (
-        f"{start.node_id} started without an intent" for start in mission.starts if start.request_id not in asked
+        f"{start.node_id} started without an intent" for start in mission.starts if start.request_id not in requests
     )
 
 
-def _prompted(mission: Played, books: Books) -> Iterator[str]:
+def _prompted(mission: PlayedMission, books: Books) -> Iterator[str]:
     """A planner's conclusion offered with every packet must never reach the verifier (R73)."""
     runtime, final = mission.harness.runtime, mission.mission
     claim = ContextRecord(
@@ -133,7 +133,7 @@ def _prompted(mission: Played, books: Books) -> Iterator[str]:
             yield f"the verifier of {packet.identity.node_id} was shown a planner's conclusion"
 
 
-def _unruly(mission: Played) -> Iterator[str]:
+def _unruly(mission: PlayedMission) -> Iterator[str]:
     course = mission.course
     if course.accepted > 1:
         yield f"{course.accepted} persons were taken for the same question"

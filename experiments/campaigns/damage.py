@@ -92,7 +92,7 @@ def _truncated(data: Path) -> list[str]:
 def _full_disk(data: Path) -> list[str]:
     """The next mission has no space to write: it must report this, and the missions before it are sound."""
     done = regen("mission", "run", "circuit", "--data", data, *KINEMATIC, before=_small_disk)
-    wrong = _said(done)
+    wrong = _output_lines(done)
     return wrong + _sound(data)
 
 
@@ -103,7 +103,7 @@ def _read_only(data: Path) -> list[str]:
     done = regen("mission", "run", "circuit", "--data", data, *KINEMATIC, before=_bound_by_modes)
     for path in [data, *data.rglob("*")]:
         path.chmod(0o700 if path.is_dir() else 0o600)
-    return _said(done) + _sound(data)
+    return _output_lines(done) + _sound(data)
 
 
 CASES: dict[str, Callable[[Path], list[str]]] = {
@@ -125,7 +125,7 @@ def _named(data: Path, what: str) -> list[str]:
     return wrong + (["the doctor broke down"] if "Traceback" in text else [])
 
 
-def _said(done: subprocess.CompletedProcess[str]) -> list[str]:
+def _output_lines(done: subprocess.CompletedProcess[str]) -> list[str]:
     wrong = [] if done.returncode not in (0, 3) else [f"it ended with {done.returncode} as if nothing was wrong"]
     wrong += ["it broke down with a traceback"] if "Traceback" in done.stderr + done.stdout else []
     return wrong + ([] if (done.stderr + done.stdout).strip() else ["it said nothing"])

@@ -196,9 +196,11 @@ def changed(whole: bytes, chance: random.Random) -> bytes:
     return bytes(body)
 
 
-def run(asked: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> None:
     """Every parser for so many minutes; exit 1 if one has an offence."""
-    reports = {name: fuzz_parser(one, seed=asked.seed, seconds=60 * asked.minutes) for name, one in PARSERS.items()}
+    reports = {
+        name: fuzz_parser(one, seed=arguments.seed, seconds=60 * arguments.minutes) for name, one in PARSERS.items()
+    }
     for report in reports.values():
         report.offences = report.offences[:SHOWN]
     print(json.dumps({name: asdict(report) for name, report in reports.items()}, indent=2))

@@ -23,11 +23,11 @@ from experiments.campaigns.hammer_asks import (
     SHARED_MISSIONS,
     HammerRequest,
     JournalContent,
+    read_journal,
     requests_of,
     shared_mission,
-    told,
 )
-from experiments.campaigns.hammer_caller import ENOUGH, Calling, call, creation, opened
+from experiments.campaigns.hammer_caller import ENOUGH, CallerIdentity, call, creation, opened
 from experiments.campaigns.hammer_judge import Keys, wrong
 from harness.adapters.stores.folder import prepare
 from harness.adapters.stores.sql import SqlEventStore
@@ -71,7 +71,7 @@ class HammerReport(Value):
 
 
 @dataclass
-class _Life:
+class _CallerRun:
     """One caller's process. It is killed `lasts_s` after it began to send requests, and now and then after its start.
 
     `said`: the length of its journal at its start. `until_s`: when it is killed, by a monotonic clock.
@@ -92,18 +92,18 @@ def hammer(
     """
     with TemporaryDirectory(prefix="hammer-") as folder:
         data = Path(folder)
-        _begun(data)
+        _prepare(data)
         with ExitStack() as stack:
             store = SqlEventStore(prepare(data).log_url)
             stack.callback(store.close)
-            house = _House(data, store, seed=seed, callers=callers, between_s=between_s)
+            house = _CallerPool(data, store, seed=seed, callers=callers, between_s=between_s)
             stack.callback(house.close)
             house.run(decisions)
             house.keys.follow(store)
             return house.report([*house.offences, *wrong(data, house.keys, house.journals())])
 
 
-def _begun(data: Path) -> None:
+def _prepare(data: Path) -> None:
     """The missions that all callers write to."""
     with opened(data) as runtime:
         creating = creation(runtime)
@@ -112,7 +112,7 @@ def _begun(data: Path) -> None:
             runtime.commit(requests_of(ask, number=0, creating=creating))
 
 
-class _House:
+class _CallerPool:
     """Starts callers, kills them, starts them again, and counts."""
 
     def __init__(
@@ -148,7 +148,7 @@ class _House:
             if life.process.exitcode != 0:
                 self.offences.append(f"caller {number} ended with {life.process.exitcode} when it was enough")
 
-    def _ended(self, number: int, life: _Life) -> None:
+    def _ended(self, number: int, life: _CallerRun) -> None:
         """Kill it, if it was not killed at its fail-point; check what became of its last request; start it again."""
         if life.process.is_alive():
             life.process.kill()
@@ -162,7 +162,7 @@ class _House:
 
     def _look(self, number: int) -> None:
         """Checks that a request without an answer is in the log as a whole, or not at all."""
-        last = told(self._calling(number).journal).open
+        last = read_journal(self._calling(number).journal).open
         if last is None:
             return
         self.keys.follow(self._store)
@@ -173,15 +173,15 @@ class _House:
             kinds = ", ".join(kind for key, kind in self.keys.kinds if key == last.key)
             self.offences.append(f"{last.key}, {last.kind}: {standing} of {last.requests} stand after a kill: {kinds}")
 
-    def _born(self, number: int, *, life: int) -> _Life:
+    def _born(self, number: int, *, life: int) -> _CallerRun:
         calling = self._calling(number, failpoint=self._point(number, life))
         process = self._context.Process(target=call, args=(calling,), daemon=True)
         process.start()
         lasts_s = between(self._seed, *self._between_s, "life", number, life) if life else FIRST * self._between_s[1]
         opening = life > 0 and life % FROM_BIRTH == 0
         until_s = time.monotonic() + (lasts_s if opening else GRACE_S)
-        said = _size(calling.journal)
-        return _Life(process, lasts_s=0.0 if opening else lasts_s, said=said, until_s=until_s, lives=life + 1)
+        size = _size(calling.journal)
+        return _CallerRun(process, lasts_s=0.0 if opening else lasts_s, said=size, until_s=until_s, lives=life + 1)
 
     def _point(self, number: int, life: int) -> str:
         """The fail-point of a process, if it has one; a random kill may come first."""
@@ -190,8 +190,8 @@ class _House:
         kind = one_of(self._seed, tuple(KEYED), "point", number, life)
         return f"after:{kind}#{1 + life % 4}" if life % POINTED == 0 else ""
 
-    def _calling(self, number: int, *, failpoint: str = "") -> Calling:
-        return Calling(data=str(self._data), number=number, seed=self._seed, failpoint=failpoint)
+    def _calling(self, number: int, *, failpoint: str = "") -> CallerIdentity:
+        return CallerIdentity(data=str(self._data), number=number, seed=self._seed, failpoint=failpoint)
 
     def _done(self) -> int:
         files = (self._calling(number).journal for number in self._lives)
@@ -199,7 +199,7 @@ class _House:
 
     def journals(self) -> list[JournalContent]:
         """What every caller wrote down."""
-        return [told(self._calling(number).journal) for number in self._lives]
+        return [read_journal(self._calling(number).journal) for number in self._lives]
 
     def report(self, offences: Sequence[str]) -> HammerReport:
         """Everything that was counted, with these violations."""

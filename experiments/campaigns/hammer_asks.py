@@ -101,7 +101,7 @@ class JournalContent(Value):
     again: frozenset[str]
 
 
-def told(file: Path) -> JournalContent:
+def read_journal(file: Path) -> JournalContent:
     """The whole journal of one caller; a missing one is empty. A torn last line was never an answer."""
     asks: list[HammerRequest] = []
     answers: dict[str, Answer] = {}
@@ -133,8 +133,8 @@ def requests_of(ask: HammerRequest, *, number: int, creating: CreateMission) -> 
             return [CommandEnvelope(stream_of_mission(shared_mission(ask.slot)), veto, None)]
         case "question":
             question = question_id(ask.slot)
-            asked = msgspec.structs.replace(opening(question), reason=ask.key)
-            return [CommandEnvelope(handoff_stream(question), asked, None)]
+            request = msgspec.structs.replace(opening(question), reason=ask.key)
+            return [CommandEnvelope(handoff_stream(question), request, None)]
         case "answer":
             return [_approval(ask, number), _lease(ask, own_resource(number))]
         case "rest":
@@ -145,16 +145,16 @@ def requests_of(ask: HammerRequest, *, number: int, creating: CreateMission) -> 
 
 def _approval(ask: HammerRequest, number: int) -> CommandEnvelope:
     question = question_id(ask.slot)
-    asked = opening(question)
+    request = opening(question)
     approve = ApproveHandoff(
         actor=person(number),
         reason="go on",
         key=ask.key,
         cycle=1,
-        subject=digest(asked.proposal),
+        subject=digest(request.proposal),
         evidence=NOTHING,
-        k=asked.k,
-        fresh=asked.snapshot,
+        k=request.k,
+        fresh=request.snapshot,
     )
     return CommandEnvelope(handoff_stream(question), approve, None)
 

@@ -13,10 +13,10 @@ from experiments.campaigns.hammer_asks import (
     Kind,
     own_resource,
     question_id,
+    read_journal,
     requests_of,
     shared_mission,
     shared_resource,
-    told,
 )
 from experiments.campaigns.races import NOW_S
 from harness.adapters.clock import LockstepClock
@@ -50,7 +50,7 @@ FOLLOWING = 25
 TURNS: tuple[Kind, ...] = ("mission", "veto", "veto", "question", "answer", "answer", "lease", "lease")
 
 
-class Calling(Value):
+class CallerIdentity(Value):
     """Identity of a caller: its number, the shared folder, the campaign's seed, and its fail-point, if it has one."""
 
     data: str
@@ -105,29 +105,31 @@ def creation(runtime: Runtime) -> CreateMission:
     )
 
 
-def call(calling: Calling) -> None:
+def call(calling: CallerIdentity) -> None:
     """Continue where the journal ends, until the campaign says that it is enough."""
     data = Path(calling.data)
-    before = told(calling.journal)
+    before = read_journal(calling.journal)
     with opened(data, failpoint=calling.failpoint) as runtime, CallerJournal(calling.journal) as journal:
         caller = _Caller(calling, runtime, journal)
         if before.open is not None:
             caller.ask(before.open)
-        asked = len(before.asks)
+        number = len(before.asks)
         while not (data / ENOUGH).exists():
-            caller.ask(caller.next(asked))
-            asked += 1
-            if asked % FOLLOWING == 0:
+            caller.ask(caller.next(number))
+            number += 1
+            if number % FOLLOWING == 0:
                 runtime.memory.catch_up()
 
 
 class _Caller:
     """Draws each request by the seed and the present state, and writes down the result."""
 
-    def __init__(self, calling: Calling, runtime: Runtime, journal: CallerJournal) -> None:
+    def __init__(self, calling: CallerIdentity, runtime: Runtime, journal: CallerJournal) -> None:
         self._calling, self._runtime, self._journal = calling, runtime, journal
         self._creating = creation(runtime)
-        self._question = max((ask.slot for ask in told(calling.journal).asks if ask.kind == "question"), default=0)
+        self._question = max(
+            (ask.slot for ask in read_journal(calling.journal).asks if ask.kind == "question"), default=0
+        )
 
     def ask(self, ask: HammerRequest) -> None:
         """Send the request to the gate and write the answer down."""
@@ -135,14 +137,14 @@ class _Caller:
         decision = self._runtime.commit(requests_of(ask, number=self._calling.number, creating=self._creating))
         self._journal.hears(ask.key, "done" if isinstance(decision, Accepted) else "refused")
 
-    def next(self, asked: int) -> HammerRequest:
+    def next(self, handoff: int) -> HammerRequest:
         """Request number `asked`."""
         number, seed = self._calling.number, self._calling.seed
-        key = f"c{number}-{asked:06d}"
-        kind = one_of(seed, TURNS, number, asked, "turn")
+        key = f"c{number}-{handoff:06d}"
+        kind = one_of(seed, TURNS, number, handoff, "turn")
         match kind:
             case "veto":
-                slot = one_of(seed, range(SHARED_MISSIONS), number, asked)
+                slot = one_of(seed, range(SHARED_MISSIONS), number, handoff)
                 vetoes = self._runtime.mission(shared_mission(slot)).vetoes
                 return HammerRequest(key=key, kind=kind, slot=slot, back=f"caller-{number}" in vetoes)
             case "question":
@@ -151,7 +153,7 @@ class _Caller:
             case "answer":
                 return self._answer(key)
             case "lease":
-                slot = one_of(seed, range(SHARED_RESOURCES), number, asked)
+                slot = one_of(seed, range(SHARED_RESOURCES), number, handoff)
                 lease = self._runtime.lease(shared_resource(slot))
                 back = lease.status == "held" and lease.invocation_id.startswith(f"c{number}-")
                 return HammerRequest(
@@ -166,16 +168,16 @@ class _Caller:
         if lease.status == "held":
             return HammerRequest(key=key, kind="rest", back=True, holder=lease.invocation_id)
         self._walk()
-        if self._asked.opened is None:
+        if self._open_handoff.opened is None:
             return HammerRequest(key=key, kind="question", slot=self._question)
         return HammerRequest(key=key, kind="answer", slot=self._question, token=lease.token + 1)
 
     def _walk(self) -> None:
         """Go on to the first question without an answer."""
-        while self._asked.status == "approved":
+        while self._open_handoff.status == "approved":
             self._question += 1
 
     @property
-    def _asked(self) -> Handoff:
+    def _open_handoff(self) -> Handoff:
         handoff: Handoff = self._runtime.fold(handoff_stream(question_id(self._question)))
         return handoff

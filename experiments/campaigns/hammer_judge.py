@@ -57,13 +57,13 @@ class Keys:
 
 def wrong(data: Path, keys: Keys, journals: Sequence[JournalContent]) -> Iterator[str]:
     """Contradictions between journals and log, and between log and folds."""
-    asked: set[str] = set()
+    asked_keys: set[str] = set()
     for journal in journals:
-        asked |= {ask.key for ask in journal.asks}
+        asked_keys |= {ask.key for ask in journal.asks}
         for ask in journal.asks:
             answer = journal.answers.get(ask.key, "")
             yield from misplaced(ask, keys, "" if answer == "refused" and ask.key in journal.again else answer)
-    strangers = set(keys.positions) - asked - {shared_mission(slot) for slot in range(SHARED_MISSIONS)}
+    strangers = set(keys.positions) - asked_keys - {shared_mission(slot) for slot in range(SHARED_MISSIONS)}
     yield from (f"{key} stands and nobody asked for it" for key in sorted(strangers)[:EXAMPLES])
     answered = Counter(event.stream for event in keys.log if event.kind == "HandoffApproved")
     yield from (f"{stream} was answered {times} times" for stream, times in answered.items() if times > 1)
@@ -88,16 +88,16 @@ def misplaced(ask: HammerRequest, keys: Keys, answer: Answer) -> Iterator[str]:
 
 def _refolded(data: Path) -> Iterator[str]:
     """The chain, every state and the memory index: as stored beside the log, and again from zero."""
-    with opened(data, keeping=False) as kept, opened(data, afresh=True) as zero:
+    with opened(data, keeping=False) as snapshots, opened(data, afresh=True) as zero:
         try:
-            kept.verify()
+            snapshots.verify()
         except HarnessError as error:
             yield f"the log does not verify: {error}"
             return
-        for stream in (stream for family in FAMILIES for stream in kept.streams(family)):
-            if encode(kept.fold(stream)) != encode(zero.fold(stream)):
+        for stream in (stream for family in FAMILIES for stream in snapshots.streams(family)):
+            if encode(snapshots.fold(stream)) != encode(zero.fold(stream)):
                 yield f"{stream} folded from zero is not, byte for byte, the one that was kept"
-        if _remembered(kept) != _remembered(zero):
+        if _remembered(snapshots) != _remembered(zero):
             yield "the memory index built from zero is not the one that was kept"
 
 

@@ -168,9 +168,9 @@ def struck_by(fault: HardFault) -> HardFaultOutcome:
 
 def _judged(fault: HardFault, data: Path, reader: LogReader, *, struck: bool, lives: int) -> HardFaultOutcome:
     log = stored_log(data)
-    said = (data.parent / f"{data.name}.err").read_text(errors="replace")
+    errors = (data.parent / f"{data.name}.err").read_text(errors="replace")
     wrong = [] if reader.settled() else [f"the mission has no end: {reader.status}"]
-    wrong += ["a traceback was shown"] if "Traceback (most recent call last)" in said else []
+    wrong += ["a traceback was shown"] if "Traceback (most recent call last)" in errors else []
     wrong += offences_in(data, reader.mission_id) if reader.mission_id else ["no mission was created"]
     return HardFaultOutcome(
         fault=fault,
@@ -178,7 +178,7 @@ def _judged(fault: HardFault, data: Path, reader: LogReader, *, struck: bool, li
         end=reader.status,
         asked=reader.asked,
         lives=lives,
-        said=said.strip()[-300:],
+        said=errors.strip()[-300:],
         false_completions=tuple(false_completions(data, log)),
         lost_events=reader.lost(log),
         duplicate_starts=doubled_starts(data),
@@ -190,8 +190,8 @@ def _under(fault: HardFault, scene: FaultScene, reader: LogReader) -> bool:
     """Wait for the instant, bring the fault about, wait, take it away; False if the mission was over before."""
 
     def due() -> bool:
-        told = truth_of(scene.data)
-        return bool(told) and told[-1].at_s - told[0].at_s >= fault.at_s
+        truth = truth_of(scene.data)
+        return bool(truth) and truth[-1].at_s - truth[0].at_s >= fault.at_s
 
     until(lambda: due() or reader.settled() or scene.host.poll() is not None, reader, seconds=PATIENCE_S)
     if reader.settled() or scene.host.poll() is not None:
@@ -344,8 +344,8 @@ def _linked(data: Path) -> Iterator[Link]:
     words = ["--dir", str(folder), "--port", "0", "--speed", "4.0", "--fidelity", "kinematic", "--linger-s", "5"]
     robot = subprocess.Popen([sys.executable, "-m", "simulator", *words], cwd=ROOT, stdout=subprocess.PIPE)
     assert robot.stdout is not None
-    with robot.stdout as said:
-        found = msgspec.json.decode(said.readline(), type=Attachment)
+    with robot.stdout as output:
+        found = msgspec.json.decode(output.readline(), type=Attachment)
     link = Link(found.port)
     there = msgspec.json.encode(msgspec.structs.replace(found, port=link.port))
     attachment(data).write_bytes(there)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from experiments.campaigns.regen import ROOT
 from harness.bootstrap import simulated
-from harness.conformance.hostile.kit import MOST_MIB, Fuzzed, chosen, fuzzed
+from harness.conformance.hostile.kit import MOST_MIB, LieReport, chosen, fuzzed
 from harness.conformance.hostile.lies import WHOLE
-from harness.conformance.hostile.missions import KIT, ROBOT, Met, met
+from harness.conformance.hostile.missions import KIT, ROBOT, MissionUnderLie, met
 from harness.contracts.events import PacketRetained, VerdictRecorded
 from harness.contracts.reasons import plain
 from harness.gate.decide import DECIDER
@@ -24,13 +24,13 @@ COPIES = ("image_of_earlier_capture", "image_copies_earlier", "images_are_copies
 """The reasons for which images are taken for copies."""
 
 
-def run(asked: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> None:
     """Every lie, or those that are named. Exit 1 if something happened that must not happen."""
-    result = fuzzed(chosen(asked.modes), lambda mode: met(mode, SIMULATOR, seed=asked.seed), watch=_tell)
-    looks = second_looks(0 if asked.modes else asked.second_looks, seed=asked.seed)
+    result = fuzzed(chosen(arguments.modes), lambda mode: met(mode, SIMULATOR, seed=arguments.seed), watch=_tell)
+    looks = second_looks(0 if arguments.modes else arguments.second_looks, seed=arguments.seed)
     print(*counts(result, looks), sep="\n")
-    if asked.publish:
-        publish(result, looks, seed=asked.seed)
+    if arguments.publish:
+        publish(result, looks, seed=arguments.seed)
     if not result.ok or looks.refused:
         raise SystemExit(1)
 
@@ -62,7 +62,7 @@ def second_looks(wanted: int, *, seed: int) -> SecondLooks:
     return SecondLooks(missions=missions, images=images, refused=refused)
 
 
-def publish(result: Fuzzed, looks: SecondLooks, *, seed: int, page: Path = PAGE) -> None:
+def publish(result: LieReport, looks: SecondLooks, *, seed: int, page: Path = PAGE) -> None:
     """Replace the part of the page between its two marks. Raises ValueError without the marks."""
     before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN)
     _, end, after = rest.partition(END)
@@ -83,7 +83,7 @@ def publish(result: Fuzzed, looks: SecondLooks, *, seed: int, page: Path = PAGE)
     page.write_text(f"{before}{BEGIN}\n\n" + "\n".join(made) + f"\n\n{END}{after}", encoding="utf-8")
 
 
-def counts(result: Fuzzed, looks: SecondLooks) -> list[str]:
+def counts(result: LieReport, looks: SecondLooks) -> list[str]:
     """The counts as a table in Markdown."""
     return [
         "| what must not happen | count |",
@@ -101,5 +101,5 @@ def counts(result: Fuzzed, looks: SecondLooks) -> list[str]:
     ]
 
 
-def _tell(one: Met) -> None:
+def _tell(one: MissionUnderLie) -> None:
     print(f"{'ok' if one.harmless else 'WRONG':<6} {one.mode:<42} {one.ended}", file=sys.stderr, flush=True)

@@ -70,7 +70,7 @@ class KillReport(Value):
     offences: tuple[str, ...]
 
 
-class Killed(Value):
+class KilledMission(Value):
     """One mission that was killed, and killed again inside its recovery."""
 
     first: bool
@@ -126,7 +126,7 @@ def _title(point: KillPoint) -> str:
     return f"{point.name} ({' '.join(point.faults) or 'no fault'})"
 
 
-def killed_twice(point: KillPoint) -> Killed:
+def killed_twice(point: KillPoint) -> KilledMission:
     """One mission in its own folder: killed at the point, killed again once it continues, then run to the end."""
     with TemporaryDirectory(prefix="kills-") as folder:
         data = Path(folder)
@@ -134,7 +134,7 @@ def killed_twice(point: KillPoint) -> Killed:
         first = regen(*run, REGEN_FAILPOINT=point.name).returncode == -signal.SIGKILL
         missions = _missions(data)
         if not missions:
-            return Killed(first=first, second=False, end="never created", wrong=() if first else ("no mission",))
+            return KilledMission(first=first, second=False, end="never created", wrong=() if first else ("no mission",))
         resume = ("mission", "resume", missions[0], "--data", data, *KINEMATIC)
         second = first and regen(*resume, REGEN_FAILPOINT=SECOND).returncode == -signal.SIGKILL
         last = regen(*resume) if first else None
@@ -144,7 +144,7 @@ def killed_twice(point: KillPoint) -> Killed:
             wrong.append(f"the last resume ended with {last.returncode}: {last.stderr[-300:]}")
         if status not in ENDS:
             wrong.append(f"the mission is left {status}")
-        return Killed(first=first, second=second, end=status, wrong=tuple(wrong))
+        return KilledMission(first=first, second=second, end=status, wrong=tuple(wrong))
 
 
 def offences_in(data: Path, mission_id: str) -> Iterator[str]:

@@ -261,8 +261,8 @@ def _ended(books: Books, together: Sequence[AnyEvent]) -> Iterator[str]:
         return
     if verdict.verdict != "satisfied" or any(result.verdict != "satisfied" for result in verdict.results):
         yield f"success on a goal verdict {verdict.verdict}"
-    wanted = sorted(condition.condition_id for condition in contract.completion_conditions)
-    if sorted(result.condition_id for result in verdict.results) != wanted:
+    required = sorted(condition.condition_id for condition in contract.completion_conditions)
+    if sorted(result.condition_id for result in verdict.results) != required:
         yield "success without the original completion conditions"
     missing = [node.node_id for node in contract.nodes if node.required and node.node_id not in books.standing]
     if missing:

@@ -106,13 +106,13 @@ def started(
     else:
         words = ["mission", "resume", mission_id, "--data", str(data), *SPEED, "--json"]
     plain_environment = {name: value for name, value in os.environ.items() if not name.startswith("REGEN_")}
-    with (data.parent / f"{data.name}.err").open("ab") as said:
+    with (data.parent / f"{data.name}.err").open("ab") as errors:
         return subprocess.Popen(
             [sys.executable, "-P", "-m", "app.cli.main", *words],
             cwd=ROOT,
             env={**plain_environment, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1", **(changes or {})},
             stdout=subprocess.DEVNULL,
-            stderr=said,
+            stderr=errors,
         )
 
 

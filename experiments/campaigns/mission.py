@@ -10,8 +10,8 @@ from tempfile import TemporaryDirectory
 
 from msgspec.structs import replace
 
-from experiments.campaigns.course import MissionCourse, run
 from experiments.campaigns.host import RobotHost
+from experiments.campaigns.mission_course import MissionCourse, run
 from experiments.campaigns.plan import MissionPlan
 from experiments.campaigns.wire import FaultyWire, SteppedClock, WiredProvider, WiredRobot
 from harness.adapters.clock import LockstepClock
@@ -26,7 +26,6 @@ from harness.adapters.providers.speech.microphone import RoomMicrophone
 from harness.adapters.providers.speech.speaker import RoomSpeaker
 from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
-from harness.baseline.load import read_yaml
 from harness.bootstrap import Harness, NullSignals, Parts, assemble
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted
@@ -41,6 +40,7 @@ from harness.planning.templates import by_name
 from harness.projections.mission import Mission
 from harness.runtime import Start
 from harness.settings import HarnessSettings
+from harness.workspace.yaml_reader import read_yaml
 from simulator.camera import CAMERA
 from simulator.room import SimulatedRoom
 from simulator.truth import Truth
@@ -82,7 +82,7 @@ class WatchedOutbox(MemoryOutbox):
 
 
 @dataclass(frozen=True)
-class Played:
+class PlayedMission:
     """A mission that ended, waits without an answer, or broke off: what the harness recorded and what truly
     happened.
     """
@@ -100,7 +100,7 @@ class Played:
 
 
 @contextmanager
-def played(plan: MissionPlan) -> Iterator[Played]:
+def played(plan: MissionPlan) -> Iterator[PlayedMission]:
     """Run the mission until it ends or nobody answers any more. Everything is in memory while the block lasts."""
     struck: Counter[str] = Counter()
     with ExitStack() as stack:
@@ -128,10 +128,10 @@ def played(plan: MissionPlan) -> Iterator[Played]:
             configure=lambda mission: _configure(host, mission),
             revive=host.revive,
         )
-        mission_id = _begun(harness, plan)
+        mission_id = _start_mission(harness, plan)
         course = run(harness, mission_id, plan=plan, clock=clock, struck=struck)
         struck.update(host.faults_struck())
-        yield Played(
+        yield PlayedMission(
             plan=plan,
             mission=harness.runtime.mission(mission_id),
             log=tuple(store.read(limit=1_000_000)),
@@ -150,7 +150,7 @@ def _in_memory() -> TemporaryDirectory[str]:
     return TemporaryDirectory(prefix="campaign-", dir=MEMORY if MEMORY.is_dir() else None)
 
 
-def _begun(harness: Harness, plan: MissionPlan) -> MissionId:
+def _start_mission(harness: Harness, plan: MissionPlan) -> MissionId:
     start = Start(actor=ASKING, robot_id=ROBOT, template=plan.template, seed=plan.seed % 2**31)
     decision = harness.runtime.start(start, template=template_of(harness, plan))
     if not isinstance(decision, Accepted):

@@ -77,7 +77,7 @@ def _simulated(result: dict[str, Any]) -> list[str]:
 
 
 def _others(result: dict[str, Any]) -> list[str]:
-    rows = [row for name, told in CAMPAIGNS.items() if (found := result.get(name)) is not None for row in told(found)]
+    rows = [row for name, table in CAMPAIGNS.items() if (found := result.get(name)) is not None for row in table(found)]
     return [*(["| other campaigns | |", "|---|---|"] if rows else []), *(f"| {a} | {b} |" for a, b in rows), ""]
 
 
@@ -93,10 +93,10 @@ def _random_kills(killed: dict[str, Any]) -> list[tuple[str, str]]:
     struck = killed["instants"] - killed["missed"]
     rows = [("SIGKILL at random instants over HTTP", f"{struck} of {killed['instants']} struck: {counts}")]
     for name, found in killed["targets"].items():
-        asked = ", ".join(f"{times} about {about}" for about, times in sorted(found["questions"].items()))
+        questions = ", ".join(f"{times} about {about}" for about, times in sorted(found["questions"].items()))
         ends = ", ".join(f"{times} {end.replace('_', ' ')}" for end, times in sorted(found["ends"].items()))
         alone = f"{found['succeeded']} of {found['struck']} succeeded without a person ({ends})"
-        rows.append((f"after a kill of the {name}", alone + (f"; asked {asked}" if asked else "")))
+        rows.append((f"after a kill of the {name}", alone + (f"; asked {questions}" if questions else "")))
     return rows
 
 
@@ -111,11 +111,11 @@ def _hard_faults(found: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _raced(title: str) -> Callable[[dict[str, Any]], list[tuple[str, str]]]:
-    def told(raced: dict[str, Any]) -> list[tuple[str, str]]:
+    def rows(raced: dict[str, Any]) -> list[tuple[str, str]]:
         rounds = f"{raced['rounds']:,} rounds of {raced['responders']}, {raced['effective']:,} with a winner"
         return [(title, rounds + _offences(raced))]
 
-    return told
+    return rows
 
 
 def _suspended(held: dict[str, Any]) -> list[tuple[str, str]]:
@@ -131,8 +131,10 @@ def _damage(damaged: dict[str, Any]) -> list[tuple[str, str]]:
 def _hammered(found: dict[str, Any]) -> list[tuple[str, str]]:
     decided = f"{found['decisions']:,} acknowledged by {found['callers']} callers, {found['refusals']:,} refused"
     kills = f"{found['kills']}, {found['in_question']} between question and answer, of which {found['stood']} stood"
-    kept = f"{found['lost']} lost, {found['doubled']} doubled, {found['streams']:,} states from zero{_offences(found)}"
-    return [("gate decisions under random SIGKILL", decided), ("their kills", kills), ("those decisions", kept)]
+    summary = (
+        f"{found['lost']} lost, {found['doubled']} doubled, {found['streams']:,} states from zero{_offences(found)}"
+    )
+    return [("gate decisions under random SIGKILL", decided), ("their kills", kills), ("those decisions", summary)]
 
 
 def _worked(found: dict[str, Any]) -> list[tuple[str, str]]:
@@ -140,12 +142,12 @@ def _worked(found: dict[str, Any]) -> list[tuple[str, str]]:
     ends = ", ".join(f"{count} {end.replace('_', ' ')}" for end, count in found["ends"].items())
     away = f"{found['restarts']} restarts ({found['crashes']} crashes), met {found['outages']} times by a worker"
     leases = f"{found['dispatches']:,} dispatches, {found['foreign_leases']:,} leases taken from outside"
-    kept = f"{found['lost']} lost, {found['doubled']} doubled of {found['acknowledged']:,} appends{_offences(found)}"
+    summary = f"{found['lost']} lost, {found['doubled']} doubled of {found['acknowledged']:,} appends{_offences(found)}"
     return [
         ("missions on one PostgreSQL", f"{played}: {ends}"),
         ("its outages", f"{away}, in {found['seconds']:.0f} s"),
         ("its leases", f"{leases}, {found['contended']:,} refused: somebody else had it"),
-        ("what was acknowledged", kept),
+        ("what was acknowledged", summary),
     ]
 
 

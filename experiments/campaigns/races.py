@@ -75,7 +75,7 @@ def answer_rounds(rounds: int, *, seed: int) -> RaceReport:
         mission_id: MissionId | None = None
         for number in range(rounds):
             if mission_id is None or number % PER_MISSION == 0 or harness.runtime.mission(mission_id).ended:
-                mission_id = _begun(harness, seed + number)
+                mission_id = _start_mission(harness, seed + number)
             harness.supervisor.run(mission_id)
             wrong, taken = _answered(harness, mission_id)
             effective += taken
@@ -117,7 +117,7 @@ def _same(now_s: float) -> float:
     return now_s
 
 
-def _begun(harness: Harness, seed: int) -> MissionId:
+def _start_mission(harness: Harness, seed: int) -> MissionId:
     start = Start(
         actor=person(0), robot_id=RobotId("vbot-1"), template="circuit", seed=seed, labels={"faults": PERSISTENT}
     )
@@ -171,15 +171,17 @@ def _recovery_starts(harness: Harness, mission_id: MissionId, before: int) -> in
 
 def _appended(gates: Sequence[Gate], number: int) -> tuple[list[str], bool]:
     handoff_id = HandoffId(f"hof_race_{number}")
-    asked = opening(handoff_id)
-    gates[0].commit([CommandEnvelope(handoff_stream(handoff_id), asked, None)])
+    handoff = opening(handoff_id)
+    gates[0].commit([CommandEnvelope(handoff_stream(handoff_id), handoff, None)])
     if number % 3 == 0:
-        again = RefreshHandoff(k=asked.k, proposal=asked.proposal, snapshot=asked.snapshot, evidence=asked.evidence)
+        again = RefreshHandoff(
+            k=handoff.k, proposal=handoff.proposal, snapshot=handoff.snapshot, evidence=handoff.evidence
+        )
         gates[1].commit([CommandEnvelope(handoff_stream(handoff_id), again, None)])
 
     def approve(responder: int) -> Any:
         old = number % 3 == 0 and responder % 2 == 0
-        command = approval(asked, responder, cycle=1 if number % 3 or old else 2)
+        command = approval(handoff, responder, cycle=1 if number % 3 or old else 2)
         return gates[responder].commit([CommandEnvelope(handoff_stream(handoff_id), command, None)])
 
     decisions = together(approve)
@@ -256,15 +258,15 @@ def opening(handoff_id: HandoffId) -> OpenHandoff:
     )
 
 
-def approval(asked: OpenHandoff, responder: int, *, cycle: int) -> HandoffCommand:
+def approval(handoff: OpenHandoff, responder: int, *, cycle: int) -> HandoffCommand:
     """This responder's approval of the question, on what was shown in that cycle."""
     return ApproveHandoff(
         actor=person(responder),
         reason="go on",
         key=f"key-{responder}",
         cycle=cycle,
-        subject=digest(asked.proposal),
-        evidence=asked.evidence,
-        k=asked.k,
-        fresh=replace(asked.snapshot),
+        subject=digest(handoff.proposal),
+        evidence=handoff.evidence,
+        k=handoff.k,
+        fresh=replace(handoff.snapshot),
     )

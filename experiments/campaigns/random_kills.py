@@ -95,8 +95,8 @@ def random_kills(instants: int, *, seed: int = 1, minutes: float | None = None) 
             break
         done.append(killed_at(instant(number, seed)))
         one = done[-1][0]
-        said = f"{len(done)} of {instants}: {one.kill.target} at {one.kill.at_s:.1f} s, {one.end} {one.asked}"
-        print(said, file=sys.stderr, flush=True)
+        line = f"{len(done)} of {instants}: {one.kill.target} at {one.kill.at_s:.1f} s, {one.end} {one.asked}"
+        print(line, file=sys.stderr, flush=True)
     return reported([one for one, _ in done], read_events=sum(read for _, read in done))
 
 
@@ -179,8 +179,8 @@ def _strike(kill: InstantKill, data: Path, host: subprocess.Popen[bytes], reader
     """Wait for the instant, by the robot's own time, and kill; False if the mission was over before."""
 
     def due() -> bool:
-        told = truth_of(data)
-        return bool(told) and told[-1].at_s - told[0].at_s >= kill.at_s
+        truth = truth_of(data)
+        return bool(truth) and truth[-1].at_s - truth[0].at_s >= kill.at_s
 
     until(lambda: due() or reader.settled() or host.poll() is not None, reader, seconds=PATIENCE_S)
     if reader.settled() or host.poll() is not None or not due():

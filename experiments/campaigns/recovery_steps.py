@@ -151,12 +151,12 @@ def publish(report: StepReport, *, command: str, page: Path = PAGE) -> None:
     page.write_text(f"{before}{BEGIN}\n\n{made}\n\n{END}{after}", encoding="utf-8")
 
 
-def run(asked: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> None:
     """`python -m experiments.campaigns recovery`: print the table; publish it if asked. Exit 1 for a useless step."""
-    report = recovery_steps(asked.missions, seed=asked.seed)
+    report = recovery_steps(arguments.missions, seed=arguments.seed)
     print(table(report))
-    if asked.publish:
-        command = f"python -m experiments.campaigns recovery --missions {asked.missions} --seed {asked.seed} --publish"
-        publish(report, command=command)
+    if arguments.publish:
+        sizes = f"--missions {arguments.missions} --seed {arguments.seed}"
+        publish(report, command=f"python -m experiments.campaigns recovery {sizes} --publish")
     if report.offences:
         raise SystemExit(1)

@@ -91,14 +91,14 @@ def _authorise_or_reject(gates: Sequence[Gate], number: int) -> tuple[list[str],
     before = _review(gates[0], name)
 
     def decide(responder: int) -> Any:
-        said = {**_said(responder), "cycle": before.cycle, "subject": before.subject_digest}
+        remark = {**_fields_of(responder), "cycle": before.cycle, "subject": before.subject_digest}
         if responder % 2:
-            return gates[responder].commit([CommandEnvelope(candidate_stream(name), RejectCandidate(**said), None)])
-        return gates[responder].commit(_authorising(before, said))
+            return gates[responder].commit([CommandEnvelope(candidate_stream(name), RejectCandidate(**remark), None)])
+        return gates[responder].commit(_authorising(before, remark))
 
     winners = _winners(together(decide))
     after = _review(gates[0], name)
-    words = [said.what for said in after.said if said.what in ("authorised", "rejected")]
+    words = [remark.what for remark in after.said if remark.what in ("authorised", "rejected")]
     wrong = [] if len(winners) == 1 else [f"{len(winners)} decisions were taken"]
     wrong += [] if words == [after.status] else [f"the log holds {words}, the candidate is {after.status}"]
     return wrong, bool(winners)
@@ -128,12 +128,12 @@ def _moved_once(gate: Gate, before: int, winners: list[int]) -> list[str]:
     wrong = [] if len(winners) == 1 else [f"{len(winners)} releases were taken"]
     wrong += [] if pointer.revision == before + 1 else [f"the pointer moved {pointer.revision - before} times"]
     if pointer.trial is not None:
-        said: dict[str, Any] = {"actor": Actor(name="sam", role="releaser"), "reason": "next round", "key": "back"}
+        fields: dict[str, Any] = {"actor": Actor(name="sam", role="releaser"), "reason": "next round", "key": "back"}
         review = _review(gate, pointer.trial)
-        back = _move(review, "rolled_back", said)
+        back = _move(review, "rolled_back", fields)
         decided = gate.commit(
             [
-                CommandEnvelope(candidate_stream(review.candidate), RollBack(**said), None),
+                CommandEnvelope(candidate_stream(review.candidate), RollBack(**fields), None),
                 CommandEnvelope(POINTER, back, None),
             ]
         )
@@ -144,37 +144,37 @@ def _moved_once(gate: Gate, before: int, winners: list[int]) -> list[str]:
 def _authorised(gate: Gate, number: int) -> Digest:
     name = _reviewed(gate, number)
     review = _review(gate, name)
-    said = {**_said(99), "cycle": review.cycle, "subject": review.subject_digest}
-    _taken(gate.commit(_authorising(review, said)))
+    fields = {**_fields_of(99), "cycle": review.cycle, "subject": review.subject_digest}
+    _taken(gate.commit(_authorising(review, fields)))
     return name
 
 
-def _authorising(review: Review, said: dict[str, Any]) -> list[CommandEnvelope]:
-    asked = AuthoriseRelease(policy=POLICY, rollback=review.baseline, proven=review.baseline, **said)
+def _authorising(review: Review, fields: dict[str, Any]) -> list[CommandEnvelope]:
+    command = AuthoriseRelease(policy=POLICY, rollback=review.baseline, proven=review.baseline, **fields)
     return [
-        CommandEnvelope(candidate_stream(review.candidate), asked, None),
+        CommandEnvelope(candidate_stream(review.candidate), command, None),
         CommandEnvelope(POINTER, Confirm(baseline=review.baseline), None),
     ]
 
 
 def _releasing(gate: Gate, name: Digest, responder: int) -> list[CommandEnvelope]:
     review = _review(gate, name)
-    said = _said(responder)
-    asked = BeginCanary(robot_id=ROBOT, policy=POLICY, cycle=review.cycle, subject=review.subject_digest, **said)
+    fields = _fields_of(responder)
+    command = BeginCanary(robot_id=ROBOT, policy=POLICY, cycle=review.cycle, subject=review.subject_digest, **fields)
     return [
-        CommandEnvelope(candidate_stream(name), asked, None),
-        CommandEnvelope(POINTER, _move(review, "canary", said), None),
+        CommandEnvelope(candidate_stream(name), command, None),
+        CommandEnvelope(POINTER, _move(review, "canary", fields), None),
     ]
 
 
-def _move(review: Review, cause: Any, said: dict[str, Any]) -> MovePointer:
+def _move(review: Review, cause: Any, fields: dict[str, Any]) -> MovePointer:
     return MovePointer(
         cause=cause,
         candidate=review.candidate,
         configuration=review.configuration,
         rollback=review.baseline,
-        actor=said["actor"],
-        reason=said["reason"],
+        actor=fields["actor"],
+        reason=fields["reason"],
         robot_id=ROBOT,
     )
 
@@ -194,12 +194,12 @@ def _reviewed(gate: Gate, number: int) -> Digest:
     report = AcceptanceReport(
         terms=digest(terms), result_set=digest(results), predicate=terms.predicate, clauses=clauses
     )
-    said: dict[str, Any] = {"actor": LEA, "reason": "a race"}
+    fields: dict[str, Any] = {"actor": LEA, "reason": "a race"}
     for command in (
-        ProposeCandidate(candidate=made, baseline=H0, key="propose", **said),
-        BeginEvaluation(terms=terms, key="begin", **said),
-        RecordEvaluation(terms=terms, results=results, report=report, key="record", **said),
-        OpenReview(key="open", **said),
+        ProposeCandidate(candidate=made, baseline=H0, key="propose", **fields),
+        BeginEvaluation(terms=terms, key="begin", **fields),
+        RecordEvaluation(terms=terms, results=results, report=report, key="record", **fields),
+        OpenReview(key="open", **fields),
     ):
         _taken(gate.commit([CommandEnvelope(stream, command, None)]))
     review = _review(gate, name)
@@ -252,7 +252,7 @@ def _result(configuration: Digest) -> CaseResult:
     return CaseResult(case=PLAIN, family="nominal", seed=1, configuration=configuration, outcome="finished")
 
 
-def _said(responder: int) -> dict[str, Any]:
+def _fields_of(responder: int) -> dict[str, Any]:
     actor = Actor(name=f"responder-{responder}", role="reviewer+releaser")
     return {"actor": actor, "reason": "my word", "key": f"key-{responder}"}
 

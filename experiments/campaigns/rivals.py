@@ -60,26 +60,26 @@ def rival_rounds(rounds: int) -> RaceReport:
 def _round(mine: Sequence[Gate], theirs: Sequence[Gate], *, kind: str, number: int) -> tuple[list[str], bool]:
     """What went wrong, and whether anything ended the question. Responders with an odd number approve."""
     handoff_id = HandoffId(f"hof_rival_{number}")
-    stream, asked = handoff_stream(handoff_id), opening(handoff_id)
-    mine[0].commit([CommandEnvelope(stream, asked, None)])
+    stream, opened = handoff_stream(handoff_id), opening(handoff_id)
+    mine[0].commit([CommandEnvelope(stream, opened, None)])
 
     def ask(responder: int) -> Any:
         if responder % 2:
-            return mine[responder].commit([CommandEnvelope(stream, approval(asked, responder, cycle=1), None)])
-        return theirs[responder].commit([CommandEnvelope(stream, _rival(kind, asked, responder), None)])
+            return mine[responder].commit([CommandEnvelope(stream, approval(opened, responder, cycle=1), None)])
+        return theirs[responder].commit([CommandEnvelope(stream, _rival(kind, opened, responder), None)])
 
     decisions = together(ask)
-    told = [event for one in decisions if isinstance(one, Accepted) for event in one.events]
+    events = [event for one in decisions if isinstance(one, Accepted) for event in one.events]
     state: Handoff = mine[0].state(stream)
-    return _wrong(kind, told, state), not state.answerable
+    return _wrong(kind, events, state), not state.answerable
 
 
-def _wrong(kind: str, told: Sequence[HandoffEvent], state: Handoff) -> list[str]:
+def _wrong(kind: str, events: Sequence[HandoffEvent], state: Handoff) -> list[str]:
     """Sentences about violations."""
-    ends = [type(event).__name__ for event in told if isinstance(event, ENDS)]
+    ends = [type(event).__name__ for event in events if isinstance(event, ENDS)]
     approved = "HandoffApproved" in ends
-    claims = [event.actor.name for event in told if isinstance(event, HandoffClaimed)]
-    looks = sum(isinstance(event, HandoffRefreshed) for event in told)
+    claims = [event.actor.name for event in events if isinstance(event, HandoffClaimed)]
+    looks = sum(isinstance(event, HandoffRefreshed) for event in events)
     found = [
         (len(ends) > 1, f"{kind}: it ended {len(ends)} times: {', '.join(ends)}"),
         (approved != (state.status == "approved"), f"{kind}: {ends} were taken, it is {state.status}"),
@@ -90,10 +90,10 @@ def _wrong(kind: str, told: Sequence[HandoffEvent], state: Handoff) -> list[str]
     return [sentence for broken, sentence in found if broken]
 
 
-def _rival(kind: str, asked: OpenHandoff, responder: int) -> HandoffCommand:
+def _rival(kind: str, request: OpenHandoff, responder: int) -> HandoffCommand:
     match kind:
         case "reject":
-            subject = digest(asked.proposal)
+            subject = digest(request.proposal)
             return RejectHandoff(actor=person(responder), reason="no", key=f"r-{responder}", cycle=1, subject=subject)
         case "expire":
             return ExpireHandoff()
@@ -102,4 +102,6 @@ def _rival(kind: str, asked: OpenHandoff, responder: int) -> HandoffCommand:
         case "claim":
             return TakeClaim(actor=person(responder), claim=f"t-{responder}")
         case _:
-            return RefreshHandoff(k=asked.k, proposal=asked.proposal, snapshot=asked.snapshot, evidence=asked.evidence)
+            return RefreshHandoff(
+                k=request.k, proposal=request.proposal, snapshot=request.snapshot, evidence=request.evidence
+            )

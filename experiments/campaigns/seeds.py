@@ -128,17 +128,17 @@ def all_seeds(
     templates: Iterable[str], *, seed: int, missions: int, processes: int, minutes: float | None
 ) -> Iterator[SeedResult]:
     """Every template on every seed, the templates by turns, so that a run that is cut short has tried them alike."""
-    asked = [(template, seed + number) for number in range(missions) for template in templates]
+    cases = [(template, seed + number) for number in range(missions) for template in templates]
     until_s = math.inf if minutes is None else time.monotonic() + 60.0 * minutes
     if processes < 2:
-        for one in asked:
+        for one in cases:
             if time.monotonic() > until_s:
                 return
             yield one_seed(*one)
             gc.collect()
         return
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        for done in as_completed([pool.submit(one_seed, *one) for one in asked]):
+        for done in as_completed([pool.submit(one_seed, *one) for one in cases]):
             yield done.result()
             if time.monotonic() > until_s:
                 pool.shutdown(wait=False, cancel_futures=True)
@@ -197,24 +197,24 @@ def publish(found: SeedReport, *, page: Path = PAGE, results: Path = RESULTS) ->
     page.write_text(f"{before}{BEGIN}\n\n{table(found)}\n\n{END}{after}", encoding="utf-8")
 
 
-def run(asked: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> None:
     """`python -m experiments.campaigns seeds`: print the table; publish it if asked. Exit 1 where a seed failed."""
-    command = f"python -m experiments.campaigns seeds --missions {asked.missions} --seed {asked.seed}"
-    command += f" --minutes {asked.minutes:g}" if asked.minutes is not None else ""
+    command = f"python -m experiments.campaigns seeds --missions {arguments.missions} --seed {arguments.seed}"
+    command += f" --minutes {arguments.minutes:g}" if arguments.minutes is not None else ""
     results = []
     for one in all_seeds(
-        asked.only or ENDS,
-        seed=asked.seed,
-        missions=asked.missions,
-        processes=asked.processes,
-        minutes=asked.minutes,
+        arguments.only or ENDS,
+        seed=arguments.seed,
+        missions=arguments.missions,
+        processes=arguments.processes,
+        minutes=arguments.minutes,
     ):
         results.append(one)
         word = "; ".join(one.wrong) or one.status
         print(f"{one.template} {one.seed}: {word} ({one.failures} failures)", file=sys.stderr, flush=True)
-    found = report(results, seed=asked.seed, missions=asked.missions, command=command)
+    found = report(results, seed=arguments.seed, missions=arguments.missions, command=command)
     print(table(found))
-    if asked.publish:
+    if arguments.publish:
         publish(found)
     if found.offences:
         raise SystemExit(1)

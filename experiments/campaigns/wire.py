@@ -110,10 +110,10 @@ class WiredProvider:
         return self._card
 
     def start(self, request: StartRequest) -> InvocationReport:
-        return self._said(lambda: self._provider().start(request), acts=True)
+        return self._report(lambda: self._provider().start(request), acts=True)
 
     def report(self, handle: str) -> InvocationReport:
-        return self._said(lambda: self._provider().report(handle), handle=handle)
+        return self._report(lambda: self._provider().report(handle), handle=handle)
 
     def find(self, request: RequestId) -> InvocationReport | None:
         self._hear()
@@ -124,16 +124,18 @@ class WiredProvider:
         self._wire.carry(lambda: self._provider().keepalive(handle), acts=True)
 
     def resume(self, handle: str) -> InvocationReport:
-        return self._said(lambda: self._provider().resume(handle), handle=handle, acts=True)
+        return self._report(lambda: self._provider().resume(handle), handle=handle, acts=True)
 
     def stop(self, handle: str) -> InvocationReport:
-        return self._said(lambda: self._provider().stop(handle), handle=handle, acts=True)
+        return self._report(lambda: self._provider().stop(handle), handle=handle, acts=True)
 
     def _hear(self) -> None:
         if self._local and self._wire.strikes("provider-silent"):
             raise ProviderUnreachable("The provider does not answer", where=self._card.provider_id)
 
-    def _said(self, call: Callable[[], InvocationReport], *, handle: str = "", acts: bool = False) -> InvocationReport:
+    def _report(
+        self, call: Callable[[], InvocationReport], *, handle: str = "", acts: bool = False
+    ) -> InvocationReport:
         self._hear()
         report = self._wire.carry(call, older=self._before.get(handle), acts=acts)
         self._before[report.handle] = report

@@ -5,7 +5,7 @@ one log.
 from collections.abc import Callable
 
 from experiments.campaigns.chance import one_of
-from experiments.campaigns.course import ELSEWHERE
+from experiments.campaigns.mission_course import ELSEWHERE
 from experiments.campaigns.worker_robots import BASE, Shift
 from harness.contracts.commands import AcquireLease, LeaseCommand, ReleaseLease
 from harness.contracts.decisions import Accepted

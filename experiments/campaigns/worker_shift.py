@@ -12,9 +12,9 @@ from pathlib import Path
 import msgspec
 
 from experiments.campaigns.adjudicate import judged
-from experiments.campaigns.course import LONGEST_S, MOST_STEPS, MissionCourse, answered
 from experiments.campaigns.kills import commits_of
-from experiments.campaigns.mission import ASKING, Played, template_of
+from experiments.campaigns.mission import ASKING, PlayedMission, template_of
+from experiments.campaigns.mission_course import LONGEST_S, MOST_STEPS, MissionCourse, answered
 from experiments.campaigns.plan import MissionPlan, mission_plan
 from experiments.campaigns.tally import Tally
 from experiments.campaigns.worker_neighbour import Neighbour
@@ -42,7 +42,7 @@ ENOUGH, AT_WORK = "enough", "at-work"
 
 
 @dataclass
-class Worked:
+class WorkerFindings:
     """The findings of one worker. `acknowledged`: the log's end after each append that was answered, and its digest."""
 
     tally: Tally = field(default_factory=Tally)
@@ -53,7 +53,7 @@ class Worked:
 
 
 @dataclass
-class _Errand:
+class _MissionInProgress:
     """A mission in progress on one robot, and the log position of that robot's lease before it."""
 
     plan: MissionPlan
@@ -63,7 +63,7 @@ class _Errand:
     course: MissionCourse = field(default_factory=MissionCourse)
 
 
-def work(shift: Shift) -> Worked:
+def work(shift: Shift) -> WorkerFindings:
     """All missions of the shift, or as many as there are before ENOUGH appears."""
     worker = _ShiftWorker(shift)
     try:
@@ -75,16 +75,16 @@ def work(shift: Shift) -> Worked:
 class _ShiftWorker:
     def __init__(self, shift: Shift) -> None:
         self._shift, self._robots = shift, Robots(shift)
-        self._worked = Worked()
+        self._worked = WorkerFindings()
         self._left = list(shift.seeds)
-        self._errands: dict[str, _Errand] = {}
+        self._errands: dict[str, _MissionInProgress] = {}
         self._beginning: dict[str, MissionPlan] = {}
         self._neighbour = Neighbour(shift, lambda: self._harness.runtime)
         self._away_s: float | None = None
         self._forgets = False
         self._store, self._harness = self._opened()
 
-    def run(self) -> Worked:
+    def run(self) -> WorkerFindings:
         """One turn of each robot after the other."""
         (Path(self._shift.folder) / f"{AT_WORK}-{self._shift.number}").touch()
         while self._errands or self._beginning or self._more():
@@ -208,17 +208,17 @@ class _ShiftWorker:
                 raise RuntimeError(f"mission {plan.seed} was not created: {created}")
             mission_id = created.mission_id
         begun_s = self._robots.clocks[name].now().mission_s
-        self._errands[name] = _Errand(plan, mission_id, begun_s=begun_s, lease_version=lease_version)
+        self._errands[name] = _MissionInProgress(plan, mission_id, begun_s=begun_s, lease_version=lease_version)
         del self._beginning[name]
 
-    def _judge(self, name: str, errand: _Errand) -> None:
+    def _judge(self, name: str, errand: _MissionInProgress) -> None:
         """The adjudicator's findings on a mission that is over, from the database's log and this robot's ground
         truth.
         """
         runtime, robot = self._harness.runtime, self._robots.robots[name]
         log = self._log(name, errand)
         mission = runtime.mission(errand.mission_id)
-        played = Played(
+        played = PlayedMission(
             plan=errand.plan,
             mission=mission,
             log=log,
@@ -236,15 +236,15 @@ class _ShiftWorker:
         with (Path(self._shift.folder) / f"done-{self._shift.number}").open("ab") as done:
             done.write(b".")
 
-    def _log(self, name: str, errand: _Errand) -> tuple[StoredEvent, ...]:
+    def _log(self, name: str, errand: _MissionInProgress) -> tuple[StoredEvent, ...]:
         """Everything about one mission, in the log's order: its events, its questions, its robot's lease since."""
         store = self._harness.runtime
         mine = store.events(errand.mission_id)
-        asked = (event for event in mine if event.kind == HandoffRequested.__name__)
-        questions = [HandoffId(msgspec.json.decode(event.body)["handoff_id"]) for event in asked]
-        told = [event for one in questions for event in store.stream(handoff_stream(one))]
+        requests = (event for event in mine if event.kind == HandoffRequested.__name__)
+        questions = [HandoffId(msgspec.json.decode(event.body)["handoff_id"]) for event in requests]
+        events = [event for one in questions for event in store.stream(handoff_stream(one))]
         leases = store.stream(lease_stream(leased(RobotId(name), BASE)))[errand.lease_version :]
-        return tuple(sorted((*mine, *told, *leases), key=lambda event: event.position))
+        return tuple(sorted((*mine, *events, *leases), key=lambda event: event.position))
 
 
 def as_errand(plan: MissionPlan) -> MissionPlan:

@@ -23,7 +23,7 @@ from experiments.campaigns.ledgers import exclusive_leases
 from experiments.campaigns.simulate import CampaignWorkersLost, seeds_of
 from experiments.campaigns.tally import Tally, tallied
 from experiments.campaigns.worker_robots import Shift
-from experiments.campaigns.worker_shift import AT_WORK, ENOUGH, Worked, work
+from experiments.campaigns.worker_shift import AT_WORK, ENOUGH, WorkerFindings, work
 from harness.adapters.stores.postgres import PostgresEventStore
 from harness.contracts.errors import HarnessError
 from harness.contracts.ports import StoredEvent
@@ -149,13 +149,13 @@ class _Restarter:
         self.plan()
 
 
-def _worked(shifts: Sequence[Shift], restarter: _Restarter, *, minutes: float | None) -> list[Worked]:
+def _worked(shifts: Sequence[Shift], restarter: _Restarter, *, minutes: float | None) -> list[WorkerFindings]:
     """The workers' findings. Raises WorkersLost where one of them dies."""
     folder, begun_s, told_s = Path(shifts[0].folder), time.monotonic(), time.monotonic()
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["experiments.campaigns.worker_shift"])
     with ProcessPoolExecutor(len(shifts), mp_context=context) as pool:
-        futures: list[Future[Worked]] = [pool.submit(work, shift) for shift in shifts]
+        futures: list[Future[WorkerFindings]] = [pool.submit(work, shift) for shift in shifts]
         open_ = set(futures)
         try:
             while not any(folder.glob(f"{AT_WORK}-*")) and not any(one.done() for one in futures):
@@ -185,7 +185,7 @@ def _done(folder: Path) -> int:
     return sum(file.stat().st_size for file in folder.glob("done-*"))
 
 
-def _wrong(log: Sequence[StoredEvent], worked: Sequence[Worked]) -> Iterator[str]:
+def _wrong(log: Sequence[StoredEvent], worked: Sequence[WorkerFindings]) -> Iterator[str]:
     """Contradictions between log and workers, and what is in the log twice."""
     for one in worked:
         yield from (f"mission of seed {seed}: {sentence}" for seed, sentence in one.tally.offences)
@@ -215,7 +215,7 @@ def _field(event: StoredEvent, name: str) -> str:
 
 
 def _report(
-    worked: Sequence[Worked],
+    worked: Sequence[WorkerFindings],
     log: Sequence[StoredEvent],
     restarter: _Restarter,
     *,

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from harness.baseline.load import baseline, further, site
+from harness.baseline.load import baseline, shipped_workspace, site
 from harness.contracts.errors import HarnessError
 from harness.contracts.readings import Clause, Reading
 from harness.goals.understanding import GoalRequest, compiled, understand
@@ -43,26 +43,26 @@ class GoalOutcome:
 
 def outcome(goal: dict[str, Any]) -> GoalOutcome:
     """One goal, read and compiled as a start would be."""
-    wanted = goal["expect"]
-    templates = (*baseline().templates, *further())
+    expectation = goal["expect"]
+    templates = (*baseline().templates, *shipped_workspace().missions)
     try:
         found = understand(GoalRequest(text=goal["text"]), templates=templates, site=site())
         contract = compiled(found, templates=templates, site=site(), arguments={})
     except HarnessError as error:
         return GoalOutcome(
-            goal, "refused" if wanted["outcome"] == "start" else "right ask", (), f"{error.code}: {error}"
+            goal, "refused" if expectation["outcome"] == "start" else "right ask", (), f"{error.code}: {error}"
         )
-    read = told(contract.reading) if isinstance(contract.reading, Reading) else ()
-    right = wanted["outcome"] == "start" and same(read, [expected(one) for one in wanted["clauses"]])
+    read = compared_clauses(contract.reading) if isinstance(contract.reading, Reading) else ()
+    right = expectation["outcome"] == "start" and same(read, [expected(one) for one in expectation["clauses"]])
     return GoalOutcome(goal, "right start" if right else "wrong start", read, "")
 
 
-def told(reading: Reading) -> tuple[ComparedClause, ...]:
+def compared_clauses(reading: Reading) -> tuple[ComparedClause, ...]:
     """A reading's clauses for the comparison."""
-    return tuple(_told(clause) for clause in reading.clauses)
+    return tuple(_compared_clause(clause) for clause in reading.clauses)
 
 
-def _told(clause: Clause) -> ComparedClause:
+def _compared_clause(clause: Clause) -> ComparedClause:
     named = clause.object.id if clause.object and clause.object.id else None
     return clause.act, named, clause.negated, clause.count
 
@@ -81,13 +81,13 @@ def same(one: Sequence[ComparedClause], other: Sequence[ComparedClause]) -> bool
 def plain(clauses: Iterable[ComparedClause]) -> list[ComparedClause]:
     """The clauses to be done, without what is told in two ways."""
     found: list[ComparedClause] = []
-    asked = [_named(clause) for clause in clauses if not clause[2]]
-    for index, clause in enumerate(asked):
+    names = [_named(clause) for clause in clauses if not clause[2]]
+    for index, clause in enumerate(names):
         act, named, _, count = clause
-        following = asked[index + 1] if index + 1 < len(asked) else None
+        following = names[index + 1] if index + 1 < len(names) else None
         if act == "go" and following and following[0] in LOOKS and following[1] == named:
             continue
-        if act == "report" and named is None and any(one[0] in PART_OF for one in asked[:index]):
+        if act == "report" and named is None and any(one[0] in PART_OF for one in names[:index]):
             continue
         if found and found[-1][:2] == (act, named):
             found[-1] = (act, named, False, found[-1][3] + count)
@@ -120,8 +120,8 @@ def table(outcomes: Sequence[GoalOutcome]) -> list[str]:
 
 def refused_share(outcomes: Sequence[GoalOutcome]) -> float:
     """How much of what should be understood was refused."""
-    wanted = [one for one in outcomes if one.goal["expect"]["outcome"] == "start"]
-    return sum(one.answer == "refused" for one in wanted) / len(wanted) if wanted else 0.0
+    startable = [one for one in outcomes if one.goal["expect"]["outcome"] == "start"]
+    return sum(one.answer == "refused" for one in startable) / len(startable) if startable else 0.0
 
 
 def goals(text: str) -> list[dict[str, Any]]:

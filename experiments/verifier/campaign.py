@@ -9,7 +9,7 @@ from random import Random
 
 from experiments.verifier import floors, messages, motion, passages, pictures, speech, stages
 from experiments.verifier.cases import VerifierCase
-from experiments.verifier.matrix import Counting, VerifierReport, counted, matrix, offences
+from experiments.verifier.matrix import PredicateCounts, VerifierReport, counted, matrix, offences
 from experiments.verifier.page import publish, summary
 from harness.contracts.rules import RETIRED
 from harness.verification.predicates.registry import PREDICATES
@@ -45,7 +45,7 @@ class Pools:
         return passages.scenes(self.seed, rendered=rendered, drawn=drawn)
 
     @cached_property
-    def recordings(self) -> tuple[speech.Spoken, ...]:
+    def recordings(self) -> tuple[speech.SpokenReport, ...]:
         return speech.recordings(self.seed, kinds=2 * speech.KINDS if self.whole else speech.FEW)
 
     @cached_property
@@ -53,7 +53,7 @@ class Pools:
         return stages.journals(self.seed, count=60 if self.whole else 8)
 
     @cached_property
-    def views(self) -> tuple[floors.Viewed, ...]:
+    def views(self) -> tuple[floors.VisibleCells, ...]:
         return floors.views(self.seed, count=len(floors.PLACES) * (2 if self.whole else 1))
 
     @cached_property
@@ -125,7 +125,7 @@ def measured(
     return reported(cases, seed, counting, pools.sizes() if set(only) == set(FAMILIES) else {})
 
 
-def reported(cases: int, seed: int, counting: Mapping[str, Counting], sizes: dict[str, int]) -> VerifierReport:
+def reported(cases: int, seed: int, counting: Mapping[str, PredicateCounts], sizes: dict[str, int]) -> VerifierReport:
     """The matrices of what was counted, and what must not be in them."""
     found = tuple(matrix(name, counting[name]) for name in current_predicates() if name in counting)
     missing = [f"{name}: no family makes cases of it" for name in current_predicates() if name not in counting]
@@ -142,22 +142,22 @@ def _drawn(
         say(family)
         left = dict.fromkeys(predicates, cases)
         for turn in range(MOST_DRAWS):
-            wanted = max(left.values(), default=cases if turn == 0 else 0)
-            if wanted <= 0:
+            count = max(left.values(), default=cases if turn == 0 else 0)
+            if count <= 0:
                 break
-            for case in make(Random(f"{seed} {family} {turn}"), round(SPARE * wanted), pools):
+            for case in make(Random(f"{seed} {family} {turn}"), round(SPARE * count), pools):
                 if case.predicate in left and not case.epistemic and case.true is not None:
                     left[case.predicate] -= 1
                 yield case
 
 
-def run(asked: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> None:
     """`python -m experiments.campaigns verifier`: print the matrix; publish it if asked. Exit 1 for an offence."""
-    report = measured(asked.cases, seed=asked.seed, say=print)
+    report = measured(arguments.cases, seed=arguments.seed, say=print)
     print(summary(report))
-    if asked.publish:
+    if arguments.publish:
         words = ["python", "-m", "experiments.campaigns", "verifier"]
-        words += ["--cases", str(asked.cases), "--seed", str(asked.seed), "--publish"]
+        words += ["--cases", str(arguments.cases), "--seed", str(arguments.seed), "--publish"]
         publish(report, command=shlex.join(words))
     for line in report.offences:
         print(line)

@@ -48,7 +48,7 @@ Blobs = Mapping[ids.Digest, bytes]
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class CaseInputs:
     """A state of the harness with the packet to judge, or of the goal without one, and the bytes that it cites."""
 
     view: StateView
@@ -68,7 +68,7 @@ class VerifierCase:
     predicate: str
     fault: str
     true: bool | None
-    shown: Shown
+    shown: CaseInputs
     condition_id: ids.ConditionId
     epistemic: bool = False
 
@@ -90,7 +90,7 @@ class CaseJudge:
     """Judges cases; those that share what is shown are judged once."""
 
     verifier: Verifier = verify
-    _shown: Shown | None = field(default=None, repr=False)
+    _shown: CaseInputs | None = field(default=None, repr=False)
     _verdict: NodeVerdict | GoalVerdict | None = field(default=None, repr=False)
     _broken: tuple[str, Reason] | None = field(default=None, repr=False)
     _overflow: bool = False
@@ -106,19 +106,19 @@ class CaseJudge:
             return CaseAnswer("refused by the gate", (self._broken[0],))
         return CaseAnswer(result.verdict, codes_of(result.reason))
 
-    def _judge(self, shown: Shown) -> None:
-        self._shown, self._verdict, self._broken, self._overflow = shown, None, None, False
-        blobs = shown.blobs.__getitem__
+    def _judge(self, inputs: CaseInputs) -> None:
+        self._shown, self._verdict, self._broken, self._overflow = inputs, None, None, False
+        blobs = inputs.blobs.__getitem__
         try:
-            if shown.packet is None or shown.card is None:
-                self._verdict = verify_goal(goal_context(shown.view), blobs)
+            if inputs.packet is None or inputs.card is None:
+                self._verdict = verify_goal(goal_context(inputs.view), blobs)
                 return
-            context = verifier_context(shown.view, shown.packet, shown.card)
+            context = verifier_context(inputs.view, inputs.packet, inputs.card)
         except ContextOverflow:
             self._overflow = True
             return
         self._verdict = judged(context, blobs, verifier=self.verifier)
-        self._broken = first_broken(PACKET_RULES, shown.view.mission, shown.packet, self._verdict)
+        self._broken = first_broken(PACKET_RULES, inputs.view.mission, inputs.packet, self._verdict)
 
 
 def codes_of(reason: Explanation) -> tuple[str, ...]:
@@ -229,14 +229,14 @@ def shown_packet(
     facts: Sequence[CommittedFact] = (),
     goal: Goal | None = None,
     **changes: Any,
-) -> Shown:
+) -> CaseInputs:
     """The open invocation of a stage whose packet was just collected. `facts` are of the stages that it builds on."""
     earlier = tuple(dict.fromkeys(one.node_id for one in facts))
     node = replace(node, depends_on=tuple(dict.fromkeys((*node.depends_on, *earlier))))
     nodes = (*(_past(one) for one in node.depends_on), node)
     invocation = Invocation(intent=_intent(node, card, packet), status="succeeded")
     mission = replace(_mission(nodes, goal or goal_of(), facts), invocation=invocation)
-    return Shown(
+    return CaseInputs(
         view=view_of(replace(mission, **changes), at_s=packet.collected_s), blobs=blobs, packet=packet, card=card
     )
 
@@ -252,7 +252,7 @@ def shown_goal(
     goal: Goal | None = None,
     mission: Mapping[str, Any] | None = None,
     **view: Any,
-) -> Shown:
+) -> CaseInputs:
     """The goal, with every stage accepted on its packet at its state version. `view` and `mission` replace fields."""
     state = _mission(
         tuple(nodes), goal or goal_of(), facts, completion=tuple(condition(one, of="goal") for one in effects)
@@ -262,7 +262,7 @@ def shown_goal(
         for name, (packet, k) in packets.items()
     }
     state = replace(replace(state, nodes=state.nodes | done), **(mission or {}))
-    return Shown(view=replace(view_of(state, at_s=at_s), **view), blobs=blobs)
+    return CaseInputs(view=replace(view_of(state, at_s=at_s), **view), blobs=blobs)
 
 
 def view_of(mission: Mission, *, at_s: float) -> StateView:

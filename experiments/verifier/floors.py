@@ -39,20 +39,20 @@ PLACES = (
 
 
 @dataclass(frozen=True)
-class Viewed:
+class VisibleCells:
     """One stand of the body with its sweeps, and the cells of the map that truly can be seen from there."""
 
     run: SimulatedExecution
     seen: Mask
 
 
-def views(seed: int, *, count: int) -> tuple[Viewed, ...]:
+def views(seed: int, *, count: int) -> tuple[VisibleCells, ...]:
     """So many stands in the rooms of the site, each place in turn."""
     chance = Random(seed)
     return tuple(_view(chance, PLACES[index % len(PLACES)], seed + index) for index in range(count))
 
 
-def coverages(chance: Random, count: int, pool: Sequence[Viewed]) -> Iterator[VerifierCase]:
+def coverages(chance: Random, count: int, pool: Sequence[VisibleCells]) -> Iterator[VerifierCase]:
     """covered: an exploration that stood at some of the places, and the share that was asked."""
     for _ in range(max(1, count // ASKED)):
         name = chance.choice(NAMES)
@@ -66,11 +66,11 @@ def coverages(chance: Random, count: int, pool: Sequence[Viewed]) -> Iterator[Ve
 def _case(
     name: str, grid: GridMap, blobs: dict[Digest, bytes], share: float, at_s: float, chance: Random
 ) -> VerifierCase:
-    wanted = _wanted(chance, share)
+    target_share = _target_share(chance, share)
     body = encode(grid)
     digest = sha256(body)
-    kept = {**blobs, digest: body + b" " if name == "map altered" else body}
-    effect = Symbolic(predicate="covered", arguments={"share": f"{wanted:.3f}"})
+    stored_blobs = {**blobs, digest: body + b" " if name == "map altered" else body}
+    effect = Symbolic(predicate="covered", arguments={"share": f"{target_share:.3f}"})
     node = stage(effect, node_id=NodeId("view"))
     reference = EvidenceReference(
         kind=MAP, origin="sensor", source="lidar", from_s=at_s, until_s=at_s, confidence=1.0, blob=digest,
@@ -78,11 +78,16 @@ def _case(
     )  # fmt: skip
     observed = () if name == "map missing" else (reference,)
     packet = packet_of(node, OBSERVER, from_s=at_s - 5.0, until_s=at_s)
-    shown = shown_goal(
-        (effect,), (node,), {node.node_id: (packet, K + 1)}, kept, at_s=at_s + 5.0, mission={"observed": observed}
+    inputs = shown_goal(
+        (effect,),
+        (node,),
+        {node.node_id: (packet, K + 1)},
+        stored_blobs,
+        at_s=at_s + 5.0,
+        mission={"observed": observed},
     )
-    truth = True if share > wanted + EDGE else False if share < wanted - EDGE else None
-    return VerifierCase("covered", name, truth, shown, condition_id_of(effect, "goal"), epistemic=name in FORGED)
+    truth = True if share > target_share + EDGE else False if share < target_share - EDGE else None
+    return VerifierCase("covered", name, truth, inputs, condition_id_of(effect, "goal"), epistemic=name in FORGED)
 
 
 ASKED = 20
@@ -131,7 +136,7 @@ def _near_zones(flat: NDArray[np.float64]) -> Mask:
     return np.asarray(np.any([depth(flat, zone.region_m) > -0.3 for zone in site().zones], axis=0))
 
 
-def _view(chance: Random, place: tuple[float, float], seed: int) -> Viewed:
+def _view(chance: Random, place: tuple[float, float], seed: int) -> VisibleCells:
     at = (place[0] + chance.uniform(-0.15, 0.15), place[1] + chance.uniform(-0.1, 0.1), chance.uniform(-3.1, 3.1))
     run = executed(OBSERVER, {"duration_s": 1.2}, at=at, seed=seed, after_s=0.3, request=f"r-{seed}")
     x, y, _ = run.true_at(run.until_s)
@@ -139,16 +144,16 @@ def _view(chance: Random, place: tuple[float, float], seed: int) -> Viewed:
     ranges = FloorPlan(storage_site()).rays(x, y, turns, reach_m=LIDAR_REACH_M)
     off = _middles() - np.array([x, y])
     ray = np.floor((np.arctan2(off[..., 1], off[..., 0]) + math.pi) / math.tau * RAYS + 0.5).astype(int) % RAYS
-    return Viewed(run, np.asarray(np.hypot(off[..., 0], off[..., 1]) <= ranges[ray]))
+    return VisibleCells(run, np.asarray(np.hypot(off[..., 0], off[..., 1]) <= ranges[ray]))
 
 
-def _wanted(chance: Random, share: float) -> float:
+def _target_share(chance: Random, share: float) -> float:
     kinds = (chance.uniform(share + 0.06, 1.0) if share < 0.93 else 0.97, max(0.02, share - chance.uniform(0.06, 0.5)))
     return min(1.0, chance.choice((*kinds, 0.95)))
 
 
 def _drawn(
-    name: str, stood: Sequence[Viewed], chance: Random, pool: Sequence[Viewed]
+    name: str, stood: Sequence[VisibleCells], chance: Random, pool: Sequence[VisibleCells]
 ) -> tuple[GridMap, dict[Digest, bytes]]:
     """The map that the shipped code draws of these stands' sweeps."""
     blobs: dict[Digest, bytes] = {}

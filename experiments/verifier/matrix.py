@@ -64,7 +64,7 @@ class VerifierReport(Value):
 
 
 @dataclass
-class Counting:
+class PredicateCounts:
     """Counts the answers on one predicate."""
 
     faults: dict[str, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
@@ -74,8 +74,8 @@ class Counting:
 
     def add(self, case: VerifierCase, answer: CaseAnswer) -> None:
         """Counts one case."""
-        kept = self.epistemic if case.epistemic else self.faults
-        kept[case.fault][_place(case, answer)] += 1
+        counts = self.epistemic if case.epistemic else self.faults
+        counts[case.fault][_place(case, answer)] += 1
         if case.epistemic or answer.satisfied:
             return
         reason = " + ".join(dict.fromkeys(answer.codes)) or "no reason"
@@ -84,15 +84,15 @@ class Counting:
             self.refusals[f"{answer.verdict}: {reason}"] += 1
 
 
-def counted(cases: Iterable[VerifierCase], *, verifier: Verifier = verify) -> dict[str, Counting]:
+def counted(cases: Iterable[VerifierCase], *, verifier: Verifier = verify) -> dict[str, PredicateCounts]:
     """Every case judged, and counted by its predicate."""
-    judge, found = CaseJudge(verifier), defaultdict[str, Counting](Counting)
+    judge, found = CaseJudge(verifier), defaultdict[str, PredicateCounts](PredicateCounts)
     for case in cases:
         found[case.predicate].add(case, judge.answer(case))
     return dict(found)
 
 
-def matrix(predicate: str, counting: Counting) -> PredicateMatrix:
+def matrix(predicate: str, counting: PredicateCounts) -> PredicateMatrix:
     """The matrix of one predicate."""
     total = _confusion(sum(counting.faults.values(), Counter()))
     return PredicateMatrix(
@@ -121,10 +121,10 @@ def offences(found: PredicateMatrix, *, cases: int, false: int) -> list[str]:
 
 
 def _place(case: VerifierCase, answer: CaseAnswer) -> str:
-    said = "satisfied" if answer.satisfied else "refused"
+    outcome = "satisfied" if answer.satisfied else "refused"
     if case.true is None:
-        return f"at_bound_{said}"
-    return f"{said}_{'true' if case.true else 'false'}"
+        return f"at_bound_{outcome}"
+    return f"{outcome}_{'true' if case.true else 'false'}"
 
 
 def _confusion(counts: Counter[str]) -> Confusion:

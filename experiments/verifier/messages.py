@@ -55,7 +55,7 @@ GOALS = (
 
 
 @dataclass
-class Stored(MemoryOutbox):
+class UnreliableOutbox(MemoryOutbox):
     """A channel whose messages are lost or changed after they were acknowledged. `failing`: it cannot be read."""
 
     change: Callable[[StoredMessage], StoredMessage | None] = field(default=lambda message: message)
@@ -95,20 +95,20 @@ def requests(chance: Random, count: int) -> Iterator[VerifierCase]:
             compiled = replace(compiled, digest=sha256(submitted.encode()))
         tested = goal_of(other).digest if name == "condition of another goal" else compiled.digest
         taken = {"intake took down another text": chance.choice(GOALS) + "?", "intake altered a letter": submitted[:-1]}
-        heard = taken.get(name, submitted)
-        blobs = {sha256(heard.encode()): heard.encode()}
+        submission = taken.get(name, submitted)
+        blobs = {sha256(submission.encode()): submission.encode()}
         effect = Symbolic(predicate="recorded_request", arguments={"digest": tested})
         node = stage(effect, mandatory=("receipts",))
-        receipt = _receipt("transcript", BEGAN_S, sha256(heard.encode()), card=INTAKE)
+        receipt = _receipt("transcript", BEGAN_S, sha256(submission.encode()), card=INTAKE)
         packet = packet_of(node, INTAKE, from_s=BEGAN_S, until_s=BEGAN_S + 1.0, receipts=(receipt,))
         if name == "no receipt":
             packet = replace(packet, receipts=())
         packet = _misplaced(packet, name)
         changes: dict[str, Any] = {"requested_by": None} if name == "record missing" else {}
-        shown = shown_packet(node, packet, INTAKE, blobs, goal=compiled, **changes)
-        truth = compiled.text == submitted == heard and tested == goal_of(submitted).digest
+        inputs = shown_packet(node, packet, INTAKE, blobs, goal=compiled, **changes)
+        truth = compiled.text == submitted == submission and tested == goal_of(submitted).digest
         truth = truth and not name.startswith("packet of")
-        yield VerifierCase("recorded_request", name, truth, shown, condition_id_of(effect))
+        yield VerifierCase("recorded_request", name, truth, inputs, condition_id_of(effect))
 
 
 def kept_pictures(chance: Random, count: int, pictures: Sequence[bytes]) -> Iterator[VerifierCase]:
@@ -119,7 +119,7 @@ def kept_pictures(chance: Random, count: int, pictures: Sequence[bytes]) -> Iter
         "certificate of nothing", "packet of another request", "picture cut short",
     )  # fmt: skip
     for _ in range(count):
-        yield _kept(chance.choice(names), chance, pictures, predicate="kept_picture")
+        yield _image_case(chance.choice(names), chance, pictures, predicate="kept_picture")
 
 
 def same_images(chance: Random, count: int, pictures: Sequence[bytes]) -> Iterator[VerifierCase]:
@@ -129,7 +129,7 @@ def same_images(chance: Random, count: int, pictures: Sequence[bytes]) -> Iterat
         "described without looking at it", "packet of another request",
     )  # fmt: skip
     for _ in range(count):
-        yield _kept(chance.choice(names), chance, pictures, predicate="same_image")
+        yield _image_case(chance.choice(names), chance, pictures, predicate="same_image")
 
 
 def shared_images(chance: Random, count: int, pictures: Sequence[bytes]) -> Iterator[VerifierCase]:
@@ -172,9 +172,9 @@ def shared_images(chance: Random, count: int, pictures: Sequence[bytes]) -> Iter
             for at, node in enumerate(nodes, start=1)
             if node.node_id in named
         }
-        shown = shown_goal((effect,), nodes, packets, blobs, at_s=BEGAN_S + 20.0, facts=facts)
+        inputs = shown_goal((effect,), nodes, packets, blobs, at_s=BEGAN_S + 20.0, facts=facts)
         truth = all(images == [one] for images in named.values()) and len(named) == 3 and blobs.get(one) == body
-        yield VerifierCase("one_image", name, truth, shown, condition_id_of(effect, "goal"))
+        yield VerifierCase("one_image", name, truth, inputs, condition_id_of(effect, "goal"))
 
 
 def _message(chance: Random, number: int, *, of_goal: bool) -> VerifierCase:
@@ -182,7 +182,7 @@ def _message(chance: Random, number: int, *, of_goal: bool) -> VerifierCase:
     sent = tuple(chance.sample(frames, chance.choice((4, 4, 4, 5, 6))))
     text = chance.choice(TEXTS)
     name = chance.choice(tuple(CHANGES) + READS + ("none", "none", "none") + (() if of_goal else STAGE_ONLY))
-    outbox = Stored()
+    outbox = UnreliableOutbox()
     request = identity_of(DELIVERY, NodeId("delivery")).request_id
     outbox.send(request, text, sent)
     blobs: dict[Digest, bytes] = {}
@@ -213,7 +213,7 @@ def _message(chance: Random, number: int, *, of_goal: bool) -> VerifierCase:
     epistemic = name == FORGED_READ
     if of_goal:
         accepted = fact("message_stored", "delivery", {"frames": list(sent), "text_digest": sha256(text.encode())})
-        shown = shown_goal(
+        inputs = shown_goal(
             (effect,),
             (stage(effect, node_id=NodeId("analysis")), node),
             {node.node_id: (packet, K + 1)},
@@ -222,33 +222,35 @@ def _message(chance: Random, number: int, *, of_goal: bool) -> VerifierCase:
             facts=(reported, accepted),
             measured=found,
         )
-        told = f"{name}, since it was accepted" if name in CHANGES else name
-        return VerifierCase("message_stored", told, truth, shown, condition_id_of(effect, "goal"), epistemic=epistemic)
+        label = f"{name}, since it was accepted" if name in CHANGES else name
+        return VerifierCase(
+            "message_stored", label, truth, inputs, condition_id_of(effect, "goal"), epistemic=epistemic
+        )
     packet = _misplaced(packet, name)
     truth = truth and not name.startswith("packet of") and name != "message of another request"
-    shown = shown_packet(node, packet, DELIVERY, blobs, facts=(reported,))
-    return VerifierCase("message_stored", name, truth, shown, condition_id_of(effect, "delivery"), epistemic=epistemic)
+    inputs = shown_packet(node, packet, DELIVERY, blobs, facts=(reported,))
+    return VerifierCase("message_stored", name, truth, inputs, condition_id_of(effect, "delivery"), epistemic=epistemic)
 
 
-def _holds(outbox: Stored, request: RequestId, text: str, frames: tuple[Digest, ...]) -> bool:
+def _holds(outbox: UnreliableOutbox, request: RequestId, text: str, frames: tuple[Digest, ...]) -> bool:
     """Whether the channel truly holds the text, and enough of the analysed images and no other."""
     held = outbox.held(request)
     return held is not None and held[0] == text and len(set(held[1])) >= WANTED and set(held[1]) <= set(frames)
 
 
 def _measured(
-    outbox: Stored, request: RequestId, text: str, at_s: float, keep: Callable[[bytes], Digest]
+    outbox: UnreliableOutbox, request: RequestId, text: str, at_s: float, keep: Callable[[bytes], Digest]
 ) -> tuple[EvidenceReference, ...]:
     """What the shipped read path measures of the channel."""
-    asked = Measurement(requests=(request,), text=text, from_s=at_s, until_s=at_s)
-    return MessageReadBack(MemoryReader(outbox), keep=keep).measure(asked)
+    measurement = Measurement(requests=(request,), text=text, from_s=at_s, until_s=at_s)
+    return MessageReadBack(MemoryReader(outbox), keep=keep).measure(measurement)
 
 
 def _misread(
     name: str,
     found: tuple[EvidenceReference, ...],
     before: tuple[EvidenceReference, ...],
-    outbox: Stored,
+    outbox: UnreliableOutbox,
     keep: Callable[[bytes], Digest],
     text: str,
     at_s: float,
@@ -288,27 +290,27 @@ CHANGES: dict[str, Callable[[StoredMessage, float], StoredMessage | None]] = {
 }
 
 
-def _kept(name: str, chance: Random, pictures: Sequence[bytes], *, predicate: str) -> VerifierCase:
+def _image_case(name: str, chance: Random, pictures: Sequence[bytes], *, predicate: str) -> VerifierCase:
     """A certificate or a description of a picture, and the archive as it is when it is judged."""
     body, foreign = chance.sample(list(pictures), 2)
     if name == "picture cut short":
         body = body[:3000]
     accepted, other = sha256(body), sha256(foreign)
-    kept = {accepted: body, other: foreign}
+    stored_blobs = {accepted: body, other: foreign}
     wide, high = (640, 480) if name in ("certificate of another size", "report of another size") else (1280, 720)
-    told = (
+    image_digest = (
         other
         if name in ("another picture kept", "certificate of another picture", "report of another picture")
         else accepted
     )
-    report = encode(Certificate(image=told, width_px=wide, height_px=high, size_bytes=len(body)))
+    report = encode(Certificate(image=image_digest, width_px=wide, height_px=high, size_bytes=len(body)))
     digest = sha256(report)
     truth = name in ("none", "no receipt")
     match name:
         case "archive lost the picture" | "another picture kept":
-            kept.pop(accepted)
+            stored_blobs.pop(accepted)
         case "archive altered the picture":
-            kept[accepted] = body[:-2] + b"\x00\xff\xd9"
+            stored_blobs[accepted] = body[:-2] + b"\x00\xff\xd9"
         case "certificate altered" | "report altered":
             report = report.replace(b"1280", b"1281")
         case "certificate of nothing":
@@ -316,7 +318,7 @@ def _kept(name: str, chance: Random, pictures: Sequence[bytes], *, predicate: st
             digest = sha256(report)
         case _:
             pass
-    blobs = {**kept, digest: report}
+    blobs = {**stored_blobs, digest: report}
     archives = predicate == "kept_picture"
     card, kind = (ARCHIVE, "keeping") if archives else (DESCRIBER, "analysis")
     effect = Relational(predicate=predicate, relation="same_image", subject="stage", object="capture")
@@ -325,10 +327,10 @@ def _kept(name: str, chance: Random, pictures: Sequence[bytes], *, predicate: st
     packet = packet_of(
         node, card, from_s=BEGAN_S, until_s=BEGAN_S + 2.0, receipts=() if name == "no receipt" else (receipt,)
     )
-    shown = shown_packet(
+    inputs = shown_packet(
         node, _misplaced(packet, name), card, blobs, facts=(fact("pictured", "capture", {"images": [accepted]}),)
     )
-    return VerifierCase(predicate, name, truth, shown, condition_id_of(effect))
+    return VerifierCase(predicate, name, truth, inputs, condition_id_of(effect))
 
 
 def _receipt(kind: Any, at_s: float, blob: Digest, *, card: Any) -> Receipt:

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from experiments.verifier import motion_faults
 from experiments.verifier.cases import (
-    Shown,
+    CaseInputs,
     VerifierCase,
     condition_id_of,
     packet_of,
@@ -104,7 +104,7 @@ def standing(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]
         track = distort(track, window, chance)
         target, region = _target(chance, run, window, track), _region(chance, run, window)
         effects: tuple[AnyEffect, ...] = (_arrival(target), _rest(1.0), _inside(region))
-        shown = _packet(effects, track, window)
+        inputs = _packet(effects, track, window)
         here = [run.true_at(window.until_s - back)[:2] for back in (0.0, 0.5, 1.0)]
         still = [run.true_motion(window.until_s - back) for back in (0.0, 0.5, 1.0)]
         truths = (
@@ -113,7 +113,7 @@ def standing(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]
             _all([_beyond(float(depth(np.array([point]), region)[0]), 0.0, EDGE_M) for point in here]),
         )
         for effect, truth in zip(effects, truths, strict=True):
-            yield _case(effect, name, truth, shown, epistemic=epistemic)
+            yield _case(effect, name, truth, inputs, epistemic=epistemic)
 
 
 def steady(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
@@ -171,8 +171,8 @@ def rounds(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
         if name == FORGED:
             track = _restamped(chance.choice(pool.rounds), window)
         declared = {"route_progress": chance.choice((1.0, 1.0, 0.97, 0.5))} if chance.random() < 0.5 else {}
-        shown = _packet((effect,), distort(track, window, chance), window, declared=declared)
-        yield _case(effect, name, went_round(run, window, route, home), shown, epistemic=epistemic)
+        inputs = _packet((effect,), distort(track, window, chance), window, declared=declared)
+        yield _case(effect, name, went_round(run, window, route, home), inputs, epistemic=epistemic)
 
 
 def kept_out(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
@@ -197,11 +197,11 @@ def kept_out(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]
             nodes.append(node)
             packets[node.node_id] = (packet, 4 + index)
         run, window = max(chosen, key=lambda pair: pair[1].until_s)
-        shown = shown_goal((effect,), nodes, packets, blobs, at_s=window.until_s, recent=_recent(run, window))
+        inputs = shown_goal((effect,), nodes, packets, blobs, at_s=window.until_s, recent=_recent(run, window))
         deep = depth(path, region)
         inside_s = TICK_S * int((deep > EDGE_M).sum())
         truth = False if inside_s >= SEEN_S else True if float(deep.max()) < -EDGE_M else None
-        yield VerifierCase("stayed_out", name, truth, shown, condition_id_of(effect, "goal"), epistemic=epistemic)
+        yield VerifierCase("stayed_out", name, truth, inputs, condition_id_of(effect, "goal"), epistemic=epistemic)
 
 
 def aimless(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
@@ -213,9 +213,9 @@ def aimless(chance: Random, count: int, pool: Drives) -> Iterator[VerifierCase]:
         track = run.between(window.from_s - 1.0, window.until_s)
         if name == FORGED:
             track = _forged(chance, pool, window)
-        meant = _target(chance, run, window, track)
+        goal = _target(chance, run, window, track)
         here = [run.true_at(window.until_s - back)[:2] for back in (0.0, 0.5, 1.0)]
-        truth = _all([_near(point, meant) for point in here])
+        truth = _all([_near(point, goal) for point in here])
         yield _case(
             effect, name, truth, _packet((effect,), distort(track, window, chance), window), epistemic=epistemic
         )
@@ -231,7 +231,7 @@ def earlier_jumps(chance: Random, count: int, pool: Drives) -> Iterator[Verifier
             track = motion_faults.jumps_earlier(track, window, chance)
         target, region = _target(chance, run, window, track), _region(chance, run, window)
         effects: tuple[AnyEffect, ...] = (_arrival(target), _inside(region))
-        shown = _packet(effects, track, window)
+        inputs = _packet(effects, track, window)
         here = run.true_at(window.until_s)[:2]
         truths = (
             _both(_near(here, target), _still(run.true_motion(window.until_s))),
@@ -239,7 +239,7 @@ def earlier_jumps(chance: Random, count: int, pool: Drives) -> Iterator[Verifier
         )
         for effect, truth in zip(effects, truths, strict=True):
             name = "localiser off by a jump in motion, before the 2 s that are compared"
-            yield _case(effect, name, truth, shown, epistemic=True)
+            yield _case(effect, name, truth, inputs, epistemic=True)
 
 
 def went_round(run: SimulatedExecution, window: JudgedSpan, route: Sequence[Point], home: Point) -> Truth:
@@ -349,7 +349,7 @@ def _inside(region: tuple[Point, ...], **changes: str) -> Relational:
     return replace(made, **changes)
 
 
-def _packet(effects: Sequence[AnyEffect], track: Trajectory, window: JudgedSpan, **parts: Any) -> Shown:
+def _packet(effects: Sequence[AnyEffect], track: Trajectory, window: JudgedSpan, **parts: Any) -> CaseInputs:
     blobs: dict[Digest, bytes] = {}
     node = stage(*effects, mandatory=("trajectory",))
     packet = replace(_sensed(node, track, window, blobs), **parts)
@@ -404,8 +404,8 @@ def _recent(run: SimulatedExecution, window: JudgedSpan) -> tuple[AnySample, ...
     return (*track.poses, *track.odometry, *track.imu)
 
 
-def _case(effect: AnyEffect, fault: str, truth: Truth, shown: Shown, *, epistemic: bool) -> VerifierCase:
-    return VerifierCase(effect.predicate, fault, truth, shown, condition_id_of(effect), epistemic=epistemic)
+def _case(effect: AnyEffect, fault: str, truth: Truth, inputs: CaseInputs, *, epistemic: bool) -> VerifierCase:
+    return VerifierCase(effect.predicate, fault, truth, inputs, condition_id_of(effect), epistemic=epistemic)
 
 
 def _near(point: Point, target: Point) -> Truth:

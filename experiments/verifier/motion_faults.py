@@ -39,15 +39,17 @@ def noisier(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory
 def pose_gaps(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """The localiser drops out up to four times, for up to three seconds."""
     gaps = [(begin, begin + chance.uniform(0.3, 3.0)) for begin in (window.late(chance, 1.0) for _ in range(4))]
-    kept = tuple(p for p in track.poses if all(not a <= p.at_s <= b for a, b in gaps))
-    return replace(track, poses=kept)
+    remaining = tuple(p for p in track.poses if all(not a <= p.at_s <= b for a, b in gaps))
+    return replace(track, poses=remaining)
 
 
 def odometry_gaps(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """Odometry and IMU drop out up to three times, for up to two seconds."""
     gaps = [(begin, begin + chance.uniform(0.3, 2.0)) for begin in (window.late(chance, 1.0) for _ in range(3))]
-    kept = tuple(o for o in track.odometry if all(not a <= o.at_s <= b for a, b in gaps))
-    return replace(track, odometry=kept, imu=tuple(o for o in track.imu if all(not a <= o.at_s <= b for a, b in gaps)))
+    remaining = tuple(o for o in track.odometry if all(not a <= o.at_s <= b for a, b in gaps))
+    return replace(
+        track, odometry=remaining, imu=tuple(o for o in track.imu if all(not a <= o.at_s <= b for a, b in gaps))
+    )
 
 
 def silent(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:

@@ -101,9 +101,9 @@ def passages(chance: Random, count: int, pool: Sequence[PassageScene]) -> Iterat
         if name == BIASED:
             report, look = _biased(scene, look, chance)
         source, blobs = _swept(name, look, scene, other, chance)
-        told = _told(name, report, scene, other)
-        digest = sha256(encode(told))
-        blobs[digest] = encode(told)
+        answer = _distorted_report(name, report, scene, other)
+        digest = sha256(encode(answer))
+        blobs[digest] = encode(answer)
         node = stage(effect, mandatory=("receipts",))
         from_s = scene.look.from_s
         receipt = Receipt(
@@ -122,10 +122,10 @@ def passages(chance: Random, count: int, pool: Sequence[PassageScene]) -> Iterat
             after=source,
             receipts=() if name == "report missing" else (receipt,),
         )
-        shown = shown_packet(node, packet, ANALYST, blobs, facts=(_panorama(scene, look, name),))
-        truth = _true(told, scene)
+        inputs = shown_packet(node, packet, ANALYST, blobs, facts=(_panorama(scene, look, name),))
+        truth = _true(answer, scene)
         yield VerifierCase(
-            "passage_checked", name, truth, shown, condition_id_of(effect), epistemic=name in (BOTH, BIASED)
+            "passage_checked", name, truth, inputs, condition_id_of(effect), epistemic=name in (BOTH, BIASED)
         )
 
 
@@ -136,25 +136,25 @@ def true_share(things: Sequence[Solid], position: Point) -> float:
     return _union([(float(part.min()), float(part.max())) for part in taken]) / width_m
 
 
-def _true(told: Report, scene: PassageScene) -> Truth:
+def _true(report: Report, scene: PassageScene) -> Truth:
     """Whether the report says of the passage what is so: clear or not, and how much of its width is taken."""
     inside = [one for one in scene.things if _stands_in(one)]
     border = any(_overlap(one) is None for one in scene.things)
-    if told.frames != scene.frames or (told.passage and told.passage != PASSAGE_M):
+    if report.frames != scene.frames or (report.passage and report.passage != PASSAGE_M):
         return False
-    if told.blocked != bool(inside):
+    if report.blocked != bool(inside):
         return None if border else False
     if not inside:
         return None if border else True
-    said = _said(told, scene.look.true_at(scene.look.until_s)[:2])
-    apart = max(0.0, scene.visible_share() - said, said - scene.share())
+    share = _share_at(report, scene.look.true_at(scene.look.until_s)[:2])
+    apart = max(0.0, scene.visible_share() - share, share - scene.share())
     return False if apart > DISAGREES else None if apart > AGREES or border else True
 
 
-def _said(told: Report, position: Point) -> float:
+def _share_at(report: Report, position: Point) -> float:
     """The share of the passage's width that a report says is taken."""
     across, width_m = _across(position)
-    middles = [(float(np.array(one.floor_point_m) @ across), one.width_m / 2) for one in told.findings]
+    middles = [(float(np.array(one.floor_point_m) @ across), one.width_m / 2) for one in report.findings]
     return min(1.0, _union([(middle - half, middle + half) for middle, half in middles]) / width_m)
 
 
@@ -185,8 +185,8 @@ def _scene(chance: Random, seed: int, *, rendered: bool) -> PassageScene:
     base = storage_site()
     things = tuple(_thing(chance, index) for index in range(chance.choice((0, 0, 1, 1, 2))))
     hidden = chance.random() < 0.12
-    kept = tuple(one for one in base.solids if not one.name.startswith("box-passage"))
-    model = replace(base, solids=(*kept, *things, *((TROLLEY,) if hidden else ())))
+    solids = tuple(one for one in base.solids if not one.name.startswith("box-passage"))
+    model = replace(base, solids=(*solids, *things, *((TROLLEY,) if hidden else ())))
     x, y = STANDS[0] + chance.uniform(-0.25, 0.25), STANDS[1] + chance.uniform(-0.2, 0.15)
     look = executed(
         OBSERVER, {"duration_s": 3.0}, at=(x, y, math.pi / 2), seed=seed, site=model, after_s=0.5, request=f"r-{seed}"
@@ -327,7 +327,7 @@ BOTH = "report and sweep of another scene, freshly stamped"
 BIASED = "localiser biased: sweep and analysis are off by the same"
 
 
-def _told(name: str, report: Report, scene: PassageScene, other: PassageScene) -> Report:
+def _distorted_report(name: str, report: Report, scene: PassageScene, other: PassageScene) -> Report:
     return _renamed(other.report, scene) if name == "report of another scene" else report
 
 
@@ -395,7 +395,7 @@ def _swept(
         return digest
 
     track = look.trajectory
-    asked = Measurement(
+    measurement = Measurement(
         requests=(),
         text="",
         from_s=scene.look.from_s,
@@ -403,7 +403,7 @@ def _swept(
         samples=(*track.poses, *track.odometry, *track.scans),
         status=scene.look.status,
     )
-    found = PassageSweep(keep=keep).measure(asked)
+    found = PassageSweep(keep=keep).measure(measurement)
     if name == "sweep of another time":
         found = tuple(replace(one, blob=keep(encode(look))) for one in found or _stale(scene, look, keep))
     if name == "no sweep":

@@ -110,10 +110,10 @@ def headings(chance: Random, count: int, pool: SimulatedLooks) -> Iterator[Verif
         )
         trajectory = reference_to(track, blobs)
         packet = packet_of(node, OBSERVER, from_s=run.from_s, until_s=until_s, estimates=(trajectory,))
-        shown = shown_packet(node, packet, OBSERVER, blobs)
+        inputs = shown_packet(node, packet, OBSERVER, blobs)
         for aim, one in zip(aims, node.success_conditions, strict=True):
             truth, forged = _faces(run.true_at(until_s)[2], aim), name in FORGED_SWEEPS
-            yield VerifierCase("facing", name, truth, shown, one.condition_id, epistemic=forged)
+            yield VerifierCase("facing", name, truth, inputs, one.condition_id, epistemic=forged)
 
 
 def _before_a_turn(run: SimulatedExecution, chance: Random) -> tuple[Scan, float]:
@@ -138,9 +138,9 @@ def stills(chance: Random, count: int, pool: SimulatedLooks) -> Iterator[Verifie
     for _ in range(count):
         run = chance.choice(pool.pictures)
         name = chance.choice(STILLS)
-        wanted = 2 if name == "fewer pictures than asked" else 1
+        needed = 2 if name == "fewer pictures than asked" else 1
         large = name == "larger picture asked than taken"
-        effect = Visual(predicate="pictured", frames=wanted, width_px=1920 if large else SIZE[0], height_px=SIZE[1])
+        effect = Visual(predicate="pictured", frames=needed, width_px=1920 if large else SIZE[0], height_px=SIZE[1])
         yield _still(name, effect, run, chance, pool)
 
 
@@ -157,11 +157,11 @@ def findings(chance: Random, count: int, pool: SimulatedLooks) -> Iterator[Verif
         box = [box[0], box[1], 2000, 100] if name == "box beyond the picture" else box
         others = [one.blob for one in pool.pictures[0].images]
         shown_in = others if name == "frames of elsewhere" else frames[:1]
-        told = {
+        answer = {
             "frames": frames,
             "findings": [] if name == "nothing found" else [{"frame": one, "box_px": box} for one in shown_in],
         }
-        body = msgspec.json.encode(told)
+        body = msgspec.json.encode(answer)
         digest = sha256(body)
         blobs[digest] = body + b" " if name == "report altered" else body
         effect = Visual(predicate="sighted", frames=1, width_px=SIZE[0], height_px=SIZE[1])
@@ -169,8 +169,8 @@ def findings(chance: Random, count: int, pool: SimulatedLooks) -> Iterator[Verif
         receipt = _receipt("analysis", run.until_s, digest)
         packet = packet_of(node, ANALYST, from_s=run.until_s, until_s=run.until_s + 2.0, receipts=(receipt,))
         panorama = fact("panorama", "panorama", {"frames": frames})
-        shown = shown_packet(node, packet, ANALYST, blobs, facts=(panorama,))
-        yield VerifierCase("sighted", name, name in ("none", "report altered"), shown, condition_id_of(effect))
+        inputs = shown_packet(node, packet, ANALYST, blobs, facts=(panorama,))
+        yield VerifierCase("sighted", name, name in ("none", "report altered"), inputs, condition_id_of(effect))
 
 
 def _stand(chance: Random, seed: int) -> SimulatedExecution:
@@ -261,8 +261,8 @@ def _circle(
     card, node = PANORAMA_CAMERA, stage(effect, mandatory=("image", "receipts", "trajectory"))
     request = identity_of(card).request_id
     images: list[Image] = changed.get("images", [run.images[index] for index in keep])
-    wanted = {float(index) for index in keep}
-    receipts = changed.get("receipts", [one for one in run.report.receipts if one.values.get("index") in wanted])
+    needed = {float(index) for index in keep}
+    receipts = changed.get("receipts", [one for one in run.report.receipts if one.values.get("index") in needed])
     blobs = {**run.blobs, **changed.get("blobs", {})}
     track = replace(run.between(run.from_s - 0.5, run.until_s), **changed.get("track", {}))
     packet = packet_of(
@@ -271,14 +271,14 @@ def _circle(
         from_s=changed.get("from_s", run.from_s),
         until_s=run.until_s,
         estimates=(reference_to(track, blobs),),
-        after=tuple(_seen(one, request) for one in images),
+        after=tuple(_image_reference(one, request) for one in images),
         receipts=receipts_for(receipts, request),
     )
-    shown = shown_packet(node, packet, card, blobs)
-    return VerifierCase("panorama", name, truth, shown, condition_id_of(effect), epistemic=epistemic)
+    inputs = shown_packet(node, packet, card, blobs)
+    return VerifierCase("panorama", name, truth, inputs, condition_id_of(effect), epistemic=epistemic)
 
 
-def _seen(image: Image, request: RequestId) -> EvidenceReference:
+def _image_reference(image: Image, request: RequestId) -> EvidenceReference:
     """A picture as that of the request that is judged, as its receipt is."""
     return image_reference(replace(image, request_id=request))
 
@@ -504,12 +504,12 @@ def _still(name: str, effect: Visual, run: SimulatedExecution, chance: Random, p
         from_s=run.from_s,
         until_s=run.until_s,
         estimates=(reference_to(track, blobs),),
-        after=() if name == "no picture" else (_seen(image, request),),
+        after=() if name == "no picture" else (_image_reference(image, request),),
         receipts=receipts_for(receipts, request),
     )
     truth = truth and name != "no picture"
-    shown = shown_packet(node, packet, card, blobs)
-    return VerifierCase("pictured", name, truth, shown, condition_id_of(effect), epistemic=epistemic)
+    inputs = shown_packet(node, packet, card, blobs)
+    return VerifierCase("pictured", name, truth, inputs, condition_id_of(effect), epistemic=epistemic)
 
 
 def _round(run: SimulatedExecution, keep: Sequence[int]) -> Truth:

@@ -44,7 +44,7 @@ TOLD_AT = 0.62
 
 
 @dataclass(frozen=True)
-class Spoken:
+class SpokenReport:
     """One recording: what the harness asked to be said, and what truly was: which place, whether blocked, how much."""
 
     asked: str
@@ -59,13 +59,13 @@ class Spoken:
     until_s: float
 
 
-def recordings(seed: int, *, kinds: Sequence[str]) -> tuple[Spoken, ...]:
+def recordings(seed: int, *, kinds: Sequence[str]) -> tuple[SpokenReport, ...]:
     """One report of each kind, of which some are not said as they were asked, or not heard as they were said."""
     chance = Random(seed)
     return tuple(_recorded(chance, kind) for kind in kinds)
 
 
-def reports(chance: Random, count: int, pool: Sequence[Spoken]) -> Iterator[VerifierCase]:
+def reports(chance: Random, count: int, pool: Sequence[SpokenReport]) -> Iterator[VerifierCase]:
     """heard, at its stage and of the goal."""
     for _ in range(count):
         one = chance.choice(pool)
@@ -85,24 +85,24 @@ FAULTS = (
 )  # fmt: skip
 
 
-def _recorded(chance: Random, kind: str) -> Spoken:
+def _recorded(chance: Random, kind: str) -> SpokenReport:
     place, other = chance.sample(NAMES, 2)
     finding, blocked = _finding(chance)
-    asked = _text(place, finding, other)
-    said, true_place, true_blocked = asked, place, blocked
+    request = _text(place, finding, other)
+    spoken, true_place, true_blocked = request, place, blocked
     contrary, opposite = _finding(chance, not blocked)
     match kind:
         case "says the contrary":
-            said, true_blocked = _text(place, contrary, other), opposite
+            spoken, true_blocked = _text(place, contrary, other), opposite
         case "says another place":
-            said, true_place = _text(other, finding, place), other
+            spoken, true_place = _text(other, finding, place), other
         case "another place and the contrary":
-            said, true_place, true_blocked = _text(other, contrary, place), other, opposite
+            spoken, true_place, true_blocked = _text(other, contrary, place), other, opposite
         case "says something else":
-            said = chance.choice(("Bring me a coffee, please.", "Everything is fine.", "I am going home now."))
+            spoken = chance.choice(("Bring me a coffee, please.", "Everything is fine.", "I am going home now."))
         case _:
             pass
-    samples, rate_hz = synthesise(said)
+    samples, rate_hz = synthesise(spoken)
     share = chance.uniform(0.1, 0.9) if kind == "stopped early" else 0.0 if kind == "loudspeaker unplugged" else 1.0
     pcm = samples[: int(share * len(samples))].astype("<i2").tobytes()
     room = SimulatedRoom()
@@ -121,17 +121,17 @@ def _recorded(chance: Random, kind: str) -> Spoken:
 
     until_s = BEGAN_S + BESIDE_S + len(samples) / rate_hz + BESIDE_S
     asking = Measurement(
-        requests=(identity_of(VOICE).request_id,), text=asked, from_s=BEGAN_S, until_s=until_s, names=NAMES
+        requests=(identity_of(VOICE).request_id,), text=request, from_s=BEGAN_S, until_s=until_s, names=NAMES
     )
     evidence = RoomMicrophone(room, keep=keep, read=blobs.__getitem__).measure(asking)
     whole = wav(samples, rate_hz=rate_hz)
     silent = kind in ("says something else", "loudspeaker unplugged")
-    return Spoken(
-        asked=asked,
+    return SpokenReport(
+        asked=request,
         place="" if silent else true_place,
         blocked=None if silent else true_blocked,
         share=share,
-        said_as_asked=said == asked,
+        said_as_asked=spoken == request,
         kind=kind,
         evidence=evidence,
         blobs=blobs,
@@ -154,11 +154,11 @@ def _text(place: str, finding: str, home: str) -> str:
     return f"Inspection report, {place}. {finding} 4 images and this finding were sent. I am back at {home}."
 
 
-def _case(name: str, one: Spoken, chance: Random, *, of_goal: bool) -> VerifierCase:
+def _case(name: str, one: SpokenReport, chance: Random, *, of_goal: bool) -> VerifierCase:
     place = one.place if one.place and chance.random() < 0.75 else chance.choice(NAMES)
-    told = one.blocked if one.blocked is not None else True
-    blocked = told if chance.random() < 0.75 else not told
-    truth = _told(one, place, blocked)
+    answer = one.blocked if one.blocked is not None else True
+    blocked = answer if chance.random() < 0.75 else not answer
+    truth = _true_state(one, place, blocked)
     from_s, blobs, evidence = BEGAN_S, dict(one.blobs), one.evidence
     early = name == "heard before the analysis"
     analysis = fact(
@@ -174,11 +174,14 @@ def _case(name: str, one: Spoken, chance: Random, *, of_goal: bool) -> VerifierC
         case "synthesised, not recorded":
             evidence = evidence[1:]
         case "recognition of another recording":
-            heard = replace(decode(blobs[evidence[1].blob], Recognition), sound=sha256(b"another"))
-            evidence = (evidence[0], replace(evidence[1], blob=_kept(blobs, encode(heard))))
+            recognition = replace(decode(blobs[evidence[1].blob], Recognition), sound=sha256(b"another"))
+            evidence = (evidence[0], replace(evidence[1], blob=_store(blobs, encode(recognition))))
         case "recogniser gives out what was asked":
             found = decode(blobs[evidence[1].blob], Recognition)
-            evidence = (evidence[0], replace(evidence[1], blob=_kept(blobs, encode(replace(found, heard=found.asked)))))
+            evidence = (
+                evidence[0],
+                replace(evidence[1], blob=_store(blobs, encode(replace(found, heard=found.asked)))),
+            )
         case _:
             pass
     truth = False if early or name == "packet of another request" else truth
@@ -203,17 +206,17 @@ def _case(name: str, one: Spoken, chance: Random, *, of_goal: bool) -> VerifierC
         if early:
             analysis = replace(analysis, at_s=one.until_s + 5.0)
         nodes = (stage(effect, node_id=NodeId("analysis")), node)
-        shown = shown_goal(
+        inputs = shown_goal(
             (effect,), nodes, {node.node_id: (packet, K + 1)}, blobs, at_s=one.until_s + 9.0, facts=(analysis, accepted)
         )
-        return VerifierCase("heard", name, truth, shown, condition_id_of(effect, "goal"), epistemic=epistemic)
+        return VerifierCase("heard", name, truth, inputs, condition_id_of(effect, "goal"), epistemic=epistemic)
     if name == "packet of another request":
         packet = replace(packet, identity=replace(packet.identity, request_id=RequestId("another")))
-    shown = shown_packet(node, packet, VOICE, blobs, facts=(analysis,))
-    return VerifierCase("heard", name, truth, shown, condition_id_of(stated, "report"), epistemic=epistemic)
+    inputs = shown_packet(node, packet, VOICE, blobs, facts=(analysis,))
+    return VerifierCase("heard", name, truth, inputs, condition_id_of(stated, "report"), epistemic=epistemic)
 
 
-def _told(one: Spoken, place: str, blocked: bool) -> bool | None:
+def _true_state(one: SpokenReport, place: str, blocked: bool) -> bool | None:
     """Whether what was truly spoken names this place and tells this finding. None where it was drowned, or cut off
     only after the finding.
     """
@@ -223,6 +226,6 @@ def _told(one: Spoken, place: str, blocked: bool) -> bool | None:
     return None if drowned or one.share < WHOLE else True
 
 
-def _kept(blobs: dict[Digest, bytes], body: bytes) -> Digest:
+def _store(blobs: dict[Digest, bytes], body: bytes) -> Digest:
     blobs[sha256(body)] = body
     return sha256(body)

@@ -15,8 +15,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from experiments.verifier.cases import (
+    CaseInputs,
     K,
-    Shown,
     VerifierCase,
     condition_id_of,
     fact,
@@ -123,11 +123,11 @@ def _journal(chance: Random, seed: int) -> Journal:
 
 def _order(name: str, chance: Random, journal: Journal) -> VerifierCase:
     ran = [start.node_id for start in journal.starts]
-    wanted = sorted(chance.sample(range(len(ran)), chance.randint(2, len(ran))))
+    order = sorted(chance.sample(range(len(ran)), chance.randint(2, len(ran))))
     if name in ("wanted order is another", FORGED):
-        while wanted == sorted(wanted):
-            chance.shuffle(wanted)
-    nodes = [ran[index] for index in wanted]
+        while order == sorted(order):
+            chance.shuffle(order)
+    nodes = [ran[index] for index in order]
     if name == "a wanted stage never ran":
         nodes[chance.randrange(len(nodes))] = NodeId("never")
     ends = list(journal.ends)
@@ -140,11 +140,11 @@ def _order(name: str, chance: Random, journal: Journal) -> VerifierCase:
     if name == "clock stepped back":
         ends = [end - (40.0 if index >= b else 0.0) for index, end in enumerate(ends)]
     if name == FORGED:
-        for place, index in enumerate(wanted):
-            ends[index], accepted[index] = journal.ends[sorted(wanted)[place]], K + 1 + sorted(wanted)[place]
+        for place, index in enumerate(order):
+            ends[index], accepted[index] = journal.ends[sorted(order)[place]], K + 1 + sorted(order)[place]
     effect = Temporal(predicate="in_order", interval_s=1.0, bound=1.0, nodes=tuple(nodes))
-    gone = {ran[wanted[0]]} if name == "a stage not accepted" else set()
-    only = ran[wanted[-1]] if name == "a stage only declared" else None
+    gone = {ran[order[0]]} if name == "a stage not accepted" else set()
+    only = ran[order[-1]] if name == "a stage only declared" else None
     stages = [stage(ANYTHING, node_id=one) for one in ran]
     packets, facts = {}, []
     for index, node in enumerate(stages):
@@ -152,14 +152,14 @@ def _order(name: str, chance: Random, journal: Journal) -> VerifierCase:
             continue
         packet = packet_of(node, OBSERVER, from_s=journal.starts[index].at_s, until_s=ends[index])
         packets[node.node_id] = (packet, accepted[index])
-        low = name == "a fact of level 0" and index == wanted[0]
+        low = name == "a fact of level 0" and index == order[0]
         if node.node_id != only:
             facts.append(_accepted("recorded_request", node.node_id, packet.identity.packet_id, low=low))
-    shown = shown_goal((effect,), stages, packets, {}, at_s=journal.ends[-1] + 100.0, facts=facts)
+    inputs = shown_goal((effect,), stages, packets, {}, at_s=journal.ends[-1] + 100.0, facts=facts)
     if only is not None:
-        shown = _declared(shown, only, packets)
+        inputs = _declared(inputs, only, packets)
     truth = _ordered(nodes, journal)
-    return VerifierCase("in_order", name, truth, shown, condition_id_of(effect, "goal"), epistemic=name == FORGED)
+    return VerifierCase("in_order", name, truth, inputs, condition_id_of(effect, "goal"), epistemic=name == FORGED)
 
 
 def _ordered(nodes: Sequence[NodeId], journal: Journal) -> bool:
@@ -170,9 +170,9 @@ def _ordered(nodes: Sequence[NodeId], journal: Journal) -> bool:
     return all(at[a][1] <= at[b][0] for a, b in itertools.pairwise(nodes))
 
 
-def _declared(shown: Shown, node_id: NodeId, packets: dict[NodeId, Any]) -> Shown:
+def _declared(inputs: CaseInputs, node_id: NodeId, packets: dict[NodeId, Any]) -> CaseInputs:
     """The same goal, where one stage was only declared by its provider."""
-    mission = shown.view.mission
+    mission = inputs.view.mission
     state = mission.nodes[node_id]
     effect = DeclaredEffect(
         name="recorded_request",
@@ -186,12 +186,14 @@ def _declared(shown: Shown, node_id: NodeId, packets: dict[NodeId, Any]) -> Show
     )
     ended = replace(state, status="declared", committed_k=None, declared_k=packets[node_id][1])
     mission = replace(mission, nodes={**mission.nodes, node_id: ended}, declared=(effect,))
-    return _of_state(shown, mission)
+    return _of_state(inputs, mission)
 
 
-def _of_state(shown: Shown, mission: Mission) -> Shown:
+def _of_state(inputs: CaseInputs, mission: Mission) -> CaseInputs:
     """What is shown, of another state."""
-    return Shown(view=replace(shown.view, mission=mission), blobs=shown.blobs, packet=shown.packet, card=shown.card)
+    return CaseInputs(
+        view=replace(inputs.view, mission=mission), blobs=inputs.blobs, packet=inputs.packet, card=inputs.card
+    )
 
 
 def _accepted(name: str, node_id: str, packet_id: PacketId, *, low: bool = False, **arguments: Any) -> CommittedFact:
@@ -208,10 +210,10 @@ def _chain(name: str, chance: Random, number: int) -> VerifierCase:
         sent[chance.randrange(4)] = foreign[3]
     if name == "an image too many sent":
         sent.append(foreign[0])
-    asked = other.digest if name == "request of another goal" else goal.digest
-    said = chance.sample(frames, 4) if name == FORGED_CHAIN else sent
+    request = other.digest if name == "request of another goal" else goal.digest
+    listed = chance.sample(frames, 4) if name == FORGED_CHAIN else sent
     truly_sent = foreign[:4] if name == FORGED_CHAIN else sent
-    truth = set(truly_sent) <= set(analysed) <= set(frames) and asked == goal.digest
+    truth = set(truly_sent) <= set(analysed) <= set(frames) and request == goal.digest
     names = ["request", "panorama", "analysis", "delivery"]
     stages = [stage(ANYTHING, node_id=NodeId(one)) for one in names]
     gone = chance.choice(("delivery", "request")) if name == "a stage not accepted" else ""
@@ -226,19 +228,19 @@ def _chain(name: str, chance: Random, number: int) -> VerifierCase:
         packets[node.node_id] = (packet, K + 1 + index)
     level = 0 if name == "a fact of level 0" else 2
     facts = [
-        fact("recorded_request", "request", {"digest": asked}),
+        fact("recorded_request", "request", {"digest": request}),
         fact("panorama", "panorama", {"frames": frames}),
         fact("passage_checked", "analysis", {"frames": analysed}, independence=level),
-        fact("message_stored", "delivery", {"frames": said, "text_digest": sha256(b"text")}),
+        fact("message_stored", "delivery", {"frames": listed, "text_digest": sha256(b"text")}),
     ]
     if name == "a fact missing":
         facts.pop(chance.randrange(4))
     facts = [one for one in facts if one.node_id != gone]
     facts = [_on_packet(one, packets) for one in facts]
     effect = Relational(predicate="one_chain", relation="linked", subject="delivery", object="request")
-    shown = shown_goal((effect,), stages, packets, {}, at_s=BEGAN_S + 100.0, facts=facts, goal=goal)
+    inputs = shown_goal((effect,), stages, packets, {}, at_s=BEGAN_S + 100.0, facts=facts, goal=goal)
     return VerifierCase(
-        "one_chain", name, truth, shown, condition_id_of(effect, "goal"), epistemic=name == FORGED_CHAIN
+        "one_chain", name, truth, inputs, condition_id_of(effect, "goal"), epistemic=name == FORGED_CHAIN
     )
 
 
@@ -284,13 +286,13 @@ def _subject(name: str, chance: Random, run: SimulatedExecution, number: int) ->
         )
         for index, node in enumerate(stages)
     }
-    shown = shown_goal((effect,), stages, packets, {}, at_s=BEGAN_S + 100.0, facts=facts)
+    inputs = shown_goal((effect,), stages, packets, {}, at_s=BEGAN_S + 100.0, facts=facts)
     truth = _of_place(true, floor, region, goes=goes)
     if not goes and name == "another analysis told":
         truth = False
     if goes and name == "target of another map":
         truth = False
-    return VerifierCase("one_subject", name, truth, shown, condition_id_of(effect, "goal"), epistemic=name == BIASED)
+    return VerifierCase("one_subject", name, truth, inputs, condition_id_of(effect, "goal"), epistemic=name == BIASED)
 
 
 def _facts_of(

@@ -39,7 +39,10 @@ def cloud_head(file: Path) -> CloudHead:
     """
     reader = {".pcd": _pcd, ".ply": _ply}.get(file.suffix.lower())
     if reader is None:
-        raise _invalid(because("cloud_format_unknown", suffix=file.suffix or "no suffix"), file)
+        unknown = (
+            because("cloud_format_unknown", suffix=file.suffix) if file.suffix else because("cloud_without_suffix")
+        )
+        raise _invalid(unknown, file)
     try:
         size = file.stat().st_size
         with file.open("rb") as opened:

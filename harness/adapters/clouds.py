@@ -6,7 +6,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from pypcd4.pypcd4 import PointCloud
 
@@ -31,8 +30,8 @@ def read_cloud(file: Path, *, metres_per_unit: float = 1.0) -> tuple[NDArray[np.
     except MemoryError:
         raise
     except (KeyError, ValueError, AttributeError, IndexError, TypeError, RuntimeError, OSError) as error:
-        said = (str(error).splitlines() or [""])[0][:120]
-        raise CloudInvalid(because("cloud_not_whole", error=said), where=str(file)) from error
+        message = (str(error).splitlines() or [""])[0][:120]
+        raise CloudInvalid(because("cloud_not_whole", error=message), where=str(file)) from error
     if len(points) < head.points:
         raise CloudInvalid(because("cloud_points_missing", promised=head.points, held=len(points)), where=str(file))
     scaled = points * metres_per_unit
@@ -40,8 +39,8 @@ def read_cloud(file: Path, *, metres_per_unit: float = 1.0) -> tuple[NDArray[np.
     near = finite & (np.abs(np.where(np.isfinite(scaled), scaled, 0.0)) < FARTHEST_M).all(axis=1)
     if not near.any():
         raise CloudInvalid(_nothing_left(len(points), int(finite.sum())), where=str(file))
-    kept = scaled[near]
-    return kept, len(points) - len(kept)
+    near_points = scaled[near]
+    return near_points, len(points) - len(near_points)
 
 
 def _nothing_left(points: int, finite: int) -> Reason:
@@ -53,11 +52,13 @@ def _nothing_left(points: int, finite: int) -> Reason:
 def _pcd(file: Path) -> NDArray[np.float64]:
     cloud = PointCloud.from_path(file)
     names = {name.lower(): name for name in cloud.fields}
-    wanted = tuple(names[axis] for axis in "xyz")
-    return np.asarray(cloud.numpy(wanted), dtype=np.float64).reshape(-1, 3)
+    columns = tuple(names[axis] for axis in "xyz")
+    return np.asarray(cloud.numpy(columns), dtype=np.float64).reshape(-1, 3)
 
 
 def _ply(file: Path) -> NDArray[np.float64]:
+    import trimesh  # noqa: PLC0415  loads for half a second, and every command would wait for it
+
     shape: Any = trimesh.load(file, process=False)
     return np.asarray(shape.vertices, dtype=np.float64).reshape(-1, 3)
 

@@ -17,6 +17,7 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import Digest, RequestId, StreamId
 from harness.contracts.protocol import InvocationReport, StartRequest
+from harness.contracts.reasons import because
 from harness.contracts.upcasting import name_of
 from harness.contracts.values import Moment, Value
 
@@ -39,9 +40,8 @@ def parse(name: str) -> Failpoint:
     match = _NAME.fullmatch(name)
     if match is None or not (match[2] in _ACTS or match[2][0].isupper()):
         raise UnknownName(
-            f"{name[:80]!r} is no failpoint",
+            because("unknown_failpoint", name=name[:80], acts=tuple(_ACTS)),
             where="REGEN_FAILPOINT",
-            do=f"write before: or after: and an event kind or one of {', '.join(_ACTS)}, with #N for the Nth time",
         )
     return Failpoint(when="before" if match[1] == "before" else "after", what=match[2], nth=int(match[3] or 1))
 

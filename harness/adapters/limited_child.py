@@ -76,8 +76,8 @@ def answered(work: protocol.Work, request: bytes, output_bytes: int) -> tuple[by
             return protocol.OUT_OF_MEMORY, b""
         if isinstance(error, OSError) and error.errno == errno.EFBIG:
             return protocol.TOO_LARGE, b""
-        said = next(iter(str(error).splitlines()), "")[:300]
-        return protocol.FAILED, f"{type(error).__name__}: {said}".encode(errors="replace")
+        message = next(iter(str(error).splitlines()), "")[:300]
+        return protocol.FAILED, f"{type(error).__name__}: {message}".encode(errors="replace")
     return (protocol.ANSWERED, answer) if len(answer) <= output_bytes else (protocol.TOO_LARGE, b"")
 
 

@@ -154,7 +154,7 @@ class LimitedProcess:
         try:
             problem = decode(body, ParserProblem)
         except msgspec.MsgspecError:
-            return self._failure(because("parser_failed", error="its answer cannot be read"), where=where)
+            return self._failure(because("parser_answer_unreadable"), where=where)
         kind = getattr(errors, problem.kind, None)
         known = kind if isinstance(kind, type) and issubclass(kind, HarnessError) else self._failure
         return known(problem.what, where=problem.where or where, do=problem.do)
@@ -189,8 +189,8 @@ def _killed(children: list[subprocess.Popen[bytes]], *, grace_s: float = 0.0) ->
 
 def _environment() -> dict[str, str]:
     root = Path(__file__).resolve().parents[2]
-    kept = {name: os.environ[name] for name in _NEEDED if name in os.environ}
-    return {**kept, **dict.fromkeys(_ONE_THREAD, "1"), "PYTHONPATH": str(root)}
+    environment = {name: os.environ[name] for name in _NEEDED if name in os.environ}
+    return {**environment, **dict.fromkeys(_ONE_THREAD, "1"), "PYTHONPATH": str(root)}
 
 
 @contextmanager

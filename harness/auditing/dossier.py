@@ -12,20 +12,21 @@ from harness.contracts import ids
 from harness.contracts.dossier import EVENTS, FORMAT, RECORDS, DossierContents, JudgedGoal
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ports import Record
-from harness.contracts.values import Count, Value, encode
+from harness.contracts.spoken_goals import SpokenGoal, Transcription
+from harness.contracts.values import Count, Value, decode, encode
 from harness.projections.judged_goal import judged_goal
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 
 _DIGEST = re.compile(rb"[0-9a-f]{64}")
-_EVIDENCE = re.compile(rb'"(?:blob|sound|recognition|report)":"([0-9a-f]{64})"')
+_EVIDENCE = re.compile(rb'"(?:blob|sound|recognition|report|recording|transcript)":"([0-9a-f]{64})"')
 """How events, records and documents name a blob that something rests on."""
 _DOCUMENT = b"{"
 """What a blob begins with that can cite others; pictures, sounds and point clouds begin otherwise."""
 
 
 @dataclass(frozen=True)
-class Collected:
+class DossierContent:
     """The contents to sign and the files they name."""
 
     contents: DossierContents
@@ -37,7 +38,8 @@ class DossierVerdict(Value):
 
     `reconstructed`: decisions whose command was inferred from events, in a log from before commands were stored.
     `places` are the changes to places up to the mission's end; a dossier of an earlier release has none. `judged` is
-    the goal verdict by clause as the events say it; None for a mission without a reading.
+    the goal verdict by clause as the events say it; None for a mission without a reading. `spoken`: what the goal was
+    written down from; None where it was typed.
     """
 
     mission_id: ids.MissionId
@@ -54,9 +56,10 @@ class DossierVerdict(Value):
     places: tuple[PlaceChange, ...] = ()
     reconstructed: Count = 0
     judged: JudgedGoal | None = None
+    spoken: SpokenGoal | None = None
 
 
-def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, exported_at_s: float) -> Collected:
+def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, exported_at_s: float) -> DossierContent:
     """Events of the mission, its handoffs and its places, every record and blob they cite, directly or through others.
 
     Raises UnknownName for a mission that does not exist.
@@ -90,8 +93,9 @@ def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, ex
         files={name: ids.sha256(body) for name, body in sorted(files.items())},
         absent=tuple(sorted(digest for digest in needed if f"blobs/{digest}" not in files)),
         judged=judged_goal(mission) or msgspec.UNSET,
+        spoken=mission.spoken,
     )
-    return Collected(contents=contents, files=files)
+    return DossierContent(contents=contents, files=files)
 
 
 def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trusted: bool) -> DossierVerdict:
@@ -101,6 +105,10 @@ def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trust
     differences = [*report.differences, *place_differences(runtime, mission)]
     if mission.status != contents.status:
         differences.append(f"the dossier says {contents.status}, its events fold to {mission.status}")
+    spoken = mission.spoken if isinstance(mission.spoken, SpokenGoal) else None
+    differences += _spoken_differences(runtime, mission, spoken) if spoken else []
+    if contents.spoken != mission.spoken:
+        differences.append("the dossier says another recording or transcript of the goal than its events")
     judged = judged_goal(mission)
     if contents.judged is not msgspec.UNSET and contents.judged != judged:
         differences.append("the dossier says another reading, or another verdict by clause, than its events")
@@ -119,7 +127,24 @@ def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trust
         places=place_changes(runtime, mission),
         reconstructed=report.reconstructed,
         judged=judged,
+        spoken=spoken,
     )
+
+
+def _spoken_differences(runtime: Runtime, mission: Mission, spoken: SpokenGoal) -> list[str]:
+    """Why the goal is not what its recording was written down as."""
+    missing = [one for one in (spoken.recording, spoken.transcript) if not _sound(runtime, one)]
+    if missing:
+        return [f"the recording or transcript of the goal is missing or damaged: {', '.join(missing)}"]
+    try:
+        transcript = decode(runtime.blob(spoken.transcript), Transcription)
+    except msgspec.MsgspecError:
+        return ["the transcript of the goal cannot be read"]
+    found = {ids.sha256(transcript.text.encode()), ids.sha256(mission.goal.encode()), spoken.checksum}
+    other = transcript.recording != spoken.recording
+    return ["the goal is not the text of its transcript"] * (len(found) > 1) + [
+        "the transcript is of another recording"
+    ] * other
 
 
 def _streams(runtime: Runtime, mission: Mission) -> list[ids.StreamId]:

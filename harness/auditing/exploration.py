@@ -41,7 +41,7 @@ def target_differences(
     if question.frontiers == edges(grid, ways):
         found_edges = question.frontiers  # as explorations of older releases listed them
     known = updates(mission)
-    shown = {
+    inputs = {
         "another mission": (question.mission_id, mission.mission_id),
         "another configuration": (question.configuration, mission.configuration),
         "another state version": (question.k, mission.k),
@@ -50,10 +50,10 @@ def target_differences(
         "other feedback": (question.feedback, feedback(mission)),
         "other edges": (question.frontiers, found_edges),
     }
-    found = [f"the target was proposed from {what}" for what, (said, again) in shown.items() if said != again]
-    said = nearest_edge(question) if answer.planner == NEAREST_EDGE.name else answer.said
+    found = [f"the target was proposed from {what}" for what, (original, again) in inputs.items() if original != again]
+    original = nearest_edge(question) if answer.planner == NEAREST_EDGE.name else answer.said
     silent: Explanation = answer.refused if answer.said is None else ""
-    again = settled(answer.planner, said, refused=silent, question=question, grid=grid)
+    again = settled(answer.planner, original, refused=silent, question=question, grid=grid)
     if not same(again, answer, old=True):
         found.append(f"the target was {_place(answer)}; derived again it is {_place(again)}")
     admitted = (answer.chosen.target_m, answer.chosen.reason) if answer.chosen else None

@@ -78,7 +78,7 @@ LONGEST = 5
 """No command has more events than this: an approval, a spend, a plan, an intent, an attestation."""
 
 
-def asked(tail: Tail) -> MissionCommand | None:
+def guessed_command(tail: Tail) -> MissionCommand | None:
     """The command whose events `tail` begins with; None if no command leads to such a beginning."""
     return _started(tail) or _worked(tail) or _recovered(tail) or _spoken(tail) or _noted(tail)
 
@@ -102,6 +102,7 @@ def _started(tail: Tail) -> MissionCommand | None:
                 trial=created.trial,
                 rules=compiled.rules,
                 channel=created.channel,
+                spoken=created.spoken,
             )
         case [ContractRecompiled() as again, *_]:
             return RecompileContract(

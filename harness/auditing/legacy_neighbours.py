@@ -98,7 +98,7 @@ def _refreshing(event: handoff_events.HandoffRefreshed) -> commands.RefreshHando
     )
 
 
-def _held(handoff: Handoff, actor: Actor) -> str:
+def _holder_token(handoff: Handoff, actor: Actor) -> str:
     """The token of the claim that the person held; none where the question was unclaimed or somebody else's."""
     return handoff.claim.claim if handoff.claim is not None and handoff.claim.actor.name == actor.name else ""
 
@@ -109,7 +109,7 @@ def _decision(
 ) -> commands.ApproveHandoff | commands.RejectHandoff | commands.AttestHandoff:
     """A claim that had lapsed counts as none: the token of a live one is in the handoff."""
     live = handoff.claim is not None and handoff.claim.until_at_s > event.at_s
-    claim = _held(handoff, event.actor) if live else ""
+    claim = _holder_token(handoff, event.actor) if live else ""
     match event:
         case handoff_events.HandoffApproved():
             return _approval(handoff, event, claim)
@@ -177,7 +177,7 @@ def _turn(handoff: Handoff, event: HandoffTurned) -> handoff_commands.HandoffTur
         case handoff_events.HandoffHandedBack():
             return handoff_commands.ReturnControl(
                 actor=event.actor,
-                claim=_held(handoff, event.actor),
+                claim=_holder_token(handoff, event.actor),
                 key=event.key,
                 reason=event.reason,
                 k=event.k,
@@ -185,5 +185,5 @@ def _turn(handoff: Handoff, event: HandoffTurned) -> handoff_commands.HandoffTur
             )
         case handoff_events.HandoffClosed():
             return handoff_commands.CloseQuestion(
-                actor=event.actor, claim=_held(handoff, event.actor), key=event.key, reason=event.reason
+                actor=event.actor, claim=_holder_token(handoff, event.actor), key=event.key, reason=event.reason
             )

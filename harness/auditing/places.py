@@ -38,7 +38,7 @@ def place_history(runtime: Runtime, mission: Mission) -> list[StoredEvent]:
 def place_changes(runtime: Runtime, mission: Mission) -> tuple[PlaceChange, ...]:
     """The changes of `place_history`, in order."""
     first = runtime.events(mission.mission_id)[0].position
-    told = [(one.position, DECIDER.codec.decode(one)) for one in place_history(runtime, mission)]
+    changes = [(one.position, DECIDER.codec.decode(one)) for one in place_history(runtime, mission)]
     return tuple(
         PlaceChange(
             position=position,
@@ -49,7 +49,7 @@ def place_changes(runtime: Runtime, mission: Mission) -> tuple[PlaceChange, ...]
             reason=event.reason,
             during=position > first,
         )
-        for position, event in told
+        for position, event in changes
     )
 
 

@@ -156,7 +156,7 @@ def _mission(replay: _Replay, roles: RoleReplay, stored: Sequence[StoredEvent]) 
     return mission, decisions
 
 
-class _Written(msgspec.Struct):
+class _ContractBody(msgspec.Struct):
     contract: msgspec.Raw
 
 
@@ -164,7 +164,7 @@ def _as_written(derived: MissionEvent, stored: StoredEvent) -> MissionEvent:
     """A contract's digest covers the bytes as they were written: an earlier release may have written fewer fields."""
     if not isinstance(derived, ContractCompiled) or stored.kind != type(derived).__name__:
         return derived
-    written = ids.sha256(bytes(msgspec.json.decode(stored.body, type=_Written).contract))
+    written = ids.sha256(bytes(msgspec.json.decode(stored.body, type=_ContractBody).contract))
     return replace(derived, contract_digest=written)
 
 
@@ -173,9 +173,9 @@ def _decided(
 ) -> list[MissionEvent]:
     """The events of the gate's new decision on the command that these events answered."""
     stored = stored_tail[0]
-    said, command = replay.command(stored_tail, MissionCommand)
-    if not said:
-        command = legacy.asked(tail)
+    present, command = replay.command(stored_tail, MissionCommand)
+    if not present:
+        command = legacy.guessed_command(tail)
         if command is None:
             replay.differ(stored, "no command leads to this event here")
     if command is None:
@@ -207,8 +207,8 @@ def _leases(replay: _Replay, stream: ids.StreamId, mission_id: ids.MissionId) ->
     for index, event in enumerate(_decoded(replay, LEASE, stored)):
         after, one = LEASE.apply(lease, event), stored[index]
         if after.mission_id == mission_id:
-            said, command = replay.command(stored[index:], LeaseCommand)
-            command = command if said else legacy_neighbours.asked_of_lease(event)
+            present, command = replay.command(stored[index:], LeaseCommand)
+            command = command if present else legacy_neighbours.asked_of_lease(event)
             decisions += 1
             now = values.Moment(mission_s=one.mission_s, wall_s=one.recorded_s)
             if command is not None:
@@ -229,9 +229,9 @@ def _handoff(replay: _Replay, stream: ids.StreamId, mission_id: ids.MissionId) -
     for index, event in enumerate(_decoded(replay, HANDOFF, stored)):
         one = stored[index]
         tokens = [*tokens_in(event), *([handoff.claim.claim] if handoff.claim else [])]
-        said, command = replay.command(stored[index:], HandoffCommand, tokens)
+        present, command = replay.command(stored[index:], HandoffCommand, tokens)
         wall_s: float | None = one.recorded_s
-        if not said:
+        if not present:
             command, wall_s = legacy_neighbours.asked_of_handoff(handoff, event) or (None, None)
         decisions += 1
         now = values.Moment(mission_s=one.mission_s, wall_s=one.recorded_s if wall_s is None else wall_s)

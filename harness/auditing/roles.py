@@ -88,10 +88,10 @@ class RoleReplay:
         if event.planner == GRAPH_ORDER.name or event.refused:
             expected = (own.node_id, own.reason)
         else:
-            said = self._stored(event.proposal, PlanProposal) if event.proposal else own
-            if refused := plan_refusal(said, mission=mission):
+            recorded = self._stored(event.proposal, PlanProposal) if event.proposal else own
+            if refused := plan_refusal(recorded, mission=mission):
                 raise Differs(f"the plan was taken up; derived again it is refused: {plain(refused.reason)}")
-            expected = (said.node_id, said.reason)
+            expected = (recorded.node_id, recorded.reason)
         self.derived["plans"] += 1
         if not same(expected, (event.node_id, event.reason), old=self.old):
             raise Differs(f"C1 led to {event.node_id}; derived again it leads to {expected[0]}")

@@ -1,28 +1,17 @@
-"""H_0 and the site as they ship: reads this package's own data, and any YAML text, into contract values."""
+"""H_0 and the site as they ship: reads this package's own data into contract values."""
 
-from collections.abc import Hashable
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, TypeVar
-
-import msgspec
-import yaml
 
 from harness.contracts.configuration import Configuration, ContextRules, RecoveryPolicy, RoutingPreferences
-from harness.contracts.errors import ContractInvalid
 from harness.contracts.places import Site
-from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Value, decode
-from harness.goals.names import check_names
-from harness.goals.sources import world_sources
 from harness.recovery.policy import check_policy
-from harness.supervisor.zones import check_site
+from harness.workspace.reading import Workspace, open_workspace
+from harness.workspace.yaml_reader import read_yaml
 
-T = TypeVar("T")
-LONGEST_TEXT = 262_144
-DEEPEST = 24
 _PACKAGE = "harness.baseline"
 
 
@@ -61,104 +50,28 @@ def earlier() -> tuple[Configuration, ...]:
 
 
 @lru_cache(maxsize=1)
-def further() -> tuple[TaskTemplate, ...]:
-    """Templates that ship beside H_0 and are no part of it, in order of their names, read once.
+def shipped_workspace() -> Workspace:
+    """The simulated site's folder: its places, its robot and its missions, read once.
 
-    A mission of one runs under its robot's current configuration as any other; no candidate changes them.
+    Its missions ship beside H_0 and are no part of it; they run under their robot's current configuration as any
+    other, and no candidate changes them.
     """
-    return _templates("further")
+    return open_workspace(Path(__file__).with_name("site"), reserved=shipped_missions())
 
 
-@lru_cache(maxsize=1)
 def site() -> Site:
-    """The simulated site's places, routes, passages and zones, read once. Raises as `check_site` does."""
-    shipped = read_yaml(_shipped("site.yaml"), Site, where="baseline/site.yaml")
-    check_site(shipped)
-    return shipped
+    """The simulated site's places, routes, passages and zones."""
+    return shipped_workspace().site
 
 
-def site_from(file: Path | None) -> Site:
-    """The site of a file of one's own, the simulated one without a file.
-
-    Raises ContractInvalid for a file that cannot be read, breaks a rule as `check_site` says, has a name of two things,
-    or vouches for a source that no predicate reads (D17).
-    """
-    if file is None:
-        return site()
-    try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeError) as error:
-        raise ContractInvalid(because("site_unreadable", error=str(error)), where=str(file)) from error
-    own = read_yaml(text, Site, where=str(file))
-    check_site(own)
-    check_names(own)
-    known = world_sources()
-    strange = [name for name in own.vouched if name not in known]
-    if strange:
-        raise ContractInvalid(
-            because("vouched_unknown", name=strange[0], names=tuple(sorted(known))), where=f"{file}, vouched"
-        )
-    return own
+def shipped_missions() -> tuple[str, ...]:
+    """The names that no mission of a site's own folder may have: those of H_0's templates."""
+    return tuple(template.name for template in baseline().templates)
 
 
-def read_yaml(text: str, kind: type[T], *, where: str) -> T:
-    """YAML of one contract value. Raises ContractInvalid that names the place in the file or in the value.
-
-    Aliases, repeated keys, deep nesting and texts over 256 KiB are refused before anything is built from them: a file
-    of a few lines can otherwise unfold to gigabytes.
-    """
-    if len(text) > LONGEST_TEXT:
-        raise ContractInvalid(because("text_too_long", characters=len(text), limit=LONGEST_TEXT), where=where)
-    try:
-        _check_events(text, where)
-        built = yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError as error:
-        raise ContractInvalid(because("yaml_invalid", error=_line(error)), where=where) from error
-    except ValueError as error:
-        raise ContractInvalid(because("value_unreadable", error=str(error)), where=where) from error
-    try:
-        return msgspec.convert(built, kind, strict=True)
-    except msgspec.ValidationError as error:
-        what, _, path = str(error).partition(" - at `")
-        raise ContractInvalid(
-            because("field_invalid", error=what), where=f"{where}, {path.rstrip('`') or '$'}"
-        ) from error
-
-
-class _Loader(yaml.SafeLoader):
-    """SafeLoader that takes no key twice, no key that is a list or mapping, and no merged keys."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen: set[str] = set()
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode) or key.tag == "tag:yaml.org,2002:merge":
-                raise yaml.constructor.ConstructorError(None, None, "a key must be a plain word", key.start_mark)
-            if key.value in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"the key {key.value!r} stands twice", key.start_mark
-                )
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)
-
-
-def _check_events(text: str, where: str) -> None:
-    depth = 0
-    for event in yaml.parse(text, Loader=yaml.SafeLoader):
-        line = event.start_mark.line + 1 if event.start_mark else 0
-        if isinstance(event, yaml.AliasEvent):
-            raise ContractInvalid(because("yaml_alias", line=line), where=where)
-        if isinstance(event, yaml.CollectionStartEvent):
-            depth += 1
-        elif isinstance(event, yaml.CollectionEndEvent):
-            depth -= 1
-        if depth > DEEPEST:
-            raise ContractInvalid(because("yaml_too_deep", line=line, limit=DEEPEST), where=where)
-
-
-def _line(error: yaml.YAMLError) -> str:
-    mark = getattr(error, "problem_mark", None)
-    problem = getattr(error, "problem", None) or str(error)
-    return f"{problem} (line {mark.line + 1})" if mark else str(problem)
+def workspace_in(folder: Path | None) -> Workspace:
+    """The site's own folder, or the simulated site without one. Raises as `open_workspace` does."""
+    return shipped_workspace() if folder is None else open_workspace(folder, reserved=shipped_missions())
 
 
 def _templates(name: str) -> tuple[TaskTemplate, ...]:

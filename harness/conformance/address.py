@@ -2,21 +2,30 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 
-from harness.adapters.clock import LockstepClock, RobotClock
+from harness.adapters.providers.http.clocks import clock_of
 from harness.adapters.providers.http.robot import HttpProvider, HttpRobot
 from harness.conformance.subject import ProviderUnderTest, Stand
 from harness.contracts.capabilities import CapabilityCard
-from harness.contracts.errors import ProviderFailed, ProviderUnreachable, UnknownName
-from harness.contracts.ids import ProviderId
+from harness.contracts.errors import ProviderFailed
+from harness.contracts.ids import ProviderId, RobotId
 from harness.contracts.ports import Clock
+from harness.contracts.reasons import because
 
-REAL_TIME = 1.0
+
+@dataclass(frozen=True)
+class AddressedStands:
+    """What answers at an address: the name that it gives itself, a `Stand` for each provider, and the cards."""
+
+    robot_id: RobotId
+    stands: dict[ProviderId, Stand]
+    cards: tuple[CapabilityCard, ...]
 
 
 @contextmanager
-def addressed(url: str, token: str) -> Iterator[tuple[dict[ProviderId, Stand], tuple[CapabilityCard, ...]]]:
-    """A `Stand` per provider, and the cards, of the robot at `url`. Raises ProviderUnreachable if it does not answer.
+def addressed(url: str, token: str) -> Iterator["AddressedStands"]:
+    """The robot at `url`. Raises ProviderUnreachable if it does not answer.
 
     A robot whose `/clock` has speed 0 is run in lockstep; any other in its own time.
     """
@@ -25,16 +34,20 @@ def addressed(url: str, token: str) -> Iterator[tuple[dict[ProviderId, Stand], t
         stack.callback(robot.close)
         cards = tuple(provider.card for provider in robot.providers())
         if len({card.provider_id for card in cards}) != len(cards):
-            raise ProviderFailed("Two providers have one name", where=f"{url}/providers", do="give each its own")
+            raise ProviderFailed(because("providers_share_name"), where=f"{url}/providers")
 
-        clock = _clock(robot)
+        clock = clock_of(robot)
 
         def fresh() -> HttpRobot:
             again = HttpRobot(url.rstrip("/"), token)
             stack.callback(again.close)
             return again
 
-        yield {card.provider_id: _stand(robot, card, clock, fresh) for card in cards}, cards
+        yield AddressedStands(
+            robot_id=RobotId(robot.status().robot_id),
+            stands={card.provider_id: _stand(robot, card, clock, fresh) for card in cards},
+            cards=cards,
+        )
 
 
 def _stand(robot: HttpRobot, card: CapabilityCard, clock: Clock, fresh: Callable[[], HttpRobot]) -> Stand:
@@ -49,15 +62,3 @@ def _stand(robot: HttpRobot, card: CapabilityCard, clock: Clock, fresh: Callable
         )
 
     return stand
-
-
-def _clock(robot: HttpRobot) -> Clock:
-    try:
-        reading = robot.clock()
-    except ProviderUnreachable:
-        raise
-    except (ProviderFailed, UnknownName):
-        return RobotClock(lambda: robot.status().at_s, REAL_TIME)
-    if reading.speed:
-        return RobotClock(lambda: robot.clock().at_s, reading.speed)
-    return LockstepClock(robot.advance, at_s=reading.at_s)

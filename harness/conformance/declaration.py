@@ -8,12 +8,13 @@ from pathlib import Path
 
 import msgspec
 
-from harness.baseline.load import read_yaml
 from harness.contracts.effects import AnyEffect
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.protocol import Parameters, ParameterValue
+from harness.contracts.reasons import because
 from harness.contracts.values import Name, Value
+from harness.workspace.yaml_reader import read_yaml
 
 _SHIPPED = files("harness.baseline").joinpath("conformance")
 
@@ -42,9 +43,8 @@ def shipped(provider_id: ProviderId) -> ConformanceFile:
     entry = _SHIPPED.joinpath(f"{provider_id}.yaml")
     if not entry.is_file():
         raise UnknownName(
-            f"No conformance file for {provider_id}",
+            because("no_conformance_file", provider_id=provider_id),
             where=str(provider_id),
-            do="write one as docs/how-to/write-a-provider.md shows, and name it with --file",
         )
     return _checked(entry.read_text(encoding="utf-8"), where=f"baseline/conformance/{provider_id}.yaml")
 
@@ -54,9 +54,7 @@ def read(path: Path) -> ConformanceFile:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise ContractInvalid(
-            f"The conformance file cannot be read ({error})", where=str(path), do="name a readable YAML file"
-        ) from error
+        raise ContractInvalid(because("conformance_file_unreadable", error=str(error)), where=str(path)) from error
     return _checked(text, where=str(path))
 
 
@@ -65,7 +63,7 @@ def filled(parameters: Parameters, blobs: dict[str, Digest]) -> Parameters:
     return {name: _filled(value, blobs) for name, value in parameters.items()}
 
 
-def kept(declaration: ConformanceFile, keep: Callable[[bytes], Digest]) -> dict[str, Digest]:
+def store_blobs(declaration: ConformanceFile, keep: Callable[[bytes], Digest]) -> dict[str, Digest]:
     """Store the file's blobs where the provider finds them."""
     return {name: keep(_bytes(text)) for name, text in declaration.blobs.items()}
 
@@ -86,15 +84,13 @@ def _bytes(text: str) -> bytes:
 def _checked(text: str, *, where: str) -> ConformanceFile:
     declaration = read_yaml(text, ConformanceFile, where=where)
     if not declaration.done or not declaration.long:
-        raise ContractInvalid("The file names no request to try", where=where, do="fill in `done` and `long`")
+        raise ContractInvalid(because("conformance_file_without_request"), where=where)
     both = sorted(set(declaration.meets) & set(declaration.exempt))
     if both:
-        raise ContractInvalid(
-            f"Rows are both met and exempt: {', '.join(both)}", where=where, do="let each row stand once"
-        )
+        raise ContractInvalid(because("conformance_rows_twice", rows=tuple(both)), where=where)
     for name, body in declaration.blobs.items():
         try:
             _bytes(body)
         except (ValueError, binascii.Error) as error:
-            raise ContractInvalid(f"Blob {name} is no base64", where=where, do="encode its bytes again") from error
+            raise ContractInvalid(because("conformance_blob_invalid", name=name), where=where) from error
     return declaration

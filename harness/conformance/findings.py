@@ -30,7 +30,7 @@ class ConformanceFinding(Value):
     text: str
 
 
-class Checked(Value):
+class ConformanceResult(Value):
     """The findings of one provider on all rows."""
 
     provider_id: ProviderId
@@ -63,18 +63,18 @@ def refusal(act: Callable[[], object], *kinds: type[HarnessError]) -> str:
 
     A code with facts has its remedy in the catalogue; a refusal in words of its own must bring one.
     """
-    wanted = kinds or (ProviderFailed, UnknownName)
+    expected = kinds or (ProviderFailed, UnknownName)
     try:
         act()
     except ProviderUnreachable as error:
         return f"no answer came instead of a refusal ({plain(error.what)})"
-    except wanted as error:
+    except expected as error:
         if isinstance(error.__cause__, ValueError):
             return f"the answer cannot be read ({plain(error.what)})"
         remedied = isinstance(error.what, Reason) or bool(error.do)
         return unless(remedied, f"the refusal does not say what to do ({plain(error.what)})")
     except HarnessError as error:
-        return f"it was refused as {error.code}, not as {wanted[0].code}"
+        return f"it was refused as {error.code}, not as {expected[0].code}"
     except UNTYPED as error:
         return f"it was answered with an untyped {type(error).__name__} ({error})"
     return "it was accepted"

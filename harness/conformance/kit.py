@@ -3,12 +3,13 @@
 from collections.abc import Callable, Sequence
 
 from harness.conformance.declaration import ConformanceFile
-from harness.conformance.findings import UNTYPED, Checked, ConformanceFinding
+from harness.conformance.findings import UNTYPED, ConformanceFinding, ConformanceResult
 from harness.conformance.rows import NAMES, ROWS, ConformanceRule
 from harness.conformance.subject import Stand
 from harness.conformance.test_bench import Bench, Log
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.ids import MissionId
+from harness.contracts.reasons import because
 
 FIRST_TOKEN = 1
 """The first token that a lease stream gives out: what requests carry where none was given out yet."""
@@ -22,7 +23,7 @@ def check(
     fencing: int = FIRST_TOKEN,
     rows: Sequence[ConformanceRule] = ROWS,
     watch: Callable[[ConformanceFinding], None] = lambda finding: None,
-) -> Checked:
+) -> ConformanceResult:
     """Try every row; a row that the file exempts is not tried, unless the card binds the provider to it.
 
     `mission_id` names this check and was never used before. Raises ContractInvalid for a file with unknown rows, and
@@ -31,9 +32,8 @@ def check(
     strange = sorted({*declaration.meets, *declaration.exempt} - set(NAMES))
     if strange:
         raise ContractInvalid(
-            f"The kit has no row {', '.join(strange)}",
-            where=f"conformance file of {declaration.provider_id}",
-            do=f"there are {', '.join(NAMES)}",
+            because("conformance_rows_unknown", rows=tuple(strange), known=tuple(NAMES)),
+            where=because("at_conformance_file", provider_id=declaration.provider_id),
         )
     card, log, found = stand().provider.card, Log(), []
     for row in rows:
@@ -47,7 +47,7 @@ def check(
             finding = _tried(row, stand, declaration, log=log, mission_id=mission_id, fencing=fencing)
         watch(finding)
         found.append(finding)
-    return Checked(provider_id=card.provider_id, version=card.version, card=card, findings=tuple(found))
+    return ConformanceResult(provider_id=card.provider_id, version=card.version, card=card, findings=tuple(found))
 
 
 def _tried(

@@ -132,13 +132,13 @@ def late_repeat(bench: Bench) -> RuleObservation:
     """After the end, a late repeat of the start and repeated questions get the same last report, and start nothing."""
     request, ended = bench.done()
     repeated = bench.start(request)
-    asked = [bench.report(ended.handle) for _ in range(3)]
+    reports = [bench.report(ended.handle) for _ in range(3)]
     return judged(
         "the same last word four times, nothing begun again",
         unless(ended.status in protocol.TERMINAL, f"it never ended: {ended.status}"),
         unless(repeated == ended, f"a late repeat of the start was answered with {repeated.status}, another report"),
-        unless(all(one == ended for one in asked), "the last word changed when asked again"),
-        unless(bench.begun(request) in (None, 1), "the late repeat was a second physical start"),
+        unless(all(one == ended for one in reports), "the last word changed when asked again"),
+        unless(bench.starts_of(request) in (None, 1), "the late repeat was a second physical start"),
     )
 
 

@@ -27,7 +27,7 @@ def card_complete(bench: Bench) -> RuleObservation:
         reread = decode(encode(card), CapabilityCard) == card
     except msgspec.MsgspecError as error:
         return RuleObservation(met=False, text=f"the card breaks its own types ({error})")
-    said = {"embodiments": card.embodiments, "failure_words": card.failure_words, "evidence": card.evidence}
+    fields = {"embodiments": card.embodiments, "failure_words": card.failure_words, "evidence": card.evidence}
     names = [parameter.name for parameter in card.parameters]
     bounded = [p for p in card.parameters if p.minimum is not None and p.maximum is not None]
     crossed = [p.name for p in bounded if (p.minimum or 0.0) > (p.maximum or 0.0)]
@@ -36,7 +36,7 @@ def card_complete(bench: Bench) -> RuleObservation:
         f"version {card.version}, {len(card.parameters)} parameters, risk {card.risk}, "
         f"stops within {card.cancel.within_s:g} s",
         unless(reread, "the card is another when read again"),
-        *(unless(bool(words), f"{name} is empty") for name, words in said.items()),
+        *(unless(bool(words), f"{name} is empty") for name, words in fields.items()),
         unless(len(set(names)) == len(names), "a parameter stands twice"),
         unless(not crossed, f"bounds are crossed: {', '.join(crossed)}"),
         unless(not odd, f"evidence of an unknown kind: {', '.join(odd)}"),
@@ -54,7 +54,7 @@ def idempotent_start(bench: Bench) -> RuleObservation:
     first = bench.start(request)
     bench.wait(0.5, keep=first.handle)
     again = bench.start(replace(request, k_ctx=request.k_ctx + 3))
-    begun = bench.begun(request)
+    begun = bench.starts_of(request)
     return judged(
         f"two starts, one handle, {begun if begun is not None else 'no journal of'} physical start",
         unless(again.handle == first.handle, f"the repeat became another execution ({again.handle})"),
@@ -70,12 +70,12 @@ def other_parameters_refused(bench: Bench) -> RuleObservation:
     if other is None:
         return RuleObservation(met=False, text="the conformance file names no second set of parameters")
     wrong = refusal(lambda: bench.provider.start(other))
-    kept = bench.report(first.handle)
+    report = bench.report(first.handle)
     return judged(
         "refused, and the first execution is untouched",
         unless(not wrong, f"other contents under the same request id: {wrong}"),
-        unless(kept.identity == request.identity and kept.status != "failed", f"the first is now {kept.status}"),
-        unless(bench.begun(request) in (None, 1), "the other contents were started too"),
+        unless(report.identity == request.identity and report.status != "failed", f"the first is now {report.status}"),
+        unless(bench.starts_of(request) in (None, 1), "the other contents were started too"),
     )
 
 
@@ -87,7 +87,7 @@ def unfit_request_refused(bench: Bench) -> RuleObservation:
         wrong = refusal(partial(bench.provider.start, unfit))
         if wrong:
             wrongs.append(f"{what}: {wrong}")
-        elif bench.begun(unfit):
+        elif bench.starts_of(unfit):
             wrongs.append(f"{what}: refused, but the robot's journal holds a start")
         elif bench.card.reattach == "by_request" and bench.provider.find(unfit.identity.request_id) is not None:
             wrongs.append(f"{what}: refused, but the request is remembered")
@@ -125,7 +125,7 @@ def reattach(bench: Bench) -> RuleObservation:
     return judged(
         f"found again {bench.card.reattach.replace('_', ' ')} as {found.status}",
         unless(found.handle == repeated.handle == first.handle, "it has another handle after a restart"),
-        unless(bench.begun(request) in (None, 1), "it was begun again"),
+        unless(bench.starts_of(request) in (None, 1), "it was begun again"),
     )
 
 
@@ -139,7 +139,7 @@ def fencing(bench: Bench) -> RuleObservation:
     return judged(
         f"token {bench.fencing - 1} after {bench.fencing} refused, {bench.fencing} again taken",
         unless(not wrong, f"an older fencing token: {wrong}"),
-        unless(not bench.begun(older), "the older token started something"),
+        unless(not bench.starts_of(older), "the older token started something"),
         unless(equal.handle != report.handle, "a fresh request got an old handle"),
     )
 
@@ -151,22 +151,22 @@ def lease_required(bench: Bench) -> RuleObservation:
     return judged(
         f"refused without a token for {', '.join(bench.card.resources)}",
         unless(not wrong, f"a request without a lease: {wrong}"),
-        unless(not bench.begun(bare), "it was started without a lease"),
+        unless(not bench.starts_of(bare), "it was started without a lease"),
     )
 
 
 def unknown_handle(bench: Bench) -> RuleObservation:
     """A handle that was never given out is refused by every act."""
     provider = bench.provider
-    said = {
+    answers = {
         "report": refusal(lambda: provider.report(NOWHERE)),
         "stop": refusal(lambda: provider.stop(NOWHERE)),
         "keepalive": refusal(lambda: provider.keepalive(NOWHERE)),
         "resume": refusal(lambda: provider.resume(NOWHERE)),
     }
     return judged(
-        f"{', '.join(said)} refuse it",
-        *(f"{name} of an unknown handle: {wrong}" for name, wrong in said.items() if wrong),
+        f"{', '.join(answers)} refuse it",
+        *(f"{name} of an unknown handle: {wrong}" for name, wrong in answers.items() if wrong),
     )
 
 

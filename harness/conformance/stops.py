@@ -53,7 +53,7 @@ def stop_is_final(bench: Bench) -> RuleObservation:
         unless(ended.status == "cancelled", f"it was {ended.status} to begin with"),
         unless(repeated.handle == report.handle, "a repeated start became another execution"),
         unless(after.status == "cancelled", f"it became {after.status} again"),
-        unless(bench.begun(request) in (None, 1), "it was begun again"),
+        unless(bench.starts_of(request) in (None, 1), "it was begun again"),
     )
 
 
@@ -110,7 +110,7 @@ def resume(bench: Bench) -> RuleObservation:
         f"{resumed.status} again, moving {again}",
         unless(resumed.status in ("accepted", "running"), f"after a resume it is {resumed.status}"),
         unless(again is not None and not again.still, "after a resume the body does not move"),
-        unless(bench.begun(request) in (None, 1), "the resume was a second physical start"),
+        unless(bench.starts_of(request) in (None, 1), "the resume was a second physical start"),
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import msgspec
 from msgspec import UNSET
 
-from harness.conformance.declaration import ConformanceFile, filled, kept
+from harness.conformance.declaration import ConformanceFile, filled, store_blobs
 from harness.conformance.motion import Motion, SampleLog
 from harness.conformance.subject import ProviderUnderTest
 from harness.contracts import ids, protocol
@@ -50,7 +50,7 @@ class Bench:
         self.subject, self.declaration, self.fencing = subject, declaration, fencing
         self.provider = subject.provider
         self._log, self._mission_id = log, mission_id
-        self._blobs: dict[str, ids.Digest] = kept(declaration, subject.keep) if subject.keep else {}
+        self._blobs: dict[str, ids.Digest] = store_blobs(declaration, subject.keep) if subject.keep else {}
         self._open: dict[str, protocol.StartRequest] = {}
         self._asked_s: dict[str, float] = {}
         self.observations = SampleLog(subject.observations)
@@ -167,7 +167,7 @@ class Bench:
                     return report, self.observations.motion(self.now_s)
         return report, None
 
-    def begun(self, request: protocol.StartRequest) -> int | None:
+    def starts_of(self, request: protocol.StartRequest) -> int | None:
         """Physical starts of a request in the robot's own journal; None if there is no journal."""
         if self.subject.starts is None:
             return None

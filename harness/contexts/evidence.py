@@ -6,7 +6,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from harness.contexts.observed import other_map, reference_states
+from harness.contexts.recent_observations import other_map, reference_states
 from harness.contexts.selection import SelectionItem, withhold
 from harness.contexts.view import StateView, plain, referenced
 from harness.contracts.contexts import ContextRecord
@@ -61,13 +61,13 @@ def sources_of(view: StateView, packet: EvidencePacket) -> list[Source]:
 def provider_word(source: Source, *, node: Node) -> list[SelectionItem]:
     """Structured numbers and receipts, origin provider: seen as declared, never decisive alone (R108)."""
     packet, identity = source.packet, source.packet.identity
-    said: list[tuple[str, Any]] = [("declared", packet.declared)] if packet.declared else []
+    claims: list[tuple[str, Any]] = [("declared", packet.declared)] if packet.declared else []
     if packet.receipts:
-        said.append(("receipts", tuple(without_prose(receipt) for receipt in packet.receipts)))
-    said += [("proposed", fact) for fact in packet.proposed] if source.current else []
+        claims.append(("receipts", tuple(without_prose(receipt) for receipt in packet.receipts)))
+    claims += [("proposed", fact) for fact in packet.proposed] if source.current else []
     needed = any(isinstance(one.effect, Visual | Relational | Symbolic) for one in node.success_conditions)
     items = []
-    for kind, value in said:
+    for kind, value in claims:
         record = ContextRecord(
             kind=kind,
             origin="provider",
@@ -94,7 +94,7 @@ def without_prose_facts(facts: Sequence[CommittedFact]) -> tuple[CommittedFact, 
     )
 
 
-def seen(view: StateView, source: Source, *, node: Node) -> list[SelectionItem]:
+def packet_records(view: StateView, source: Source, *, node: Node) -> list[SelectionItem]:
     """The packet's references as records: trajectory, image, attestation, before, after."""
     packet = source.packet
     items = [_instant(view, "before", one, source=source, node=node) for one in packet.before]

@@ -7,7 +7,7 @@ CommittedFact, one record per node); "place" (Place) and "map"; "robot" (RobotSt
 
 from collections import Counter
 
-from harness.contexts.observed import newest_samples, observed_references, robot_status
+from harness.contexts.recent_observations import newest_samples, observed_references, robot_status
 from harness.contexts.selection import Selection, SelectionItem, compile_context
 from harness.contexts.view import StateView, accepted, configured, plain
 from harness.contracts.capabilities import Capability, Risk
@@ -65,11 +65,11 @@ def planner_context(view: StateView) -> Context:
 
 def goal_record(view: StateView) -> ContextRecord:
     """The user's own text and its checksum, kind "goal"."""
-    asked = view.mission.requested_by
+    requester = view.mission.requested_by
     return ContextRecord(
         kind="goal",
         origin="human",
-        source=asked.name if asked else "user",
+        source=requester.name if requester else "user",
         at_s=view.at_s,
         value=plain(view.contract.goal),
         mandatory=True,

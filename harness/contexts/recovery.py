@@ -7,7 +7,7 @@ for this failure class); "alternative" (CapabilityCard, one per provider that ma
 "robot" (RobotStatus).
 """
 
-from harness.contexts.observed import observed_references, other_map, robot_status
+from harness.contexts.recent_observations import observed_references, other_map, robot_status
 from harness.contexts.selection import Selection, SelectionItem, compile_context
 from harness.contexts.skill import ancestors
 from harness.contexts.view import StateView, accepted, configured, referenced
@@ -40,7 +40,7 @@ class FailedNode(Value):
     pointless: tuple[RecoveryAction, ...] = ()
 
 
-class Remaining(Value):
+class RemainingBudget(Value):
     """What is left of the recovery budgets: per action, of the node's total, of the mission's total (D24)."""
 
     left: dict[RecoveryAction, int]
@@ -104,9 +104,9 @@ def _failed_node(view: StateView, node_id: NodeId) -> FailedNode:
     )
 
 
-def _remaining(view: StateView, node_id: NodeId) -> Remaining:
+def _remaining(view: StateView, node_id: NodeId) -> RemainingBudget:
     limits, state = view.node(node_id).recovery, view.mission.of(node_id)
-    return Remaining(
+    return RemainingBudget(
         left={action: max(0, getattr(limits, action) - state.spent(action)) for action in SPENDING},
         left_node=limits.total - state.spent_total,
         left_mission=view.contract.recovery_total - view.mission.spent_total,

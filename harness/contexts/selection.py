@@ -48,17 +48,17 @@ class Selection:
 
 def compile_context(view: StateView, items: Iterable[SelectionItem], *, selection: Selection) -> Context:
     """One role's view of one state version. Raises ContextOverflow if the mandatory records exceed the budget."""
-    kept: list[SelectionItem] = []
+    selected: list[SelectionItem] = []
     withheld: list[Withheld] = []
     for item in items:
         refusal = _refusal(item, selection)
         if refusal is None:
-            kept.append(item)
+            selected.append(item)
         else:
             withheld.append(refusal)
-    kept, contradicted = _settled(kept)
+    selected, contradicted = _settled(selected)
     withheld.extend(contradicted)
-    kept, dropped = _within_budget(kept, selection)
+    selected, dropped = _within_budget(selected, selection)
     withheld.extend(dropped)
     return Context(
         role=selection.role,
@@ -67,7 +67,7 @@ def compile_context(view: StateView, items: Iterable[SelectionItem], *, selectio
         k=view.mission.k,
         at_s=view.at_s,
         configuration=view.mission.configuration,
-        records=tuple(item.record for item in kept),
+        records=tuple(item.record for item in selected),
         withheld=tuple(withheld),
     )
 

@@ -10,7 +10,7 @@ most three); "intention" (what a planner proposed: usable here, never evidence).
 
 from msgspec.structs import replace
 
-from harness.contexts.observed import newest_samples, observed_references, robot_status
+from harness.contexts.recent_observations import newest_samples, observed_references, robot_status
 from harness.contexts.selection import Selection, SelectionItem, budgeted, compile_context
 from harness.contexts.view import StateView, accepted, configured, forbidden_m
 from harness.contracts.capabilities import CapabilityCard
@@ -49,8 +49,8 @@ def skill_context(view: StateView, node_id: NodeId, card: CapabilityCard) -> Con
         *robot_status(view),
         *newest_samples(view),
         *observed_references(view),
-        *(_said(record, view) for record in view.proposals),
-        *budgeted((_kept(example) for example in view.examples), limit=view.rules.c2_examples),
+        *(_record_item(record, view) for record in view.proposals),
+        *budgeted((_example_item(example) for example in view.examples), limit=view.rules.c2_examples),
     ]
     return compile_context(
         view,
@@ -65,7 +65,7 @@ def skill_context(view: StateView, node_id: NodeId, card: CapabilityCard) -> Con
     )
 
 
-def _kept(example: ContextRecord) -> SelectionItem:
+def _example_item(example: ContextRecord) -> SelectionItem:
     """An example has its own budget: newer observations do not crowd it out."""
     return SelectionItem(replace(example, mandatory=True))
 
@@ -84,8 +84,8 @@ def ancestors(contract: TaskContract, node_id: NodeId) -> frozenset[NodeId]:
 
 def relevant_facts(view: StateView, node_id: NodeId) -> tuple[CommittedFact, ...]:
     """Committed facts of the nodes that this one builds on."""
-    wanted = ancestors(view.contract, node_id)
-    return tuple(fact for fact in view.mission.facts if fact.node_id in wanted)
+    relevant = ancestors(view.contract, node_id)
+    return tuple(fact for fact in view.mission.facts if fact.node_id in relevant)
 
 
 def _facts(view: StateView, node_id: NodeId) -> list[SelectionItem]:
@@ -97,8 +97,8 @@ def _facts(view: StateView, node_id: NodeId) -> list[SelectionItem]:
 
 def _declared(view: StateView, node_id: NodeId) -> list[SelectionItem]:
     """What the stages before it only declared: it may be told on, as declared."""
-    wanted = ancestors(view.contract, node_id)
-    effects = tuple(effect for effect in view.mission.declared if effect.node_id in wanted)
+    relevant = ancestors(view.contract, node_id)
+    effects = tuple(effect for effect in view.mission.declared if effect.node_id in relevant)
     if not effects:
         return []
     newest_s = max(effect.at_s for effect in effects)
@@ -125,7 +125,7 @@ def _attempt(view: StateView, node_id: NodeId) -> SkillAttempt:
     return SkillAttempt(attempt=state.attempt + 1, action=spend.action, failure=spend.failure)
 
 
-def _said(record: ContextRecord, view: StateView) -> SelectionItem:
+def _record_item(record: ContextRecord, view: StateView) -> SelectionItem:
     """A proposal names its node in its source where it is about one node only."""
     node_id = NodeId(record.source)
     return SelectionItem(record, scope=frozenset({node_id}) if node_id in view.mission.nodes else frozenset())

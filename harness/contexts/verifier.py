@@ -20,8 +20,8 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from harness.contexts import evidence
-from harness.contexts.observed import other_map, recent_window
 from harness.contexts.planner import goal_record
+from harness.contexts.recent_observations import other_map, recent_window
 from harness.contexts.selection import Selection, SelectionItem, compile_context
 from harness.contexts.skill import ancestors, relevant_facts
 from harness.contexts.view import StateView, accepted, configured, forbidden_m, plain, referenced
@@ -69,7 +69,7 @@ def verifier_context(view: StateView, packet: EvidencePacket, card: CapabilityCa
         *_request(view, node.success_conditions),
         *_facts(view, node),
         *(item for source in sources for item in evidence.provider_word(source, node=node)),
-        *(item for source in sources for item in evidence.seen(view, source, node=node)),
+        *(item for source in sources for item in evidence.packet_records(view, source, node=node)),
         *(SelectionItem(record) for record in view.proposals),
     ]
     selection = Selection(
@@ -132,11 +132,17 @@ def _map(view: StateView) -> list[SelectionItem]:
 
 def _request(view: StateView, conditions: tuple[Condition, ...]) -> list[SelectionItem]:
     """The harness's own record of who asked, over which channel: for conditions that test it."""
-    asked = view.mission.requested_by
-    if asked is None or all(one.effect.predicate != "recorded_request" for one in conditions):
+    requester = view.mission.requested_by
+    if requester is None or all(one.effect.predicate != "recorded_request" for one in conditions):
         return []
     channel = view.mission.channel if isinstance(view.mission.channel, str) else "unnamed"
-    record = RequestRecord(text=view.contract.goal.digest, requested_by=asked.name, role=asked.role, channel=channel)
+    record = RequestRecord(
+        text=view.contract.goal.digest,
+        requested_by=requester.name,
+        role=requester.role,
+        channel=channel,
+        spoken=view.mission.spoken,
+    )
     return [SelectionItem(accepted("request", "log", record, at_s=view.at_s, mandatory=True))]
 
 
@@ -169,7 +175,7 @@ def _node_policy(view: StateView, node: Node, card: CapabilityCard) -> Verificat
         evidence=node.evidence,
         risk=node.risk,
         required={
-            one.condition_id: required_independence(rules, risk=node.risk, asked=one.independence)
+            one.condition_id: required_independence(rules, risk=node.risk, required=one.independence)
             for one in node.success_conditions
         },
         rules=rules,
@@ -312,10 +318,10 @@ def _receipts(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[Se
 
 def _histories(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[SelectionItem]:
     effects = (one.effect for one in view.contract.completion_conditions)
-    wanted = {effect.target_m for effect in effects if isinstance(effect, Metric) and effect.predicate in HISTORIES}
+    targets = {effect.target_m for effect in effects if isinstance(effect, Metric) and effect.predicate in HISTORIES}
     items = []
     for node_id, packet in packets.items():
-        if not targets_of(view.node(node_id)) & wanted:
+        if not targets_of(view.node(node_id)) & targets:
             continue
         for source in evidence.sources_of(view, packet):
             if source.lasting:

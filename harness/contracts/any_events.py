@@ -1,5 +1,6 @@
 """The union of the events of all streams."""
 
+from harness.contracts.admissions import RobotChecked
 from harness.contracts.alert_events import AlertEvent
 from harness.contracts.control import ControlEvent
 from harness.contracts.events import MissionEvent
@@ -8,4 +9,6 @@ from harness.contracts.lease_events import LeaseEvent
 from harness.contracts.maps import CloudAttached
 from harness.contracts.place_events import PlaceEvent
 
-AnyEvent = MissionEvent | LeaseEvent | HandoffEvent | ControlEvent | CloudAttached | AlertEvent | PlaceEvent
+AnyEvent = (
+    MissionEvent | LeaseEvent | HandoffEvent | ControlEvent | CloudAttached | AlertEvent | PlaceEvent | RobotChecked
+)

@@ -6,6 +6,7 @@ import msgspec
 
 from harness.contracts import ids, revision_commands
 from harness.contracts.actors import Actor, Command
+from harness.contracts.admissions import RecordCheck
 from harness.contracts.alert_commands import AlertCommand
 from harness.contracts.capabilities import Risk
 from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
@@ -21,6 +22,7 @@ from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.rules import FIRST_RULES, RulesVersion
+from harness.contracts.spoken_goals import SpokenGoal
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
@@ -42,6 +44,7 @@ class CreateMission(Command, tag=True):
     trial: bool = False
     rules: RulesVersion = FIRST_RULES
     channel: str | msgspec.UnsetType = msgspec.UNSET
+    spoken: SpokenGoal | msgspec.UnsetType = msgspec.UNSET
 
 
 class RecompileContract(Command, tag=True):
@@ -384,4 +387,13 @@ HandoffCommand = (
 )
 
 
-AnyCommand = MissionCommand | LeaseCommand | HandoffCommand | ControlCommand | AttachCloud | AlertCommand | PlaceCommand
+AnyCommand = (
+    MissionCommand
+    | LeaseCommand
+    | HandoffCommand
+    | ControlCommand
+    | AttachCloud
+    | AlertCommand
+    | PlaceCommand
+    | RecordCheck
+)

@@ -46,13 +46,13 @@ class Codec(Generic[Event]):
             if "@" in stored.kind and stored.kind != self._upcasting.written(name_of(stored.kind)):
                 raise StoreNewer(
                     because("event_newer", kind=stored.kind),
-                    where=f"position {stored.position}, stream {stored.stream}",
+                    where=because("at_stream_position", position=stored.position, stream=stored.stream),
                 )
             return self._decoder.decode(body)
         except (msgspec.DecodeError, LookupError, TypeError, ValueError) as error:
             raise LogDamaged(
                 because("event_unreadable", kind=stored.kind, error=str(error)),
-                where=f"position {stored.position}, stream {stored.stream}",
+                where=because("at_stream_position", position=stored.position, stream=stored.stream),
             ) from error
 
 

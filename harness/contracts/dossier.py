@@ -5,6 +5,7 @@ import msgspec
 from harness.contracts.ids import ConditionId, Digest, MissionId, RobotId
 from harness.contracts.ports import LogHead
 from harness.contracts.reasons import Explanation
+from harness.contracts.spoken_goals import SpokenGoal
 from harness.contracts.values import Count, Name, Value
 from harness.contracts.verdicts import Verdict
 
@@ -49,6 +50,7 @@ class DossierContents(Value):
     """What the signature covers. `files` maps every other name in the file to its SHA-256.
 
     `goal` is the source text. `judged` is unset for a mission without a reading, and in dossiers of earlier releases.
+    `spoken`: the recording and the transcript that the source text is from, both in the file.
 
     `absent` lists evidence that was missing or damaged when the dossier was written: what packets cite, and what a
     context, a recognition or a lidar look cites in turn. `head` is
@@ -69,6 +71,7 @@ class DossierContents(Value):
     files: dict[str, Digest]
     absent: tuple[Digest, ...]
     judged: JudgedGoal | msgspec.UnsetType = msgspec.UNSET
+    spoken: SpokenGoal | msgspec.UnsetType = msgspec.UNSET
 
 
 class DossierSignature(Value):

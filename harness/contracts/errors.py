@@ -72,6 +72,12 @@ class ReadingStale(ContractInvalid):
     code = "reading_stale"
 
 
+class RecordingUnusable(ContractInvalid):
+    """A recording of a goal that is no sound, too long, or says nothing."""
+
+    code = "recording_unusable"
+
+
 class Unsatisfiable(ContractInvalid):
     code = "unsatisfiable"
 

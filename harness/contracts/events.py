@@ -22,6 +22,7 @@ from harness.contracts.revision_events import (
     GraphRevised,
 )
 from harness.contracts.rules import FIRST_RULES, RulesVersion
+from harness.contracts.spoken_goals import SpokenGoal
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
@@ -32,7 +33,8 @@ from harness.contracts.verdicts import GoalVerdict, NodeVerdict
 class MissionCreated(Event, tag=True):
     """`trial`: the configuration it is pinned to is in canary, so a person approves each motion (D28, D34).
 
-    `channel`: how the request came, such as `page` or `command-line`; an earlier release did not say.
+    `channel`: how the request came, such as `page` or `command-line`; an earlier release did not say. `spoken`: the
+    recording and transcript of a goal that was spoken.
     """
 
     mission_id: ids.MissionId
@@ -47,6 +49,7 @@ class MissionCreated(Event, tag=True):
     replay: bool = False
     trial: bool = False
     channel: str | msgspec.UnsetType = msgspec.UNSET
+    spoken: SpokenGoal | msgspec.UnsetType = msgspec.UNSET
 
 
 class ContractCompiled(Event, tag=True, omit_defaults=True):

@@ -1,9 +1,12 @@
 """What independent sources measure for the verifier, outside the provider that is judged: read back, swept, heard."""
 
+from msgspec import UNSET, UnsetType
+
 from harness.contracts.ids import Digest, RequestId
 from harness.contracts.observations import AnySample, Camera, Trajectory
 from harness.contracts.protocol import Receipt, RobotStatus
 from harness.contracts.reasons import Explanation
+from harness.contracts.spoken_goals import SpokenGoal
 from harness.contracts.values import Value
 
 
@@ -90,12 +93,16 @@ class PictureExamination(Value):
 
 
 class RequestRecord(Value):
-    """The harness's own record of a request: its text's checksum, who gave it, in which role, over which channel."""
+    """The harness's own record of a request: its text's checksum, who gave it, in which role, over which channel.
+
+    `spoken`: the recording and transcript of a request that was spoken.
+    """
 
     text: Digest
     requested_by: str
     role: str
     channel: str
+    spoken: SpokenGoal | UnsetType = UNSET
 
 
 class Sound(Value):

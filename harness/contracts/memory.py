@@ -192,7 +192,7 @@ class MemoryRecord(values.Value):
         return kind_of(self.knowledge)
 
 
-class Remembered(values.Value):
+class MemoryEntry(values.Value):
     """A record and its standing. `until_s`: its validity, cut short where a newer record replaced it."""
 
     record: MemoryRecord

@@ -8,9 +8,10 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.configuration import Configuration
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.measurements import Measurement, PictureLook, Sound, StoredMessage
-from harness.contracts.memory import FollowPosition, MemoryQuery, MemoryRecord, Remembered
+from harness.contracts.memory import FollowPosition, MemoryEntry, MemoryQuery, MemoryRecord
 from harness.contracts.observations import AnySample
 from harness.contracts.reasons import Reason
+from harness.contracts.spoken_goals import SpokenVocabulary, Transcription
 from harness.contracts.values import Moment, Value
 
 State = TypeVar("State")
@@ -288,6 +289,16 @@ class Room(Protocol):
         """What was heard between two instants of mission time, as a WAV."""
 
 
+class Transcriber(Protocol):
+    """Writes down what a person said. `name` with its version is stored with every transcript."""
+
+    @property
+    def name(self) -> str: ...
+
+    def transcribe(self, recording: bytes, *, expected: SpokenVocabulary) -> Transcription:
+        """What a WAV says. Raises RecordingUnusable for what is no speech, ProviderFailed if the recogniser fails."""
+
+
 class IndependentSource(Protocol):
     """Measures what a stage left in the world, without the provider that is judged (D17). It decides nothing.
 
@@ -332,13 +343,13 @@ class MemoryIndex(Protocol):
     def clear(self) -> None:
         """Delete everything; the position becomes 0."""
 
-    def get(self, record_id: str) -> Remembered:
+    def get(self, record_id: str) -> MemoryEntry:
         """Raises UnknownName."""
 
-    def current(self, kind: str, subject: str) -> list[Remembered]:
+    def current(self, kind: str, subject: str) -> list[MemoryEntry]:
         """Records of one kind and subject that nothing has superseded, oldest first; disputed ones included."""
 
-    def find(self, query: MemoryQuery) -> list[Remembered]:
+    def find(self, query: MemoryQuery) -> list[MemoryEntry]:
         """Newest first."""
 
     def close(self) -> None: ...

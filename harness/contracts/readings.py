@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from harness.contracts.ids import Digest
+from harness.contracts.spoken_goals import Transcription
 from harness.contracts.values import Count, Name, Value, digest
 
 Act = Literal[
@@ -82,13 +83,14 @@ class ReadingQuestion(Value):
     """What a person is asked where a goal was not fully understood (D41).
 
     `nearest` is the closest reading that could be done; None where nothing of the text could. `template` names what the
-    person chose beside the text, where the text asks for something else.
+    person chose beside the text, where the text asks for something else. `heard`: what the text was written down from.
     """
 
     text: str
     nearest: Reading | None
     unread: tuple[Unread, ...]
     template: str = ""
+    heard: Transcription | None = None
 
 
 def clause_id(number: int) -> str:

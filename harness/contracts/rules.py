@@ -38,9 +38,9 @@ REQUIRED: Mapping[RulesVersion, Mapping[Risk, int]] = MappingProxyType(
 """The independence level that the evidence of each risk class needs at least."""
 
 
-def required_independence(rules: RulesVersion, *, risk: Risk, asked: int | None) -> int:
+def required_independence(rules: RulesVersion, *, risk: Risk, required: int | None) -> int:
     """The level that a condition needs: that of its risk, and what its contract asks beyond it."""
-    return max(REQUIRED[rules][risk], asked or 0)
+    return max(REQUIRED[rules][risk], required or 0)
 
 
 Retired = Mapping[tuple[str, str], RulesVersion]

@@ -84,7 +84,7 @@ def _fields(
             continue
         if name in TOKENS and not way and one:
             stored.tokens[at] = sha256(one.encode())
-        elif (event := _said(one, name, events)) is not None:
+        elif (event := _event_field(one, name, events)) is not None:
             stored.events[at] = event
         elif isinstance(one, msgspec.Struct):
             digest = sha256(encode(one)) if known else None
@@ -97,7 +97,7 @@ def _fields(
     return left
 
 
-def _said(value: Any, name: str, events: Sequence[Any]) -> str | None:
+def _event_field(value: Any, name: str, events: Sequence[Any]) -> str | None:
     """The event that is this value, or holds it under the same name; None for a value shorter than the reference."""
     if isinstance(value, _SCALARS) or (isinstance(value, str) and len(value) < LONG) or value in ((), {}):
         return None
@@ -139,8 +139,8 @@ def command_json(
     """The command's JSON. `events` are the stream's stored bodies from the commit's first on, `tokens` those that may
     be meant. Raises LookupError where something it refers to is missing."""
     command: dict[str, Any] = {"command": stored.command, **stored.fields}
-    for way, said in stored.events.items():
-        index, _, name = said.partition(".")
+    for way, origin in stored.events.items():
+        index, _, name = origin.partition(".")
         event: dict[str, Any] = msgspec.json.decode(without_command(events[int(index)]))
         _put(command, way, event[name] if name else event)
     for way, digest in stored.records.items():

@@ -264,7 +264,7 @@ def goal_independence(condition: Condition, nodes: tuple[Node, ...], *, rules: R
     risks: list[Risk] = ["low"]
     if isinstance(effect, Metric):
         risks += [node.risk for node in nodes if effect.target_m in targets_of(node)]
-    return max(required_independence(rules, risk=risk, asked=condition.independence) for risk in risks)
+    return max(required_independence(rules, risk=risk, required=condition.independence) for risk in risks)
 
 
 def _check_required(contract: TaskContract) -> None:

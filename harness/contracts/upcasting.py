@@ -31,8 +31,8 @@ def _reason_recorded(body: Body) -> Body:
 
 def _rejection_recorded(body: Body) -> Body:
     """The sentence of a refusing rule was called its message."""
-    kept = {name: value for name, value in body.items() if name != "message"}
-    return kept | {"reason": _recorded(body["message"])}
+    fields = {name: value for name, value in body.items() if name != "message"}
+    return fields | {"reason": _recorded(body["message"])}
 
 
 def _recorded(text: str) -> Body:

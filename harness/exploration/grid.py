@@ -33,7 +33,7 @@ def unexplored(site: Site, *, map_version: str, region_m: Region = ()) -> GridMa
     corners = np.array([corner for zone in site.zones for corner in zone.region_m])
     low, high = corners.min(axis=0) - MARGIN_M, corners.max(axis=0) + MARGIN_M
     columns, rows = (math.ceil(float(size) / CELL_M) for size in high - low)
-    wanted = (region_m,) if region_m else tuple(zone.region_m for zone in site.zones)
+    regions = (region_m,) if region_m else tuple(zone.region_m for zone in site.zones)
     middles = (
         (float(low[0]) + (column + 0.5) * CELL_M, float(low[1]) + (row + 0.5) * CELL_M)
         for row in range(rows)
@@ -47,7 +47,7 @@ def unexplored(site: Site, *, map_version: str, region_m: Region = ()) -> GridMa
         columns=columns,
         rows=rows,
         cells=bytes(columns * rows),
-        region=bytes(any(contains(one, middle) for one in wanted) for middle in middles),
+        region=bytes(any(contains(one, middle) for one in regions) for middle in middles),
     )
 
 

@@ -60,14 +60,14 @@ class Ways:
         return self._straightened(points)
 
     def _straightened(self, points: list[Point]) -> tuple[Point, ...]:
-        kept, at = [points[0]], 0
+        path, at = [points[0]], 0
         while at < len(points) - 1:
             ahead = next(
                 (index for index in range(len(points) - 1, at + 1, -1) if self._sees(points[at], points[index])), at + 1
             )
-            kept.append(points[ahead])
+            path.append(points[ahead])
             at = ahead
-        return tuple(kept)
+        return tuple(path)
 
     def _sees(self, start: Point, end: Point) -> bool:
         """Whether the straight line leads over roomy floor only; narrow passages are not straightened."""

@@ -68,24 +68,24 @@ def target_refusal(
     target: Point, *, question: exploration.TargetQuestion, grid: exploration.GridMap, ways: Ways
 ) -> Refused | None:
     """Why this target is refused, whoever proposed it; None if it is allowed (R222)."""
-    said = f"({target[0]:.2f}, {target[1]:.2f})"
+    position = f"({target[0]:.2f}, {target[1]:.2f})"
     row, column = cell_of(grid, target) if all(math.isfinite(part) for part in target) else (-1, -1)
     if not (0 <= row < grid.rows and 0 <= column < grid.columns):
-        return refused("outside_map", because("target_outside_map", at=said, map_version=question.map_version))
+        return refused("outside_map", because("target_outside_map", at=position, map_version=question.map_version))
     if not any(contains(zone, target) for zone in question.zones_m):
-        return refused("outside_zones", because("target_outside_zones", at=said))
+        return refused("outside_zones", because("target_outside_zones", at=position))
     if any(contains(region, target) for region in question.keep_out_m):
-        return refused("keep_out", because("target_kept_out", at=said))
+        return refused("keep_out", because("target_kept_out", at=position))
     if beside(target, given_up(question.feedback)):
-        return refused("given_up_before", because("target_given_up", at=said))
-    return _way_refusal(said, question=question, way_m=ways.length_m((row, column)))
+        return refused("given_up_before", because("target_given_up", at=position))
+    return _way_refusal(position, question=question, way_m=ways.length_m((row, column)))
 
 
-def _way_refusal(said: str, *, question: exploration.TargetQuestion, way_m: float | None) -> Refused | None:
+def _way_refusal(position: str, *, question: exploration.TargetQuestion, way_m: float | None) -> Refused | None:
     if way_m is None:
-        return refused("unreachable", because("target_unreachable", at=said))
+        return refused("unreachable", because("target_unreachable", at=position))
     if way_m > question.longest_way_m:
-        return refused("too_far", because("target_too_far", at=said, way_m=way_m, longest_m=question.longest_way_m))
+        return refused("too_far", because("target_too_far", at=position, way_m=way_m, longest_m=question.longest_way_m))
     spent = question.left < 1
     return refused("over_budget", because("targets_spent")) if spent else None
 
@@ -94,20 +94,20 @@ def answered(
     proposer: Proposer, *, question: exploration.TargetQuestion, grid: exploration.GridMap, picture: bytes
 ) -> exploration.TargetAnswer:
     """Ask the proposer, then admit or refuse. If it is refused or raises, the harness's own edge is used."""
-    said: exploration.TargetProposal | None = None
+    proposal: exploration.TargetProposal | None = None
     refused: Explanation = ""
     try:
-        said = _storable(proposer.propose(question, picture))
+        proposal = _storable(proposer.propose(question, picture))
     except Exception as error:  # noqa: BLE001 - a proposer that breaks has proposed nothing, whatever broke it
         refused = because(
             "proposed_nothing_usable", planner=proposer.name, kind=type(error).__name__, error=_short(str(error))
         )
-    return settled(proposer.name, said, refused=refused, question=question, grid=grid)
+    return settled(proposer.name, proposal, refused=refused, question=question, grid=grid)
 
 
 def settled(
     planner: str,
-    said: exploration.TargetProposal | None,
+    proposal: exploration.TargetProposal | None,
     *,
     refused: Explanation,
     question: exploration.TargetQuestion,
@@ -119,33 +119,33 @@ def settled(
     while others are left.
     """
     ways = Ways(grid, question.position_m, keep_out_m=question.keep_out_m)
-    broken = target_refusal(said.target_m, question=question, grid=grid, ways=ways) if said else None
+    broken = target_refusal(proposal.target_m, question=question, grid=grid, ways=ways) if proposal else None
     if broken is not None:
         refused = because("target_refused", rule=broken.rule, why=broken.reason)
-    chosen = said if broken is None else None
+    chosen = proposal if broken is None else None
     if refused:
         own = _edges_by_worth(question)
         fitting = (one for one in own if target_refusal(one.target_m, question=question, grid=grid, ways=ways) is None)
         chosen = next(fitting, None)
     route = ways.route_m(chosen.target_m) if chosen else ()
-    return exploration.TargetAnswer(planner=planner, said=said, refused=refused, chosen=chosen, route_m=route)
+    return exploration.TargetAnswer(planner=planner, said=proposal, refused=refused, chosen=chosen, route_m=route)
 
 
 def _worth(frontier: exploration.Frontier) -> float:
     return frontier.length_m / (frontier.way_m + WAY_COST_M)
 
 
-def _storable(said: exploration.TargetProposal | None) -> exploration.TargetProposal | None:
+def _storable(proposal: exploration.TargetProposal | None) -> exploration.TargetProposal | None:
     """The proposal as values that the log can hold. Raises TypeError if it is no proposal."""
-    if said is None:
+    if proposal is None:
         return None
-    if not isinstance(said, exploration.TargetProposal):
-        raise TypeError(f"{type(said).__name__} is no target")
-    x, y = (float(part) for part in said.target_m)
+    if not isinstance(proposal, exploration.TargetProposal):
+        raise TypeError(f"{type(proposal).__name__} is no target")
+    x, y = (float(part) for part in proposal.target_m)
     if not (math.isfinite(x) and math.isfinite(y)):
         raise TypeError("the target is not finite")
     return exploration.TargetProposal(
-        target_m=(x, y), reason=said.reason if isinstance(said.reason, Reason) else _short(str(said.reason))
+        target_m=(x, y), reason=proposal.reason if isinstance(proposal.reason, Reason) else _short(str(proposal.reason))
     )
 
 

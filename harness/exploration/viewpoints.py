@@ -34,7 +34,7 @@ class Viewpoint:
 def viewpoints(
     grid: GridMap,
     ways: Ways,
-    wanted: Sequence[Cell],
+    cells_seen: Sequence[Cell],
     *,
     nearest_m: float = 0.0,
     away_from: Sequence[Point] = (),
@@ -44,7 +44,7 @@ def viewpoints(
 
     `nearest_m`: no closer to any wanted cell than this. None lies within `apart_m` of a place of `away_from`.
     """
-    cells = [wanted[index] for index in np.unique(np.linspace(0, len(wanted) - 1, MOST_SEEN).astype(int))]
+    cells = [cells_seen[index] for index in np.unique(np.linspace(0, len(cells_seen) - 1, MOST_SEEN).astype(int))]
     standing = [
         (cell, way_m)
         for cell, way_m in ways.reached()

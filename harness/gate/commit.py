@@ -33,7 +33,7 @@ class CommandEnvelope:
 
 
 @dataclass(frozen=True)
-class _Decided:
+class _GateDecision:
     """The gate's decision on one command, the state and version it is based on, and the resulting events."""
 
     stream: StreamId
@@ -128,7 +128,7 @@ class Gate:
         with self._holding(request.stream for request in requests):
             clock = self._clock_of(requests)
             while True:
-                decided: list[_Decided] = []
+                decided: list[_GateDecision] = []
                 now = clock.now()
                 for request in requests:
                     if revoked := self._authority(request.command):
@@ -137,7 +137,7 @@ class Gate:
                     decision = self._decider(request.stream).decide(state, request.command, now)
                     if isinstance(decision, Refused):
                         return decision
-                    decided.append(_Decided(request.stream, request.command, state, version, decision.events))
+                    decided.append(_GateDecision(request.stream, request.command, state, version, decision.events))
                 try:
                     self._append(decided, records, now)
                 except ConcurrencyConflict:
@@ -149,7 +149,7 @@ class Gate:
         named = (request.robot_id for request in requests if request.robot_id is not None)
         return next((self._clocks[robot_id] for robot_id in named if robot_id in self._clocks), self._clock)
 
-    def _append(self, decided: Sequence[_Decided], records: Sequence[ports.Record], now: Moment) -> None:
+    def _append(self, decided: Sequence[_GateDecision], records: Sequence[ports.Record], now: Moment) -> None:
         changes = [one for one in decided if one.events]
         if not changes:
             return
@@ -161,7 +161,7 @@ class Gate:
                 state = self._decider(one.stream).fold(one.state, one.events)
                 self._advance(one.stream, state, one.version + len(one.events))
 
-    def _batch(self, one: _Decided, command: ports.Record) -> ports.Batch:
+    def _batch(self, one: _GateDecision, command: ports.Record) -> ports.Batch:
         """The events as they are stored: the first one names the record of the command it answers."""
         codec = self._decider(one.stream).codec
         first, *others = one.events

@@ -124,6 +124,7 @@ def _create(mission: Mission, command: commands.CreateMission) -> Decision[event
         replay=command.replay,
         trial=command.trial,
         channel=command.channel,
+        spoken=command.spoken,
     )
     compiled = events.ContractCompiled(
         contract=command.contract,
@@ -138,8 +139,8 @@ def _autonomy(mission: Mission, command: SetAutonomy) -> Decision[events.Mission
     stands = mission.autonomy if command.scope == "mission" else mission.autonomy_limit
     if stands == command.autonomy:
         return Accepted(())
-    said = AutonomySet(autonomy=command.autonomy, scope=command.scope, actor=command.actor, reason=command.reason)
-    return Accepted((said,))
+    event = AutonomySet(autonomy=command.autonomy, scope=command.scope, actor=command.actor, reason=command.reason)
+    return Accepted((event,))
 
 
 def _noted(

@@ -135,10 +135,10 @@ def _effect_changed(mission: Mission, intent: DispatchIntended, node: Node) -> R
     return None
 
 
-def _slower(name: str, asked: object, stated: object) -> bool:
+def _slower(name: str, requested: object, stated: object) -> bool:
     """Whether a speed cap is below the stated one: a restriction changes no effect."""
-    numbers = isinstance(asked, int | float) and isinstance(stated, int | float)
-    return name == "speed_cap_mps" and numbers and asked < stated  # type: ignore[operator]
+    numbers = isinstance(requested, int | float) and isinstance(stated, int | float)
+    return name == "speed_cap_mps" and numbers and requested < stated  # type: ignore[operator]
 
 
 def bound_late(value: object) -> bool:

@@ -144,8 +144,8 @@ def withdraw(mission: Mission, command: WithdrawMission) -> Decision[events.Miss
     if mission.status not in BEFORE_ACTIVE:
         return refused("begun", because("mission_begun", status=mission.status))
     why = because("withdrawn_before_begin", actor=command.actor.name, reason=command.reason)
-    asked = events.StopRequested(actor=command.actor, reason=command.reason)
-    return Accepted((asked, events.FailureReported(text=why), events.MissionEnded(status="cancelled", reason=why)))
+    request = events.StopRequested(actor=command.actor, reason=command.reason)
+    return Accepted((request, events.FailureReported(text=why), events.MissionEnded(status="cancelled", reason=why)))
 
 
 def acknowledge(mission: Mission, command: commands.AcknowledgeStop) -> Decision[events.MissionEvent]:

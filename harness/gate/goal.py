@@ -41,14 +41,14 @@ def judge(mission: Mission, command: JudgeGoal) -> Decision[events.MissionEvent]
             return Accepted((events.GoalVerified(verdict=verdict), again))
         why = because("not_reopened", why=why, again=again)
     failed = failed_clauses(contract, verdict)
-    said = because("goal_not_met", verdict=worst, why=why)
+    reason = because("goal_not_met", verdict=worst, why=why)
     if failed:
-        said = because("clauses_not_met", verdict=worst, clauses=failed, why=why)
+        reason = because("clauses_not_met", verdict=worst, clauses=failed, why=why)
     return Accepted(
         (
             events.GoalVerified(verdict=verdict),
-            events.FailureReported(text=said),
-            events.MissionEnded(status="failed", reason=said),
+            events.FailureReported(text=reason),
+            events.MissionEnded(status="failed", reason=reason),
         )
     )
 
@@ -143,8 +143,8 @@ def failed_clauses(contract: TaskContract, verdict: GoalVerdict) -> tuple[Reason
     """The clauses of the reading that have a condition which does not hold, in their order (D44)."""
     cited = {one.condition_id: one.clause for one in contract.completion_conditions}
     failing = [cited.get(one.condition_id) for one in verdict.results if one.verdict != "satisfied"]
-    told = (cited_in_words(contract, one) for one in dict.fromkeys(failing))
-    return tuple(one for one in told if one is not None)
+    clauses = (cited_in_words(contract, one) for one in dict.fromkeys(failing))
+    return tuple(one for one in clauses if one is not None)
 
 
 def _shortfall(mission: Mission, verdict: GoalVerdict) -> Explanation:

@@ -192,13 +192,8 @@ def _approve(handoff: Handoff, command: commands.ApproveHandoff, now: Moment) ->
 
 
 def _reject(handoff: Handoff, command: commands.RejectHandoff, now: Moment) -> Decision[handoff_events.HandoffEvent]:
-    repeated = _answered(handoff, command, "rejected")
-    if repeated is not None:
-        return repeated
-    if broken := claims.over(handoff, now) or claims.not_yours(handoff, command.actor, command.claim, now):
-        return broken
-    if command.cycle != handoff.cycle:
-        return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
+    if settled := _answered(handoff, command, "rejected") or _unanswerable(handoff, command, now):
+        return settled
     rejected = handoff_events.HandoffRejected(
         actor=command.actor,
         reason=command.reason,
@@ -210,14 +205,20 @@ def _reject(handoff: Handoff, command: commands.RejectHandoff, now: Moment) -> D
     return Accepted((rejected,))
 
 
-def _attest(handoff: Handoff, command: commands.AttestHandoff, now: Moment) -> Decision[handoff_events.HandoffEvent]:
-    repeated = _answered(handoff, command, "attested")
-    if repeated is not None:
-        return repeated
+def _unanswerable(
+    handoff: Handoff, command: commands.RejectHandoff | commands.AttestHandoff, now: Moment
+) -> Refused | None:
+    """Why this answer comes too late: the question is over, somebody else's, or has changed since it was shown."""
     if broken := claims.over(handoff, now) or claims.not_yours(handoff, command.actor, command.claim, now):
         return broken
     if command.cycle != handoff.cycle:
         return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
+    return None
+
+
+def _attest(handoff: Handoff, command: commands.AttestHandoff, now: Moment) -> Decision[handoff_events.HandoffEvent]:
+    if settled := _answered(handoff, command, "attested") or _unanswerable(handoff, command, now):
+        return settled
     attested = handoff_events.HandoffAttested(
         actor=command.actor,
         reason=command.reason,

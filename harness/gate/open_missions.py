@@ -27,15 +27,15 @@ class OpenMissions:
     def streams(self) -> tuple[StreamId, ...]:
         """Open streams by first position, as of now. Raises StoreUnavailable."""
         self._follower.catch_up()
-        return self._asked()[1]
+        return self._known_missions()[1]
 
     def mark(self) -> FollowPosition:
         """How far the log was followed; before the first query, its head."""
-        return self._asked()[0]
+        return self._known_missions()[0]
 
     def take(self, fresh: Sequence[StoredEvent], *, after: FollowPosition, upto: FollowPosition) -> None:
         """Add missions that began and remove those that ended."""
-        mark, streams = self._asked()
+        mark, streams = self._known_missions()
         if mark != after:
             raise ConcurrencyConflict(because("fold_taken"), where=FOLD)
         found = dict.fromkeys(streams)
@@ -47,7 +47,7 @@ class OpenMissions:
         """Read the whole log again."""
         self._known = None
 
-    def _asked(self) -> tuple[FollowPosition, tuple[StreamId, ...]]:
+    def _known_missions(self) -> tuple[FollowPosition, tuple[StreamId, ...]]:
         known = self._known
         if known is None:
             mark = self._follower.mark_at(self._store.head())

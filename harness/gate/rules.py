@@ -138,14 +138,14 @@ def on_its_own_word(mission: Mission, packet: EvidencePacket, verdict: NodeVerdi
     The level is required by the contract: by the stage's risk and by each condition.
     """
     node = required_contract(mission).node(packet.identity.node_id)
-    asked = {
-        one.condition_id: required_independence(mission.rules, risk=node.risk, asked=one.independence)
+    requested = {
+        one.condition_id: required_independence(mission.rules, risk=node.risk, required=one.independence)
         for one in node.success_conditions
     }
     low = [
-        because("independence_of", text=one.text, level=one.independence, required_level=asked[one.condition_id])
+        because("independence_of", text=one.text, level=one.independence, required_level=requested[one.condition_id])
         for one in verdict.results
-        if one.condition_id in asked and one.independence < asked[one.condition_id]
+        if one.condition_id in requested and one.independence < requested[one.condition_id]
     ]
     return because("on_its_own_word", results=tuple(low)) if low else None
 

@@ -14,7 +14,7 @@ from harness.contracts.values import encode
 from harness.goals.reader import GoalReader
 from harness.goals.satisfiable import check_sources
 from harness.goals.sources import RobotSources
-from harness.goals.understanding import GoalRequest, Understood, compiled, read_again, understand
+from harness.goals.understanding import GoalRequest, UnderstoodGoal, compiled, read_again, understand
 
 CACHED = 16
 """How many compiled contracts are cached: equal request, templates and site give an equal contract."""
@@ -61,7 +61,7 @@ class ContractCompiler:
             check_sources(contract, robot=self._sources[robot_id], site=site, rules=self._rules)
         return contract
 
-    def understood(self, request: GoalRequest, configuration: Configuration, *, site: Site) -> Understood:
+    def understood(self, request: GoalRequest, configuration: Configuration, *, site: Site) -> UnderstoodGoal:
         """What the goal of the request means now. Raises as `contract` does."""
         return understand(request, templates=self._templates(configuration, None), site=site, reader=self._reader)
 
@@ -83,8 +83,8 @@ class ContractCompiler:
         every = (*own, *(one for one in self._beside if one.name not in names))
         if instead is None:
             return every
-        kept = tuple(instead if one.name == instead.name else one for one in every)
-        return kept if instead in kept else (*kept, instead)
+        templates = tuple(instead if one.name == instead.name else one for one in every)
+        return templates if instead in templates else (*templates, instead)
 
     def _compiled(self, request: GoalRequest, templates: tuple[TaskTemplate, ...], site: Site) -> TaskContract:
         arguments = request.arguments or {}

@@ -173,9 +173,9 @@ def _sentence(sentence: Sequence[Item], state: Parse) -> None:
     part: list[Item] = []
     began = len(state.clauses)
     ordering = _Ordering(state, began)
-    kept = _led_on(_swallowed(sentence, state))
-    for index, item in enumerate(kept):
-        following = kept[index + 1].kind if index + 1 < len(kept) else "stop"
+    result = _led_on(_swallowed(sentence, state))
+    for index, item in enumerate(result):
+        following = result[index + 1].kind if index + 1 < len(result) else "stop"
         if item.kind == "and" and part and (_joins_nothing(part) or ordering.names_only(part)):
             state.fillers.append(_span(item))
         elif item.kind == "first" and part and following in ("sep", "stop", "then", "and"):
@@ -219,7 +219,7 @@ def _joins_nothing(part: Sequence[Item]) -> bool:
 
 def _swallowed(sentence: Sequence[Item], state: Parse) -> list[Item]:
     """Without conditions and alternatives, up to the next comma or "then": what depends on them is not done."""
-    kept: list[Item] = []
+    result: list[Item] = []
     why: UnreadWhy | None = None
     for item in sentence:
         if item.kind in SWALLOWED:
@@ -231,8 +231,8 @@ def _swallowed(sentence: Sequence[Item], state: Parse) -> list[Item]:
             state.unread.append(Unread(span=_span(item), why=why))
         else:
             why = None
-            kept.append(item)
-    return kept
+            result.append(item)
+    return result
 
 
 class _Ordering:
@@ -311,8 +311,8 @@ class _Ordering:
 
     def _complain(self, links: Sequence[Item]) -> None:
         """An order or an alternative that nothing follows was said about something that was not read."""
-        said = [link for link in links if link.kind in ("before", "after", "before_post")]
-        self._state.unread.extend(Unread(span=_span(link), why="order") for link in said)
+        ordering = [link for link in links if link.kind in ("before", "after", "before_post")]
+        self._state.unread.extend(Unread(span=_span(link), why="order") for link in ordering)
 
 
 def parse_part(part: Sequence[Item], state: Parse, *, links: Sequence[str]) -> list[ClauseDraft]:
@@ -441,38 +441,38 @@ class _Builder:
             self._leave(item, "no_object")
 
     def _name(self, item: Item) -> None:
-        meant = self._meant(item)
-        if meant is None:
+        target = self._target_of(item)
+        if target is None:
             self._leave(item, "no_object")
             return
         if not self._made:
             self._named.append(item)
             return
         draft = self._made[-1]
-        if draft.act == "inspect" and meant.kind == "route" and draft.object is None:
+        if draft.act == "inspect" and target.kind == "route" and draft.object is None:
             draft = replace(draft, act="walk_route")
-        if draft.around and meant.kind in ("place", "passage"):
+        if draft.around and target.kind in ("place", "passage"):
             draft = replace(draft, act="inspect")
-        if draft.act == "photograph" and meant.kind == "site":
-            meant = ClauseObject(kind="here")
+        if draft.act == "photograph" and target.kind == "site":
+            target = ClauseObject(kind="here")
         accepted = (*ACCEPTED[draft.act], *(("region",) if draft.negated else ()))
-        open_route = draft.object == ClauseObject(kind="route") and meant.kind == "route"
-        if (draft.object is None or open_route) and meant.kind in accepted:
-            self._made[-1] = replace(_grown(draft, *self._glue, _span(item)), object=meant)
+        open_route = draft.object == ClauseObject(kind="route") and target.kind == "route"
+        if (draft.object is None or open_route) and target.kind in accepted:
+            self._made[-1] = replace(_grown(draft, *self._glue, _span(item)), object=target)
             self._glue = []
-        elif draft.object is not None and _same_subject(draft.object, meant):
-            first, second = (meant, draft.object) if meant.kind == "passage" else (draft.object, meant)
+        elif draft.object is not None and _same_subject(draft.object, target):
+            first, second = (target, draft.object) if target.kind == "passage" else (draft.object, target)
             beside = draft.beside if second == first else second
             self._made[-1] = replace(_grown(draft, *self._glue, _span(item)), object=first, beside=beside)
             self._glue = []
         else:
             self._leave(item, "ambiguous")
-        if meant.kind in ("place", "passage"):
-            self._state.place = meant
-        if meant.kind == "route":
-            self._state.route = meant
+        if target.kind in ("place", "passage"):
+            self._state.place = target
+        if target.kind == "route":
+            self._state.route = target
 
-    def _meant(self, item: Item) -> ClauseObject | None:
+    def _target_of(self, item: Item) -> ClauseObject | None:
         match item.kind:
             case "site":
                 return ClauseObject(kind="site")
@@ -569,8 +569,8 @@ def _folds(before: ClauseDraft, draft: ClauseDraft, *, together: bool) -> bool:
     """Whether a clause without an object adds nothing to the one before; `together`: both stand in one part."""
     if draft.object is not None or draft.negated or before.negated:
         return False
-    shown = before.act in SHOWN and (draft.act == "report" or (draft.act == "inspect" and not together))
-    return shown or (together and before.act == draft.act)
+    observation = before.act in SHOWN and (draft.act == "report" or (draft.act == "inspect" and not together))
+    return observation or (together and before.act == draft.act)
 
 
 def _repeats(before: ClauseDraft, draft: ClauseDraft) -> bool:

@@ -13,20 +13,20 @@ from harness.goals.words import Meaning
 def check_names(site: Site) -> None:
     """Raise ContractInvalid where one name stands for two places, routes or passages: no goal could say which."""
     known: dict[tuple[str, ...], ClauseObject] = {}
-    for text, meant in _named(site):
+    for text, target in _named(site):
         key = _key(text)
-        other = known.setdefault(key, meant)
-        if key and other != meant:
+        other = known.setdefault(key, target)
+        if key and other != target:
             raise ContractInvalid(
                 because(
                     "name_of_two",
                     name=text[:80],
                     kind=other.kind,
                     id=other.id,
-                    other_kind=meant.kind,
-                    other_id=meant.id,
+                    other_kind=target.kind,
+                    other_id=target.id,
                 ),
-                where=f"site {site.name}, aliases of {other.id} and {meant.id}",
+                where=because("at_aliases", site=site.name, first=other.id, second=target.id),
             )
 
 
@@ -36,8 +36,8 @@ def site_names(site: Site) -> Iterator[tuple[str, Meaning]]:
     Raises as `check_names` does.
     """
     check_names(site)
-    for text, meant in _named(site):
-        yield from _forms(text, meant)
+    for text, target in _named(site):
+        yield from _forms(text, target)
     for zone in site.zones:
         for text in (zone.name, f"{zone.name} zone"):
             yield from _forms(text, ClauseObject(kind="region", id=zone.name, name=zone.name))
@@ -53,7 +53,7 @@ def object_of_route(route: Route) -> ClauseObject:
     return ClauseObject(kind="route", id=route.name, name=route.name)
 
 
-def known_object(meant: ClauseObject, site: Site) -> bool:
+def known_object(target: ClauseObject, site: Site) -> bool:
     """Whether the site has what a clause is about."""
     ids: dict[ObjectKind, set[str]] = {
         "place": {place.place_id for place in site.places},
@@ -61,11 +61,11 @@ def known_object(meant: ClauseObject, site: Site) -> bool:
         "passage": {passage.passage_id for passage in site.passages},
         "region": {zone.name for zone in site.zones},
     }
-    return meant.id in ids[meant.kind] if meant.kind in ids else not meant.id
+    return target.id in ids[target.kind] if target.kind in ids else not target.id
 
 
-def _forms(text: str, meant: ClauseObject) -> Iterator[tuple[str, Meaning]]:
-    word = Meaning("name", object=meant)
+def _forms(text: str, target: ClauseObject) -> Iterator[tuple[str, Meaning]]:
+    word = Meaning("name", object=target)
     bare = " ".join(_key(text))
     if not bare:
         return
@@ -76,14 +76,14 @@ def _forms(text: str, meant: ClauseObject) -> Iterator[tuple[str, Meaning]]:
 
 def _named(site: Site) -> Iterator[tuple[str, ClauseObject]]:
     for place in site.places:
-        meant = object_of_place(place)
-        yield from ((text, meant) for text in (place.place_id, place.name, *place.aliases))
+        target = object_of_place(place)
+        yield from ((text, target) for text in (place.place_id, place.name, *place.aliases))
     for passage in site.passages:
-        meant = ClauseObject(kind="passage", id=passage.passage_id, name=_spoken(passage.passage_id))
-        yield from ((text, meant) for text in (passage.passage_id, *(passage.aliases or ())))
+        target = ClauseObject(kind="passage", id=passage.passage_id, name=_spoken(passage.passage_id))
+        yield from ((text, target) for text in (passage.passage_id, *(passage.aliases or ())))
     for route in site.routes:
-        meant = object_of_route(route)
-        yield from ((text, meant) for text in (route.name, *(route.aliases or ())))
+        target = object_of_route(route)
+        yield from ((text, target) for text in (route.name, *(route.aliases or ())))
 
 
 def _spoken(name: str) -> str:

@@ -48,17 +48,17 @@ def read_goal(text: str, *, site: Site) -> Reading:
     clauses = [one for one in read if all(one is not other for other in several)]
     torn += [span for clause in several for span in clause.spans]
     unread = [*found.unread, *_unbound(clauses), *(Unread(span=span, why="ambiguous") for span in torn)]
-    kept = [_tidy(clause, text) for clause in _joined(_looking([one for one in clauses if _is_bound(one)]))]
+    result = [_tidy(clause, text) for clause in _joined(_looking([one for one in clauses if _is_bound(one)]))]
     reading = Reading(
         text=sha256(text.encode()),
         site=site_version(site),
         reader=GRAMMAR_NAME,
         version=GRAMMAR_VERSION,
-        clauses=tuple(kept[:MOST_CLAUSES]),
+        clauses=tuple(result[:MOST_CLAUSES]),
         fillers=_merged(found.fillers, text),
         unread=tuple(unread),
     )
-    rest = [span for clause in kept[MOST_CLAUSES:] for span in clause.spans]
+    rest = [span for clause in result[MOST_CLAUSES:] for span in clause.spans]
     missed = [Unread(span=span, why="unknown_words") for span in (*rest, *uncovered(reading, text))]
     return replace(reading, unread=_merged_unread([*unread, *missed], text))
 

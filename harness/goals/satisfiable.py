@@ -84,7 +84,7 @@ def check_sources(contract: TaskContract, *, robot: RobotSources, site: Site, ru
             if one.condition_id in node.declared:
                 continue
             _check_measured(one, robot, where)
-            required = required_independence(rules, risk=node.risk, asked=one.independence)
+            required = required_independence(rules, risk=node.risk, required=one.independence)
             _check_level(one, reachable.of_stage(one, node), required, where)
     declaring = frozenset(node.node_id for node in contract.nodes if node.declared)
     for one in contract.completion_conditions:

@@ -11,6 +11,7 @@ from harness.contracts.places import Site
 from harness.contracts.readings import Clause, ClauseObject, Reading, ReadingQuestion, TextSpan, Unread
 from harness.contracts.reasons import because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
+from harness.contracts.spoken_goals import Transcription
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.goals.names import object_of_place, object_of_route
 from harness.goals.reader import GRAMMAR, GoalReader, admitted, site_version
@@ -27,17 +28,19 @@ from harness.planning.templates import LONGEST_GOAL, by_name, goal_of
 class GoalRequest:
     """What a person asked for: a template by name, a goal in words, or both; what they chose beside it.
 
-    `confirm` is the digest of the reading that they confirmed.
+    `confirm` is the digest of the reading that they confirmed. `heard`: what the text was written down from, where it
+    was spoken.
     """
 
     template: str = ""
     text: str = ""
     arguments: Mapping[str, Argument] | None = None
     confirm: str = ""
+    heard: Transcription | None = None
 
 
 @dataclass(frozen=True)
-class Understood:
+class UnderstoodGoal:
     """What will run: the plan of a reading, or a template that takes no goal in words; `text` is the goal's source."""
 
     text: str
@@ -48,12 +51,28 @@ class Understood:
 
 def understand(
     request: GoalRequest, *, templates: Sequence[TaskTemplate], site: Site, reader: GoalReader = GRAMMAR
-) -> Understood:
-    """What the request means under these templates and at this site.
+) -> UnderstoodGoal:
+    """What the request means under these templates and at this site. What two decodings of a recording do not agree
+    on is asked, however well the text itself can be read (D48).
 
     Raises GoalNotUnderstood with the nearest reading, ReadingStale for another reading than the one confirmed,
     UnknownName for a template or place, ContractInvalid for a text that is empty, too long or no text.
     """
+    try:
+        found = _understood(request, templates=templates, site=site, reader=reader)
+    except GoalNotUnderstood as error:
+        question = replace(error.question, heard=request.heard)
+        raise GoalNotUnderstood(error.what, question=question, where=error.where) from error
+    if request.heard is None or request.heard.agreed or request.confirm:
+        return found
+    nearest = found.plan.reading if found.plan else None
+    question = ReadingQuestion(text=found.text, nearest=nearest, unread=(), heard=request.heard)
+    raise GoalNotUnderstood(because("goal_heard_in_two_ways"), question=question, where="goal")
+
+
+def _understood(
+    request: GoalRequest, *, templates: Sequence[TaskTemplate], site: Site, reader: GoalReader
+) -> UnderstoodGoal:
     named = by_name(request.template, templates) if request.template else _by_phrase(request.text, templates)
     if named is not None and not request.template:
         return _by_name(named, request, templates, site)
@@ -61,22 +80,22 @@ def understand(
         return _by_name(named, request, templates, site)
     text = goal_of(request.text).text
     plan = plan_reading(admitted(reader, text, site=site), templates=_preferred(named, templates), site=site)
-    asked = named is not None and all(part.template.name != named.name for part in plan.parts)
+    requested = named is not None and all(part.template.name != named.name for part in plan.parts)
     if named is not None and not plan.parts:
         plan = _instead(named, plan, request, templates, site)
     reading = plan.reading
-    whole = bool(plan.parts) and not reading.unread and not asked
+    whole = bool(plan.parts) and not reading.unread and not requested
     if not plan.parts and not reading.unread:
         raise _nothing_to_do(text, plan)
     if request.confirm and (not plan.parts or request.confirm != reading.digest):
         raise ReadingStale(because("goal_read_otherwise", digest=request.confirm[:12]), where="confirm_reading")
     if not whole and not request.confirm:
-        raise _not_understood(text, plan, named if asked else None)
-    return Understood(text=text, plan=plan, template=None, confirmed=None if whole else reading.digest)
+        raise _not_understood(text, plan, named if requested else None)
+    return UnderstoodGoal(text=text, plan=plan, template=None, confirmed=None if whole else reading.digest)
 
 
 def compiled(
-    found: Understood,
+    found: UnderstoodGoal,
     *,
     templates: Sequence[TaskTemplate],
     site: Site,
@@ -115,7 +134,7 @@ def read_again(
     if plan.reading.digest != reading.digest:
         raise ReadingStale(because("goal_not_doable_as_read"), where="reading")
     confirmed = contract.confirmed if isinstance(contract.confirmed, str) else None
-    found = Understood(text=contract.goal.text, plan=plan, template=None, confirmed=confirmed)
+    found = UnderstoodGoal(text=contract.goal.text, plan=plan, template=None, confirmed=confirmed)
     return compiled(found, templates=templates, site=site, arguments=_chosen(contract, plan), rules=rules)
 
 
@@ -133,16 +152,18 @@ def _preferred(named: TaskTemplate | None, templates: Sequence[TaskTemplate]) ->
 
 def _by_phrase(text: str, templates: Sequence[TaskTemplate]) -> TaskTemplate | None:
     """The template that has the whole text among its phrases, word by word: "warehouse inspection" is its name too."""
-    said = folded(text[:LONGEST_GOAL])
-    return next((one for one in templates for phrase in one.phrases if folded(phrase) == said), None)
+    words = folded(text[:LONGEST_GOAL])
+    return next((one for one in templates for phrase in one.phrases if folded(phrase) == words), None)
 
 
-def _by_name(named: TaskTemplate, request: GoalRequest, templates: Sequence[TaskTemplate], site: Site) -> Understood:
+def _by_name(
+    named: TaskTemplate, request: GoalRequest, templates: Sequence[TaskTemplate], site: Site
+) -> UnderstoodGoal:
     """A template by its name alone means its own goal; one that serves no clause takes no other goal."""
     if not named.serves:
         if request.template and request.text not in ("", named.goal):
             raise ContractInvalid(because("template_without_words", title=named.title), where="goal")
-        return Understood(text=request.text or named.goal, plan=None, template=named)
+        return UnderstoodGoal(text=request.text or named.goal, plan=None, template=named)
     text = request.text or _own_text(named, request.arguments or {})
     plan = plan_reading(_own_reading(named, request, text, site), templates=_preferred(named, templates), site=site)
     if request.confirm and request.confirm != plan.reading.digest:
@@ -151,15 +172,15 @@ def _by_name(named: TaskTemplate, request: GoalRequest, templates: Sequence[Task
         raise ReadingStale(because("goal_read_otherwise", digest=request.confirm[:12]), where="confirm_reading")
     if plan.reading.unread:
         raise _not_understood(text, plan, None)
-    return Understood(text=text, plan=plan, template=None)
+    return UnderstoodGoal(text=text, plan=plan, template=None)
 
 
 def _own_text(named: TaskTemplate, arguments: Mapping[str, Argument]) -> str:
     """The template's goal where nothing else was chosen; else what was: the goal's own words would not be true then."""
     default = {parameter.name: parameter.default for parameter in named.parameters}
     other = {name: value for name, value in arguments.items() if value != default.get(name)}
-    said = ", ".join(f"{name}={value}" for name, value in sorted(other.items()))
-    return f"{named.name} {said}" if said else named.goal
+    listing = ", ".join(f"{name}={value}" for name, value in sorted(other.items()))
+    return f"{named.name} {listing}" if listing else named.goal
 
 
 def _own_reading(named: TaskTemplate, request: GoalRequest, text: str, site: Site) -> Reading:
@@ -169,19 +190,19 @@ def _own_reading(named: TaskTemplate, request: GoalRequest, text: str, site: Sit
     chosen = (
         (request.arguments or {}).get(serves.parameter, default.get(serves.parameter)) if serves.parameter else None
     )
-    meant = ClauseObject(kind=serves.object)
+    target = ClauseObject(kind=serves.object)
     if chosen is not None:
-        meant = object_of_place(bind_place(str(chosen), site=site))
+        target = object_of_place(bind_place(str(chosen), site=site))
     elif serves.object == "route":
         loops = [route for route in site.routes if route.start == route.end]
-        meant = object_of_route(loops[0]) if loops else meant
+        target = object_of_route(loops[0]) if loops else target
     whole = TextSpan(start=0, end=len(text))
     return Reading(
         text=sha256(text.encode()),
         site=site_version(site),
         reader="template",
         version=named.version,
-        clauses=(Clause(act=serves.act, object=meant, spans=(whole,)),),
+        clauses=(Clause(act=serves.act, object=target, spans=(whole,)),),
     )
 
 

@@ -16,13 +16,13 @@ SHORTFALLS = ("progress",)
 """Measured shares of which all was expected; the bound is the least that is accepted."""
 
 
-def episodic(told: MissionStep) -> Iterator[MemoryDraft]:
+def episodic(step: MissionStep) -> Iterator[MemoryDraft]:
     """The attempt, if it was verified: committed, or its effect refuted (R138)."""
-    closed = _closed(told)
+    closed = _closed(step)
     if closed is None:
         return
     intent = closed.intent
-    node = told.before.node(intent.node_id)
+    node = step.before.node(intent.node_id)
     episode = Episode(
         node_id=intent.node_id,
         subgoal=node.subgoal if node else intent.node_id,
@@ -31,8 +31,8 @@ def episodic(told: MissionStep) -> Iterator[MemoryDraft]:
         provider_id=intent.provider_id,
         provider_version=intent.provider_version,
         capability=intent.capability,  # type: ignore[arg-type]
-        place=told.before.place(intent.node_id),
-        configuration=told.before.configuration,
+        place=step.before.place(intent.node_id),
+        configuration=step.before.configuration,
         verdict=closed.verdict.verdict,
         committed=closed.committed,
         duration_s=max(0.0, closed.packet.terminal_s - intent.dispatched_s),
@@ -40,35 +40,35 @@ def episodic(told: MissionStep) -> Iterator[MemoryDraft]:
         failure=None if closed.committed else failure_of(closed.verdict),
     )
     yield _draft(
-        told, closed, role="episodic", subject=f"attempt/{intent.invocation_id}", knowledge=episode, fresh=True
+        step, closed, role="episodic", subject=f"attempt/{intent.invocation_id}", knowledge=episode, fresh=True
     )
 
 
-def operational(told: MissionStep) -> Iterator[MemoryDraft]:
+def operational(step: MissionStep) -> Iterator[MemoryDraft]:
     """What the acting provider achieved (R139). A later look at the same execution replaces the earlier verdict.
 
     Executions cut short by a person or the supervisor do not count; one that ran out of time does.
     """
-    closed = _closed(told)
+    closed = _closed(step)
     if closed is None or (closed.packet.terminal == "cancelled" and closed.packet.failure != "timeout"):
         return
     acting = closed.acting
-    ended_s = told.before.terminals.get(acting.invocation_id, closed.packet.terminal_s)
+    ended_s = step.before.terminals.get(acting.invocation_id, closed.packet.terminal_s)
     outcome = ProviderOutcome(
         provider_id=acting.provider_id,
         provider_version=acting.provider_version,
         capability=acting.capability,  # type: ignore[arg-type]
-        place=told.before.place(acting.node_id),
-        configuration=told.before.configuration,
+        place=step.before.place(acting.node_id),
+        configuration=step.before.configuration,
         parameters=acting.parameters,
         verdict=closed.verdict.verdict,
         residual=residual(closed.verdict),
         duration_s=max(0.0, ended_s - acting.dispatched_s),
         measured={name: value for result in closed.verdict.results for name, value in result.measured.items()},
     )
-    fresh = not told.before.judged(acting.invocation_id)
+    fresh = not step.before.judged(acting.invocation_id)
     yield _draft(
-        told, closed, role="operational", subject=f"outcome/{acting.invocation_id}", knowledge=outcome, fresh=fresh
+        step, closed, role="operational", subject=f"outcome/{acting.invocation_id}", knowledge=outcome, fresh=fresh
     )
 
 
@@ -93,13 +93,13 @@ def failure_of(verdict: NodeVerdict) -> FailureClass:
     return "unsafe_action" if verdict.verdict == "unsafe" else "violated"
 
 
-def _closed(told: MissionStep) -> VerifiedAttempt | None:
-    event = told.event
-    return judgement(told.before, event) if isinstance(event, NodeCommitted | CommitRejected) else None
+def _closed(step: MissionStep) -> VerifiedAttempt | None:
+    event = step.event
+    return judgement(step.before, event) if isinstance(event, NodeCommitted | CommitRejected) else None
 
 
 def _draft(
-    told: MissionStep, closed: VerifiedAttempt, *, role: MemoryRole, subject: str, knowledge: AnyKnowledge, fresh: bool
+    step: MissionStep, closed: VerifiedAttempt, *, role: MemoryRole, subject: str, knowledge: AnyKnowledge, fresh: bool
 ) -> MemoryDraft:
     packet, verdict = closed.packet, closed.verdict
     sources = {source for result in verdict.results for source in result.sources}
@@ -110,7 +110,7 @@ def _draft(
         knowledge=knowledge,
         verification="verified",
         provenance=provenance(
-            told,
+            step,
             sources=sorted(sources) or (verdict.verifier,),
             node_id=NodeId(closed.intent.node_id),
             packet_id=packet.identity.packet_id,

@@ -9,14 +9,14 @@ from harness.contracts.memory import KnownCapture
 from harness.memory.draft import MemoryDraft, MissionStep, provenance
 
 
-def captured(told: MissionStep) -> Iterator[MemoryDraft]:
+def captured(step: MissionStep) -> Iterator[MemoryDraft]:
     """One draft per image of a packet, about its bytes; where the packet claims them twice, about the first claim.
 
     Later claims of the same bytes supersede nothing.
     """
-    if not isinstance(told.event, PacketRetained):
+    if not isinstance(step.event, PacketRetained):
         return
-    packet = told.event.packet
+    packet = step.event.packet
     images = [one for one in packet.after if one.kind == "image" and "yaw_rad" in one.values]
     for image in {one.blob: one for one in reversed(images)}.values():
         examination = image.values.get(EXAMINATION)
@@ -30,7 +30,7 @@ def captured(told: MissionStep) -> Iterator[MemoryDraft]:
             ),
             verification="observed",
             provenance=provenance(
-                told,
+                step,
                 sources=(image.source,),
                 node_id=packet.identity.node_id,
                 packet_id=packet.identity.packet_id,

@@ -11,57 +11,57 @@ from harness.memory.draft import Key, MemoryDraft, MissionStep, provenance
 from harness.memory.spatial import keys_of
 
 
-def disputed(told: MissionStep) -> Iterator[MemoryDraft]:
+def disputed(step: MissionStep) -> Iterator[MemoryDraft]:
     """One record per accepted fact that the event contradicts, in conflict with every record that rests on it."""
-    match told.event:
+    match step.event:
         case ObservationRecorded() as event:
-            facts = [told.before.facts.get(name) for name in event.contradicts]
-            yield from (_observed(told, fact, event) for fact in facts if fact and keys_of(told, fact))
+            facts = [step.before.facts.get(name) for name in event.contradicts]
+            yield from (_observed(step, fact, event) for fact in facts if fact and keys_of(step, fact))
         case CompletionDisputed() as event:
-            yield _said(told, event, condition_id=event.condition_id, packet_id=event.packet_id)
-            dependents = (told.before.facts.get(name) for name in event.dependents)
+            yield _dispute(step, event, condition_id=event.condition_id, packet_id=event.packet_id)
+            dependents = (step.before.facts.get(name) for name in event.dependents)
             for fact in (fact for fact in dependents if fact is not None):
-                yield _said(told, event, condition_id=fact.condition_id, packet_id=fact.packet_id)
+                yield _dispute(step, event, condition_id=fact.condition_id, packet_id=fact.packet_id)
         case _:
             return
 
 
-def _observed(told: MissionStep, fact: CommittedFact, event: ObservationRecorded) -> MemoryDraft:
+def _observed(step: MissionStep, fact: CommittedFact, event: ObservationRecorded) -> MemoryDraft:
     """The body is no longer where it was accepted to be; that it once arrived there stays true."""
     reference = event.reference
     return MemoryDraft(
         role="spatial",
-        subject=f"dispute/{told.mission_id}/{fact.condition_id}",
+        subject=f"dispute/{step.mission_id}/{fact.condition_id}",
         knowledge=DisputeRecord(
             condition_id=fact.condition_id, reason="contradicted by observation", observation=reference
         ),
         verification="disputed",
         provenance=provenance(
-            told, sources=(reference.source,), node_id=fact.node_id, packet_id=fact.packet_id, blobs=(reference.blob,)
+            step, sources=(reference.source,), node_id=fact.node_id, packet_id=fact.packet_id, blobs=(reference.blob,)
         ),
         valid_from_s=reference.until_s,
         confidence=reference.confidence,
-        disputes=keys_of(told, fact),
+        disputes=keys_of(step, fact),
     )
 
 
-def _said(
-    told: MissionStep, event: CompletionDisputed, *, condition_id: ConditionId, packet_id: PacketId
+def _dispute(
+    step: MissionStep, event: CompletionDisputed, *, condition_id: ConditionId, packet_id: PacketId
 ) -> MemoryDraft:
     """A person contradicts an acceptance: neither the attempt nor its outcome is learnt from any more."""
     return MemoryDraft(
         role="episodic",
-        subject=f"dispute/{told.mission_id}/{condition_id}",
+        subject=f"dispute/{step.mission_id}/{condition_id}",
         knowledge=DisputeRecord(condition_id=condition_id, reason=event.reason),
         verification="disputed",
-        provenance=provenance(told, sources=(event.actor.name,), node_id=event.node_id, packet_id=packet_id),
-        valid_from_s=told.stored.mission_s,
-        disputes=_resting_on(told, condition_id, packet_id),
+        provenance=provenance(step, sources=(event.actor.name,), node_id=event.node_id, packet_id=packet_id),
+        valid_from_s=step.stored.mission_s,
+        disputes=_resting_on(step, condition_id, packet_id),
     )
 
 
-def _resting_on(told: MissionStep, condition_id: ConditionId, packet_id: PacketId) -> tuple[Key, ...]:
+def _resting_on(step: MissionStep, condition_id: ConditionId, packet_id: PacketId) -> tuple[Key, ...]:
     """The memory records that rest on one acceptance."""
-    credit, fact = told.before.credits.get(packet_id), told.before.facts.get(condition_id)
+    credit, fact = step.before.credits.get(packet_id), step.before.facts.get(condition_id)
     learnt = (("episode", f"attempt/{credit.attempt}"), ("outcome", f"outcome/{credit.acting}")) if credit else ()
-    return (*learnt, *(keys_of(told, fact) if fact is not None and fact.packet_id == packet_id else ()))
+    return (*learnt, *(keys_of(step, fact) if fact is not None and fact.packet_id == packet_id else ()))

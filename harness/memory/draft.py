@@ -79,7 +79,7 @@ def recorded(
 
 
 def configured(
-    told: MissionStep,
+    step: MissionStep,
     *,
     role: memory.MemoryRole,
     subject: str,
@@ -92,14 +92,14 @@ def configured(
         subject=subject,
         knowledge=knowledge,
         verification="configured",
-        provenance=provenance(told, sources=(CONFIGURATION,)),
-        valid_from_s=told.stored.mission_s,
+        provenance=provenance(step, sources=(CONFIGURATION,)),
+        valid_from_s=step.stored.mission_s,
         where=where,
     )
 
 
 def provenance(
-    told: MissionStep,
+    step: MissionStep,
     *,
     sources: Sequence[str],
     node_id: ids.NodeId | None = None,
@@ -108,9 +108,9 @@ def provenance(
 ) -> memory.Provenance:
     """Where a record of this event came from; sources in a fixed order, each once."""
     return memory.Provenance(
-        position=told.stored.position,
-        stream=told.stored.stream,
-        mission_id=told.mission_id,
+        position=step.stored.position,
+        stream=step.stored.stream,
+        mission_id=step.mission_id,
         sources=tuple(sorted(set(sources))),
         node_id=node_id,
         packet_id=packet_id,

@@ -32,7 +32,7 @@ VERSIONS = 100
 
 
 @dataclass
-class Behind:
+class UnindexedChanges:
     """What was folded between two marks and is not in the index yet."""
 
     after: memory.FollowPosition
@@ -57,7 +57,7 @@ class MemoryFabric:
         self._follower = Follower(self, head=store.head, read=store.read, fold=FOLD)
         self._recent = Recent()
         self._idle: list[tuple[memory.FollowPosition, Fold]] = []
-        self._behind: Behind | None = None
+        self._behind: UnindexedChanges | None = None
 
     def catch_up(self) -> memory.FollowPosition:
         """Follow the log to its head, index and all. Raises LogDamaged for an event that cannot be read."""
@@ -81,12 +81,12 @@ class MemoryFabric:
         self._behind = None
         self._index.clear()
 
-    def find(self, query: memory.MemoryQuery) -> list[memory.Remembered]:
+    def find(self, query: memory.MemoryQuery) -> list[memory.MemoryEntry]:
         """Records that answer the query, newest first."""
         self.catch_up()
         return self._index.find(query)
 
-    def get(self, record_id: str) -> memory.Remembered:
+    def get(self, record_id: str) -> memory.MemoryEntry:
         """One record and its standing; raises UnknownName."""
         self.catch_up()
         return self._index.get(record_id)
@@ -121,12 +121,12 @@ class MemoryFabric:
             limit=limit,
         )
         found = self.of_same_contract([one.record for one in self._recently(query)], card)
-        said = ((record, record.knowledge) for record in found)
+        known = ((record, record.knowledge) for record in found)
         return tuple(
-            as_example(record, outcome) for record, outcome in said if isinstance(outcome, memory.ProviderOutcome)
+            as_example(record, outcome) for record, outcome in known if isinstance(outcome, memory.ProviderOutcome)
         )
 
-    def spatial(self, region: memory.FloorBox, *, at_s: float, limit: int = 100) -> list[memory.Remembered]:
+    def spatial(self, region: memory.FloorBox, *, at_s: float, limit: int = 100) -> list[memory.MemoryEntry]:
         """What is known of a region at one instant of mission time, conflicts and expired records withheld (R69)."""
         return self.find(memory.MemoryQuery(kinds=SPATIAL, region=region, valid_at_s=at_s, limit=limit))
 
@@ -142,10 +142,10 @@ class MemoryFabric:
         }
         if versions <= {card.version}:
             return list(records)
-        asked = memory.MemoryQuery(
+        query = memory.MemoryQuery(
             kinds=("card",), provider_id=card.provider_id, standings=("configured", "superseded"), limit=VERSIONS
         )
-        known = (one.record.knowledge for one in self.find(asked))
+        known = (one.record.knowledge for one in self.find(query))
         alike = {one.card.version for one in known if isinstance(one, memory.KnownCard) and _declares_alike(one, card)}
         counted = {card.version, *alike}
         return [
@@ -160,8 +160,8 @@ class MemoryFabric:
 
         That the body has moved on since does not make them less true; a pose that was disputed does not count.
         """
-        asked = memory.MemoryQuery(kinds=("pose",), region=region, standings=("verified", "superseded"), limit=limit)
-        known = [one.record for one in self.find(asked)]
+        query = memory.MemoryQuery(kinds=("pose",), region=region, standings=("verified", "superseded"), limit=limit)
+        known = [one.record for one in self.find(query)]
         disputes = self.find(memory.MemoryQuery(kinds=("dispute",), standings=("disputed",), limit=limit))
         doubted = {one.record.provenance.packet_id for one in disputes}
         return tuple(
@@ -172,11 +172,11 @@ class MemoryFabric:
             and one.provenance.packet_id not in doubted
         )
 
-    def semantic(self, *, limit: int = 100) -> list[memory.Remembered]:
+    def semantic(self, *, limit: int = 100) -> list[memory.MemoryEntry]:
         """The capability contracts and rules that hold now."""
         return self.find(memory.MemoryQuery(kinds=SEMANTIC, limit=limit))
 
-    def _recently(self, query: memory.MemoryQuery) -> list[memory.Remembered]:
+    def _recently(self, query: memory.MemoryQuery) -> list[memory.MemoryEntry]:
         """`find` for questions about outcomes, which are asked at every dispatch."""
         known = self._recent.answer(query, at=self._followed())
         if known is None:
@@ -189,7 +189,7 @@ class MemoryFabric:
         """Fold one stretch of the log. Raises ConcurrencyConflict if another process advanced the index."""
         fold = self._fold(after)
         records = list(fold.advance(fresh))
-        behind = self._behind or Behind(after=after, upto=after)
+        behind = self._behind or UnindexedChanges(after=after, upto=after)
         behind.upto = upto
         behind.records += records
         self._behind = behind
@@ -223,7 +223,7 @@ class MemoryFabric:
     def _new_fold(self) -> Fold:
         return Fold(stream=self._store.load, current=self._current, read=self._artefact)
 
-    def _current(self, kind: str, subject: str) -> list[memory.Remembered]:
+    def _current(self, kind: str, subject: str) -> list[memory.MemoryEntry]:
         """What is known of a subject. Raises ConcurrencyConflict if another process advanced the index."""
         if self._behind and self._behind.touches(kind, subject) and not self._written():
             raise ConcurrencyConflict(because("memory_index_taken"), where="memory index")

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from harness.contracts.decider import Codec
 from harness.contracts.events import MissionEvent
 from harness.contracts.ids import StreamId
-from harness.contracts.memory import MemoryRecord, Remembered
+from harness.contracts.memory import MemoryEntry, MemoryRecord
 from harness.contracts.ports import StoredEvent
 from harness.memory.attempts import episodic, operational
 from harness.memory.captures import captured
@@ -21,7 +21,7 @@ from harness.projections.memory import MissionThread, follow
 FOLD = "2"
 """Raised whenever the same log would give other records: every index is then built again."""
 MISSIONS = "mission/"
-LoadCurrent = Callable[[str, str], list[Remembered]]
+LoadCurrent = Callable[[str, str], list[MemoryEntry]]
 LoadStream = Callable[[StreamId], list[StoredEvent]]
 _codec: Codec[MissionEvent] = Codec(MissionEvent)
 
@@ -38,7 +38,7 @@ class Fold:
         self._load = current
         self._read = read
         self._threads: dict[StreamId, MissionThread] = {}
-        self._current: dict[Key, list[Remembered]] = {}
+        self._current: dict[Key, list[MemoryEntry]] = {}
         self._own: dict[StreamId, list[Key]] = {}
 
     def advance(self, events: Iterable[StoredEvent]) -> Iterator[MemoryRecord]:
@@ -50,9 +50,9 @@ class Fold:
 
     def _drafts(self, stored: StoredEvent) -> list[MemoryDraft]:
         before, event = self._thread(stored), _codec.decode(stored)
-        told = MissionStep(stored=stored, event=event, before=before)
-        learnt = (*spatial(told), *episodic(told), *operational(told), *semantic(told, read=self._read))
-        drafts = [*learnt, *captured(told), *disputed(told)]
+        step = MissionStep(stored=stored, event=event, before=before)
+        learnt = (*spatial(step), *episodic(step), *operational(step), *semantic(step, read=self._read))
+        drafts = [*learnt, *captured(step), *disputed(step)]
         self._own.setdefault(stored.stream, []).extend(draft.key for draft in drafts if draft.fresh)
         self._threads[stored.stream] = follow(before, event)
         if self._threads[stored.stream].ended:
@@ -75,23 +75,23 @@ class Fold:
             self._current.pop(key, None)
 
     def _related(self, draft: MemoryDraft) -> MemoryRecord | None:
-        current = [] if draft.fresh else self._held(draft.key)
-        against = [one for key in draft.disputes for one in self._held(key)]
+        current = [] if draft.fresh else self._records_of(draft.key)
+        against = [one for key in draft.disputes for one in self._records_of(key)]
         record = relate(draft, current, disputed=against)
         if record is None:
             return None
-        newest = Remembered(record=record, standing=record.verification, until_s=record.valid_until_s)
+        newest = MemoryEntry(record=record, standing=record.verification, until_s=record.valid_until_s)
         self._current[draft.key] = [*(one for one in current if one.record.record_id not in record.supersedes), newest]
         for key in (draft.key, *draft.disputes) if record.conflicts else ():
             self._current[key] = [_torn(one, record) for one in self._current[key]]
         return record
 
-    def _held(self, key: Key) -> list[Remembered]:
+    def _records_of(self, key: Key) -> list[MemoryEntry]:
         if key not in self._current:
             self._current[key] = self._load(*key)
         return self._current[key]
 
 
-def _torn(one: Remembered, record: MemoryRecord) -> Remembered:
+def _torn(one: MemoryEntry, record: MemoryRecord) -> MemoryEntry:
     """Marks what the record contradicts as disputed."""
     return replace(one, standing="disputed") if one.record.record_id in record.conflicts else one

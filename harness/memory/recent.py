@@ -20,15 +20,17 @@ class Recent:
     def __init__(self) -> None:
         self._lock = Lock()
         self._at: memory.FollowPosition | None = None
-        self._answers: dict[memory.MemoryQuery, deque[memory.Remembered]] = {}
+        self._answers: dict[memory.MemoryQuery, deque[memory.MemoryEntry]] = {}
 
-    def answer(self, query: memory.MemoryQuery, *, at: memory.FollowPosition) -> list[memory.Remembered] | None:
+    def answer(self, query: memory.MemoryQuery, *, at: memory.FollowPosition) -> list[memory.MemoryEntry] | None:
         """The cached records, newest first; None where the index has to be read."""
         with self._lock:
-            kept = self._answers.get(query) if self._at == at else None
-            return None if kept is None else list(kept)
+            cached = self._answers.get(query) if self._at == at else None
+            return None if cached is None else list(cached)
 
-    def keep(self, query: memory.MemoryQuery, found: Iterable[memory.Remembered], *, at: memory.FollowPosition) -> None:
+    def keep(
+        self, query: memory.MemoryQuery, found: Iterable[memory.MemoryEntry], *, at: memory.FollowPosition
+    ) -> None:
         """Cache what the index answered at this mark, newest first."""
         with self._lock:
             if self._at != at or len(self._answers) >= MOST:
@@ -46,12 +48,12 @@ class Recent:
                 self._answers.clear()
             self._at = upto
             for record in fresh:
-                for query, kept in self._answers.items():
+                for query, cached in self._answers.items():
                     if _answers(record, query):
-                        newest = memory.Remembered(
+                        newest = memory.MemoryEntry(
                             record=record, standing=record.verification, until_s=record.valid_until_s
                         )
-                        kept.appendleft(newest)
+                        cached.appendleft(newest)
 
     def _replaces(self, record: memory.MemoryRecord) -> bool:
         """Whether cached records may have changed standing. A record supersedes only its own kind, but disputes any."""
@@ -63,8 +65,8 @@ def _answers(record: memory.MemoryRecord, query: memory.MemoryQuery) -> bool:
     """Whether a record that nothing supersedes or disputes answers a question about outcomes."""
     if record.kind not in query.kinds or record.verification not in query.standings:
         return False
-    said = memory.labels_of(record)
-    asked = (query.provider_id, query.capability, query.place, query.configuration)
-    return (said.provider_id, said.capability, said.place, said.configuration) == asked and (
-        not query.verdicts or said.verdict in query.verdicts
+    labels = memory.labels_of(record)
+    terms = (query.provider_id, query.capability, query.place, query.configuration)
+    return (labels.provider_id, labels.capability, labels.place, labels.configuration) == terms and (
+        not query.verdicts or labels.verdict in query.verdicts
     )

@@ -7,13 +7,13 @@ looks again and confirms one of them (R69). A repeat by the same source settles 
 
 from collections.abc import Sequence
 
-from harness.contracts.memory import MemoryRecord, Remembered, Sighting, Verification
+from harness.contracts.memory import MemoryEntry, MemoryRecord, Sighting, Verification
 from harness.memory.draft import MemoryDraft, recorded, same
 from harness.memory.spatial import contradiction
 
 
 def relate(
-    draft: MemoryDraft, current: Sequence[Remembered], *, disputed: Sequence[Remembered] = ()
+    draft: MemoryDraft, current: Sequence[MemoryEntry], *, disputed: Sequence[MemoryEntry] = ()
 ) -> MemoryRecord | None:
     """The record with its relations; None for configured knowledge that is already known.
 
@@ -32,7 +32,7 @@ def relate(
     return _compared(draft, current)
 
 
-def _compared(draft: MemoryDraft, current: Sequence[Remembered]) -> MemoryRecord:
+def _compared(draft: MemoryDraft, current: Sequence[MemoryEntry]) -> MemoryRecord:
     sources = draft.provenance.sources
     live = [one for one in current if not _expired(one, draft.valid_from_s)]
     others = [one for one in live if one.record.provenance.sources != sources]
@@ -45,20 +45,20 @@ def _compared(draft: MemoryDraft, current: Sequence[Remembered]) -> MemoryRecord
     return recorded(draft, supersedes=replaced, conflicts=conflicts, verification=verification)
 
 
-def _known(draft: MemoryDraft, one: Remembered) -> bool:
+def _known(draft: MemoryDraft, one: MemoryEntry) -> bool:
     return one.standing == "configured" and same(one.record.knowledge, draft.knowledge)
 
 
-def _expired(one: Remembered, at_s: float) -> bool:
+def _expired(one: MemoryEntry, at_s: float) -> bool:
     return one.until_s is not None and one.until_s <= at_s
 
 
-def _differs(draft: MemoryDraft, one: Remembered) -> bool:
+def _differs(draft: MemoryDraft, one: MemoryEntry) -> bool:
     mine, theirs = draft.knowledge, one.record.knowledge
     if isinstance(mine, Sighting) and isinstance(theirs, Sighting):
         return bool(contradiction(mine, theirs))
     return not same(mine, theirs)
 
 
-def _names(records: Sequence[Remembered]) -> tuple[str, ...]:
+def _names(records: Sequence[MemoryEntry]) -> tuple[str, ...]:
     return tuple(one.record.record_id for one in records)

@@ -19,21 +19,21 @@ class _Item(msgspec.Struct, frozen=True):
     value: msgspec.Raw
 
 
-class _Shown(msgspec.Struct, frozen=True):
+class _ContextPart(msgspec.Struct, frozen=True):
     """As much of a stored context as is read here."""
 
     records: tuple[_Item, ...]
 
 
-_shown = msgspec.json.Decoder(_Shown)
+_shown = msgspec.json.Decoder(_ContextPart)
 _card = msgspec.json.Decoder(CapabilityCard)
 
 
-def semantic(told: MissionStep, *, read: ReadRecord) -> Iterator[MemoryDraft]:
+def semantic(step: MissionStep, *, read: ReadRecord) -> Iterator[MemoryDraft]:
     """What one event adds to semantic memory."""
-    match told.event:
+    match step.event:
         case ContractCompiled() | ContractRecompiled() as event:
-            pinned = event.configuration if isinstance(event, ContractRecompiled) else told.before.configuration
+            pinned = event.configuration if isinstance(event, ContractRecompiled) else step.before.configuration
             rules = KnownRules(
                 configuration=pinned,
                 template=event.contract.template,
@@ -41,7 +41,7 @@ def semantic(told: MissionStep, *, read: ReadRecord) -> Iterator[MemoryDraft]:
                 constraints=event.contract.constraints,
             )
             subject = f"rules/{event.contract.template}/{pinned[:16]}"
-            yield configured(told, role="semantic", subject=subject, knowledge=rules)
+            yield configured(step, role="semantic", subject=subject, knowledge=rules)
         case DispatchIntended() as event:
             card = shown_card(read(event.context))
             if card is not None:
@@ -50,7 +50,7 @@ def semantic(told: MissionStep, *, read: ReadRecord) -> Iterator[MemoryDraft]:
                     subject=f"card/{card.provider_id}",
                     knowledge=KnownCard(card=card),
                     verification="configured",
-                    provenance=provenance(told, sources=(card.provider_id,), node_id=event.node_id),
+                    provenance=provenance(step, sources=(card.provider_id,), node_id=event.node_id),
                     valid_from_s=event.dispatched_s,
                 )
         case _:

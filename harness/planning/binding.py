@@ -26,8 +26,8 @@ def bind_place(name: str, *, site: Site) -> Place:
 
     Raises UnknownName with the nearest name, ContractInvalid if two places match it or the place is disputed.
     """
-    wanted = _folded(name)
-    found = [place for place in site.places if wanted in {_folded(word) for word in _words(place)}]
+    folded = _folded(name)
+    found = [place for place in site.places if folded in {_folded(word) for word in _words(place)}]
     if not found:
         raise unknown("place", name, known=[word for place in site.places for word in _words(place)], where=site.name)
     if len(found) > 1:
@@ -137,12 +137,12 @@ def unknown(noun: str, name: str, *, known: Iterable[str], where: str = "") -> U
     """The error for an unknown name: lists what exists, and the nearest match."""
     names = sorted(set(known), key=str.casefold)
     near = get_close_matches(_folded(name), [_folded(word) for word in names], n=1, cutoff=0.6)
-    meant = next((word for word in names if near and _folded(word) == near[0]), None)
+    nearest = next((word for word in names if near and _folded(word) == near[0]), None)
     known_names = tuple(names) or "none"
-    if meant is None:
+    if nearest is None:
         return UnknownName(because("name_unknown", kind=noun, name=name[:80], names=known_names), where=where)
     return UnknownName(
-        because("name_misspelt", kind=noun, name=name[:80], nearest=meant, names=known_names), where=where
+        because("name_misspelt", kind=noun, name=name[:80], nearest=nearest, names=known_names), where=where
     )
 
 

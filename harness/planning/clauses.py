@@ -93,10 +93,13 @@ class _Planning:
         for clause in clauses:
             if clause.negated:
                 self._settle(clause, self._forbid(clause))
-        kept = tuple(clause for clause in clauses if any(clause is one for one in self._kept))
+        bound_clauses = tuple(clause for clause in clauses if any(clause is one for one in self._kept))
         defaults = tuple(self._defaults())
         found = replace(
-            self._reading, clauses=kept, defaults=defaults, unread=_in_order([*self._reading.unread, *self._left])
+            self._reading,
+            clauses=bound_clauses,
+            defaults=defaults,
+            unread=_in_order([*self._reading.unread, *self._left]),
         )
         return GoalPlan(found, tuple(self._parts), tuple(self._keep_out), self._declined, self._returning)
 
@@ -175,10 +178,10 @@ class _Planning:
 
     def _about(self, clause: Clause) -> ClauseObject | None:
         """What a template is bound to: for a passage, the place that it belongs to (D43)."""
-        meant = clause.object or ClauseObject(kind="site" if clause.act == "explore" else "here")
-        if meant.kind != "passage":
-            return meant
-        passage = next((one for one in self._site.passages if one.passage_id == meant.id), None)
+        target = clause.object or ClauseObject(kind="site" if clause.act == "explore" else "here")
+        if target.kind != "passage":
+            return target
+        passage = next((one for one in self._site.passages if one.passage_id == target.id), None)
         place = place_of(passage, site=self._site) if passage else None
         return ClauseObject(kind="place", id=place.place_id) if place else None
 
@@ -238,10 +241,10 @@ class _Planning:
         declared: tuple[Default, ...] = self._profile.defaults if self._profile else ("return", "report")
         for default in declared:
             parts = [part for part in self._parts if removable(part.template, default)]
-            asked = any(default in part.answers for part in self._parts)
+            requested = any(default in part.answers for part in self._parts)
             if default == "return" and self._parts:
-                asked = self._returning is not None or self._parts[-1].clause.act in ("go", "return")
-            if parts and not asked and default not in self._declined:
+                requested = self._returning is not None or self._parts[-1].clause.act in ("go", "return")
+            if parts and not requested and default not in self._declined:
                 yield default
 
 

@@ -45,9 +45,9 @@ def compile_contract(
     destination if it `stays`).
     Raises ContractInvalid with the path of what is wrong, UnknownName for a place, route or argument.
     """
-    said = goal_of(goal)
+    goal_text = goal_of(goal)
     chosen = _arguments(template, arguments)
-    bindings = _bindings(said, chosen, template, site, origin=origin, stays=stays)
+    bindings = _bindings(goal_text, chosen, template, site, origin=origin, stays=stays)
     draft = binding.substitute(
         {
             "nodes": template.nodes,
@@ -59,7 +59,7 @@ def compile_contract(
     contract = _typed(
         {
             **draft,
-            "goal": msgspec.to_builtins(said),
+            "goal": msgspec.to_builtins(goal_text),
             "recovery_total": template.recovery_total,
             "template": template.name,
             "frame": chosen.get("frame", site.frame),
@@ -81,14 +81,14 @@ def compile_again(
     Raises as `compile_contract` does.
     """
     named = (parameter.name for parameter in template.parameters if parameter.name in contract.bindings)
-    chosen = {name: _said(contract.bindings[name]) for name in named}
+    chosen = {name: _argument_value(contract.bindings[name]) for name in named}
     return compile_contract(goal=contract.goal.text, template=template, arguments=chosen, site=site, rules=rules)
 
 
-def _said(bound: Any) -> Argument:
+def _argument_value(bound: Any) -> Argument:
     """The original argument: a place is bound to its record; everything else stays as it was given."""
-    said: Argument = bound["place_id"] if isinstance(bound, Mapping) else bound
-    return said
+    value: Argument = bound["place_id"] if isinstance(bound, Mapping) else bound
+    return value
 
 
 def _arguments(template: tasks.TaskTemplate, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
@@ -209,7 +209,7 @@ def _typed(draft: Mapping[str, Any], template: tasks.TaskTemplate) -> tasks.Task
         what, _, path = str(error).partition(" - at `")
         raise ContractInvalid(
             because("template_invalid", error=what),
-            where=f"template {template.name}, {_named(path.rstrip('`') or '$', draft)}",
+            where=because("at_template_field", template=template.name, field=_named(path.rstrip("`") or "$", draft)),
         ) from error
 
 

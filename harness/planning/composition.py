@@ -230,10 +230,10 @@ class _Composition:
     def _return(self) -> None:
         """One return at the end: by default, or because it was asked for."""
         plan = self._plan
-        asked = plan.returning
-        if asked is None and "return" not in plan.reading.defaults:
+        requested = plan.returning
+        if requested is None and "return" not in plan.reading.defaults:
             return
-        cited = clause_id(plan.number(asked)) if asked else f"{PROFILE}.return"
+        cited = clause_id(plan.number(requested)) if requested else f"{PROFILE}.return"
         home = self._place(str(self._arguments.get("home", ""))) or self._home
         last = self._mission.parts[-1]
         stage = removable(last.part.template, "return")
@@ -242,14 +242,14 @@ class _Composition:
             self._at = home
         elif home is not None and self._at != home:
             self._scoped = True
-            self._way(home, asked or last.part.clause)
+            self._way(home, requested or last.part.clause)
         self._mission.conditions.extend(self._home_now(last, home, cited))
 
     def _home_now(self, last: Compiled, home: Place | None, cited: str) -> Iterator[Condition]:
         """That the body stands at home now: as the template says it, else as any arrival is said."""
-        said = self._of_act(last, "return")
-        if removable(last.part.template, "return") is not None and said:
-            yield from (replace(_renamed(one, last), clause=cited) for one in said)
+        leg = self._of_act(last, "return")
+        if removable(last.part.template, "return") is not None and leg:
+            yield from (replace(_renamed(one, last), clause=cited) for one in leg)
         elif home is not None:
             yield _stands_at(home, condition_id="goal.home", clause=cited)
 
@@ -262,8 +262,8 @@ class _Composition:
             if stage is None:
                 continue
             self._append(compiled, compiled.contract.node(stage), set())
-            asked = compiled.part.answers.get("report")
-            cited = clause_id(self._plan.number(asked)) if asked else f"{PROFILE}.report"
+            requested = compiled.part.answers.get("report")
+            cited = clause_id(self._plan.number(requested)) if requested else f"{PROFILE}.report"
             self._mission.conditions.extend(
                 replace(_renamed(one, compiled), clause=cited) for one in self._of_act(compiled, "report")
             )
@@ -271,8 +271,8 @@ class _Composition:
     def _cover(self) -> None:
         """Conditions for clauses that none of the templates' own cites: an answered stage, a declined return."""
         mission = self._mission
-        kept = {node.node_id for node in mission.nodes}
-        mission.conditions = [one for one in (_within(one, kept) for one in mission.conditions) if one is not None]
+        nodes = {node.node_id for node in mission.nodes}
+        mission.conditions = [one for one in (_within(one, nodes) for one in mission.conditions) if one is not None]
         for compiled in mission.parts:
             for act, clause in compiled.part.answers.items():
                 cited = clause_id(self._plan.number(clause))
@@ -326,8 +326,8 @@ class _Composition:
             act = acts.get(condition.condition_id)
             if act in ("return", "report") and removable(compiled.part.template, act) is not None:
                 continue
-            asked = compiled.part.answers.get(act) if act else None
-            cited = clause_id(self._plan.number(asked)) if asked else compiled.clause
+            requested = compiled.part.answers.get(act) if act else None
+            cited = clause_id(self._plan.number(requested)) if requested else compiled.clause
             made = replace(_renamed(condition, compiled), clause=cited)
             gone = {compiled.named(name) for name in skipped}
             made = replace(made, effect=_without(made.effect, gone))
@@ -491,12 +491,12 @@ def _instead(condition: Condition, gone: set[NodeId], stage: NodeId | None, *, s
     return replace(condition, condition_id=ConditionId(name), effect=replace(effect, subject=stage))
 
 
-def _within(condition: Condition, kept: set[NodeId]) -> Condition | None:
+def _within(condition: Condition, nodes: set[NodeId]) -> Condition | None:
     """The condition over the stages that there are; None for an order of fewer than two."""
     effect = condition.effect
     if not isinstance(effect, Temporal) or not effect.nodes:
         return condition
-    left = tuple(name for name in effect.nodes if name in kept)
+    left = tuple(name for name in effect.nodes if name in nodes)
     return replace(condition, effect=replace(effect, nodes=left)) if len(left) > 1 else None
 
 

@@ -45,7 +45,7 @@ class StagePlanner:
 
 
 @dataclass(frozen=True)
-class Decomposed:
+class DecompositionResult:
     """The template as it is compiled, the planner's proposal, and why that was refused, if it was."""
 
     template: TaskTemplate
@@ -69,18 +69,18 @@ ONE_AFTER_ANOTHER = StagePlanner(name="one-after-another-1", propose=one_after_a
 """The deterministic planner: no model."""
 
 
-def decomposed(planner: StagePlanner, *, goal: str, template: TaskTemplate) -> Decomposed:
+def decomposed(planner: StagePlanner, *, goal: str, template: TaskTemplate) -> DecompositionResult:
     """Ask the planner, then admit or refuse its plan. If it is refused or raises, the harness's own plan is used."""
     plan: StagePlan | None = None
     try:
         plan = _storable(planner.propose(goal, template))
     except Exception as error:  # noqa: BLE001 - a planner that breaks has proposed nothing, whatever broke it
         why = f"{planner.name} proposed nothing usable: {type(error).__name__}: {_short(str(error))}"
-        return Decomposed(_ordered(template, one_after_another(goal, template)), planner.name, None, why)
+        return DecompositionResult(_ordered(template, one_after_another(goal, template)), planner.name, None, why)
     broken = stage_plan_refusal(plan, template=template)
     taken = one_after_another(goal, template) if broken else plan
     refused = f"{broken.rule}: {plain(broken.reason)}" if broken else ""
-    return Decomposed(_ordered(template, taken), planner.name, plan, refused)
+    return DecompositionResult(_ordered(template, taken), planner.name, plan, refused)
 
 
 def stage_plan_refusal(plan: StagePlan, *, template: TaskTemplate) -> Refused | None:
@@ -147,13 +147,13 @@ def _ordered(template: TaskTemplate, plan: StagePlan) -> TaskTemplate:
     return msgspec.structs.replace(template, nodes=planned)
 
 
-def _storable(said: StagePlan) -> StagePlan:
+def _storable(proposal: StagePlan) -> StagePlan:
     """The plan as values that can be stored. Raises TypeError if it is no plan."""
-    if not isinstance(said, StagePlan):
-        raise TypeError(f"{type(said).__name__} is no plan")
-    if len(said.steps) > MOST_STEPS:
-        raise TypeError(f"a plan of {len(said.steps)} steps, at most {MOST_STEPS} are read")
-    checked = msgspec.convert(msgspec.to_builtins(said), StagePlan, strict=True)
+    if not isinstance(proposal, StagePlan):
+        raise TypeError(f"{type(proposal).__name__} is no plan")
+    if len(proposal.steps) > MOST_STEPS:
+        raise TypeError(f"a plan of {len(proposal.steps)} steps, at most {MOST_STEPS} are read")
+    checked = msgspec.convert(msgspec.to_builtins(proposal), StagePlan, strict=True)
     return msgspec.structs.replace(checked, reason=_short(checked.reason))
 
 

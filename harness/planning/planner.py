@@ -116,12 +116,14 @@ def planned(planner: Planner, context: Context, *, mission: Mission) -> Plan:
     return Plan(node_id=proposal.node_id, reason=proposal.reason, planner=planner.name, proposal=proposal)
 
 
-def _storable(said: PlanProposal) -> PlanProposal:
+def _storable(proposal: PlanProposal) -> PlanProposal:
     """The proposal as text that the log can hold. Raises TypeError if it is no proposal."""
-    if not isinstance(said, PlanProposal):
-        raise TypeError(f"{type(said).__name__} is no plan")
-    node_id = NodeId(_short(said.node_id)) if said.node_id is not None else None
-    return PlanProposal(node_id=node_id, reason=said.reason if isinstance(said.reason, Reason) else _short(said.reason))
+    if not isinstance(proposal, PlanProposal):
+        raise TypeError(f"{type(proposal).__name__} is no plan")
+    node_id = NodeId(_short(proposal.node_id)) if proposal.node_id is not None else None
+    return PlanProposal(
+        node_id=node_id, reason=proposal.reason if isinstance(proposal.reason, Reason) else _short(proposal.reason)
+    )
 
 
 def _short(text: str) -> str:

@@ -111,15 +111,15 @@ def _stages(
     after = {node.node_id: node for node in proposed.nodes}
     for node in current.nodes:
         begun = mission.of(node.node_id).attempt > 0
-        kept = after.get(node.node_id)
-        if kept is None:
+        unchanged = after.get(node.node_id)
+        if unchanged is None:
             if node.required or begun:
                 return refused("node_removed", because("stage_not_removable", node_id=node.node_id))
             continue
-        if mission.of(node.node_id).status in SETTLED and node.node_id not in reopened and kept != node:
+        if mission.of(node.node_id).status in SETTLED and node.node_id not in reopened and unchanged != node:
             return refused("history_changed", because("committed_stage_changed", node_id=node.node_id))
-        moved = _moved(node, kept, proposed) if node.node_id in reopened else node
-        if weakened := tuple(_weaker(moved, kept)):
+        moved = _moved(node, unchanged, proposed) if node.node_id in reopened else node
+        if weakened := tuple(_weaker(moved, unchanged)):
             return refused("stage_weakened", node_id=node.node_id, parts=weakened)
     largest = _largest(current)
     for node in proposed.nodes:
@@ -128,16 +128,16 @@ def _stages(
     return None
 
 
-def _moved(node: tasks.Node, kept: tasks.Node, proposed: tasks.TaskContract) -> tasks.Node:
+def _moved(node: tasks.Node, unchanged: tasks.Node, proposed: tasks.TaskContract) -> tasks.Node:
     """The stage as it was, at the place where a stage that it now waits for brings the body; else unchanged."""
     there = {
         one.effect.target_m
         for other in proposed.nodes
-        if other.node_id in kept.depends_on
+        if other.node_id in unchanged.depends_on
         for one in other.success_conditions
         if isinstance(one.effect, Metric)
     }
-    places = [one.target_m for one in kept.preconditions if one.predicate == "at_place" and one.target_m in there]
+    places = [one.target_m for one in unchanged.preconditions if one.predicate == "at_place" and one.target_m in there]
     if not places:
         return node
     moved = (replace(one, target_m=places[0]) if one.predicate == "at_place" else one for one in node.preconditions)

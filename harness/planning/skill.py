@@ -52,12 +52,12 @@ def propose_skill(context: Context) -> SkillProposal:
     """
     node, card = _required(context, "node").read(Node), _required(context, "card").read(CapabilityCard)
     attempt = _required(context, "attempt").read(_Attempt)
-    wanted = requested(node, capability=card.capability, attempt=attempt.attempt, action=attempt.action)
-    asked = {**within(_heeding(wanted, attempt, context), _constraints(context)), **_kept_out(context)}
-    taken = {parameter.name: asked[parameter.name] for parameter in card.parameters if parameter.name in asked}
+    request = requested(node, capability=card.capability, attempt=attempt.attempt, action=attempt.action)
+    wishes = {**within(_heeding(request, attempt, context), _constraints(context)), **_kept_out(context)}
+    taken = {parameter.name: wishes[parameter.name] for parameter in card.parameters if parameter.name in wishes}
     grounded = substitute(taken, bindings=_arguments(context), sigil="@", path=f"nodes.{node.node_id}.parameters")
-    if TOLD + FROM in node.parameters and isinstance(said := grounded.get(TOLD), str):
-        grounded[TOLD] = said + _unverified(context)
+    if TOLD + FROM in node.parameters and isinstance(message := grounded.get(TOLD), str):
+        grounded[TOLD] = message + _unverified(context)
     parameters = {
         parameter.name: _checked(parameter, grounded.get(parameter.name), card)
         for parameter in card.parameters
@@ -72,7 +72,7 @@ def propose_skill(context: Context) -> SkillProposal:
             node_id=node.node_id,
             subgoal=node.subgoal,
             facts=tuple(sorted(names_in(taken, sigil="@"))) or ("none",),
-            dropped=tuple(sorted(asked.keys() - taken.keys())) or ("none",),
+            dropped=tuple(sorted(wishes.keys() - taken.keys())) or ("none",),
         ),
     )
 
@@ -154,14 +154,17 @@ def _unverified(context: Context) -> str:
     declared = dict.fromkeys(effect.text.rstrip(".") for effect in _declared(context))
     record = context.one("given_up")
     failed = dict.fromkeys(one.rstrip(".") for one in record.read(tuple[str, ...])) if record else {}
-    said = f" Declared, and unverified: {'; '.join(declared)}." if declared else ""
-    return said + (f" Failed, and unverified: {'; '.join(failed)}." if failed else "")
+    text = f" Declared, and unverified: {'; '.join(declared)}." if declared else ""
+    return text + (f" Failed, and unverified: {'; '.join(failed)}." if failed else "")
 
 
 def _required(context: Context, kind: str) -> ContextRecord:
     record = context.one(kind)
     if record is None:
-        raise ContractInvalid(because("context_incomplete", kind=kind), where=f"C2 of {context.node_id}")
+        raise ContractInvalid(
+            because("context_incomplete", kind=kind),
+            where=because("at_role_context", role="C2", node_id=context.node_id or ""),
+        )
     return record
 
 

@@ -9,13 +9,14 @@ import msgspec
 from msgspec.structs import replace
 
 from harness.contracts.decisions import Refused, refused
-from harness.contracts.effects import Condition, Metric, Precondition, Temporal
+from harness.contracts.effects import Condition, Metric
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.exploration import TargetChoice
-from harness.contracts.ids import ConditionId, NodeId, ResourceId
+from harness.contracts.ids import ConditionId, NodeId
 from harness.contracts.reasons import because
-from harness.contracts.tasks import EvidencePolicy, Node, RecoveryLimits, TaskContract
+from harness.contracts.tasks import Node, RecoveryLimits, TaskContract
 from harness.contracts.values import Point, encode
+from harness.planning import legs
 from harness.projections.exploration import TARGETS, choices
 from harness.projections.mission import Mission, required_contract
 
@@ -26,7 +27,7 @@ EXPLORES, COVERAGE, REGION = "explores", "coverage", "region"
 Older contracts state `explores`, how many views are wanted.
 """
 LEG, LOOK = "leg", "look"
-TOLERANCE_M, TIMEOUT_S = 0.40, 120.0
+TIMEOUT_S = 120.0
 LEG_BUDGET = RecoveryLimits(re_perceive=2, adjust_view=2, retry=1, local_replan=0, switch_skill=1, total=4)
 """A leg that is blocked tries one other provider; then it is given up, since another target may serve as well."""
 
@@ -107,26 +108,17 @@ def _stages(
     """The leg to the target, and the same look as the first one from there."""
     name = NodeId(f"{LEG}-{number}")
     x, y = choice.target_m
-    leg = Node(
-        node_id=name,
+    leg = legs.leg(
+        contract,
+        name,
+        choice.target_m,
         subgoal=f"Go to ({x:.1f}, {y:.1f})",
-        success_conditions=_arrived(contract, choice, name),
-        capabilities=("navigate",),
-        parameters={
-            "route": route_m,
-            "target": choice.target_m,
-            "frame": contract.frame,
-            "tolerance_m": TOLERANCE_M,
-            "speed_cap_mps": contract.constraints.speed_cap_mps,
-        },
-        resources=(ResourceId("mobile_base"),),
-        evidence=EvidencePolicy(mandatory=("trajectory",)),
+        arrived="The body is at the chosen target, measured",
+        route_m=route_m,
+        depends_on=closing.depends_on,
         timeout_s=TIMEOUT_S,
         recovery=LEG_BUDGET,
-        depends_on=closing.depends_on,
-        preconditions=(Precondition(predicate="localised"), Precondition(predicate="hardware_stop_released")),
         required=False,
-        risk="medium",
     )
     first = contract.node(closing.depends_on[-1])
     look = replace(
@@ -138,25 +130,6 @@ def _stages(
         required=False,
     )
     return leg, look
-
-
-def _arrived(contract: TaskContract, choice: TargetChoice, name: NodeId) -> tuple[Condition, ...]:
-    there = Metric(
-        predicate="arrival",
-        frame=contract.frame,
-        map_version=contract.map_version,
-        target_m=choice.target_m,
-        tolerance_m=TOLERANCE_M,
-    )
-    still = Temporal(predicate="static_body", interval_s=1.0, bound=0.02)
-    return (
-        Condition(
-            condition_id=ConditionId(f"{name}.arrival"), text="The body is at the chosen target, measured", effect=there
-        ),
-        Condition(
-            condition_id=ConditionId(f"{name}.static"), text="The body is static after the execution", effect=still
-        ),
-    )
 
 
 def _renamed(condition: Condition, name: str) -> Condition:

@@ -5,14 +5,15 @@ Frames are taken anew by the stage that took them; from elsewhere, a leg to the 
 
 from msgspec.structs import replace
 
-from harness.contracts.effects import Condition, Metric, Precondition, Temporal
-from harness.contracts.ids import ConditionId, NodeId, ResourceId
-from harness.contracts.tasks import EvidencePolicy, Node, RecoveryLimits, TaskContract
+from harness.contracts.effects import Precondition
+from harness.contracts.ids import NodeId
+from harness.contracts.tasks import Node, RecoveryLimits, TaskContract
 from harness.contracts.values import Point
+from harness.planning import legs
 from harness.planning.binding import names_in
 
 VIEWPOINT = "viewpoint"
-TOLERANCE_M, TIMEOUT_S = 0.40, 180.0
+TIMEOUT_S = 180.0
 LEG_BUDGET = RecoveryLimits(re_perceive=2, adjust_view=2, retry=1, local_replan=1, switch_skill=1, total=4)
 REGION = "passage"
 """The parameter of a stage that names the floor which its frames are to show."""
@@ -40,16 +41,27 @@ def seen_anew(contract: TaskContract, node: Node, source: Node) -> tuple[NodeId,
 def seen_from(contract: TaskContract, source: Node, viewpoint: Point, *, route_m: tuple[Point, ...]) -> TaskContract:
     """The contract with a leg to the viewpoint, where `source` takes its frames anew."""
     name = _name(contract)
-    place = Precondition(predicate="at_place", target_m=viewpoint, tolerance_m=TOLERANCE_M)
-    kept = tuple(one for one in source.preconditions if one.predicate != "at_place")
+    place = Precondition(predicate="at_place", target_m=viewpoint, tolerance_m=legs.TOLERANCE_M)
+    preconditions = tuple(one for one in source.preconditions if one.predicate != "at_place")
     bounds = [one.tolerance_m for one in source.preconditions if one.predicate == "at_place" and one.tolerance_m]
     moved = replace(
         source,
         depends_on=(*source.depends_on, name),
-        preconditions=(replace(place, tolerance_m=min([TOLERANCE_M, *bounds])), *kept),
+        preconditions=(replace(place, tolerance_m=min([legs.TOLERANCE_M, *bounds])), *preconditions),
     )
     at = contract.nodes.index(source)
-    leg = _leg(contract, source, name, viewpoint, route_m)
+    x, y = viewpoint
+    leg = legs.leg(
+        contract,
+        name,
+        viewpoint,
+        subgoal=f"Go to another viewpoint at ({x:.1f}, {y:.1f})",
+        arrived="The body is at the viewpoint, measured",
+        route_m=route_m,
+        depends_on=source.depends_on,
+        timeout_s=TIMEOUT_S,
+        recovery=LEG_BUDGET,
+    )
     return replace(contract, nodes=(*contract.nodes[:at], leg, moved, *contract.nodes[at + 1 :]))
 
 
@@ -63,46 +75,3 @@ def rerouted(contract: TaskContract, node: Node, route_m: tuple[Point, ...]) -> 
 def _name(contract: TaskContract) -> NodeId:
     taken = sum(node.node_id.startswith(f"{VIEWPOINT}-") for node in contract.nodes)
     return NodeId(f"{VIEWPOINT}-{taken + 1}")
-
-
-def _leg(contract: TaskContract, source: Node, name: NodeId, viewpoint: Point, route_m: tuple[Point, ...]) -> Node:
-    x, y = viewpoint
-    return Node(
-        node_id=name,
-        subgoal=f"Go to another viewpoint at ({x:.1f}, {y:.1f})",
-        success_conditions=_arrived(contract, name, viewpoint),
-        capabilities=("navigate",),
-        parameters={
-            "route": route_m,
-            "target": viewpoint,
-            "frame": contract.frame,
-            "tolerance_m": TOLERANCE_M,
-            "speed_cap_mps": contract.constraints.speed_cap_mps,
-        },
-        resources=(ResourceId("mobile_base"),),
-        evidence=EvidencePolicy(mandatory=("trajectory",)),
-        timeout_s=TIMEOUT_S,
-        recovery=LEG_BUDGET,
-        depends_on=source.depends_on,
-        preconditions=(Precondition(predicate="localised"), Precondition(predicate="hardware_stop_released")),
-        risk="medium",
-    )
-
-
-def _arrived(contract: TaskContract, name: NodeId, viewpoint: Point) -> tuple[Condition, ...]:
-    there = Metric(
-        predicate="arrival",
-        frame=contract.frame,
-        map_version=contract.map_version,
-        target_m=viewpoint,
-        tolerance_m=TOLERANCE_M,
-    )
-    still = Temporal(predicate="static_body", interval_s=1.0, bound=0.02)
-    return (
-        Condition(
-            condition_id=ConditionId(f"{name}.arrival"), text="The body is at the viewpoint, measured", effect=there
-        ),
-        Condition(
-            condition_id=ConditionId(f"{name}.static"), text="The body is static after the execution", effect=still
-        ),
-    )

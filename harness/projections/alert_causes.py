@@ -86,14 +86,14 @@ def of_mission(event: events.MissionEvent, about: About) -> tuple[AlertChange, .
             title = because("alert_handoff", stage=_stage(event.node_id))
             return (_raise(about, "handoff", "high", title, event.reason, event.handoff_id),)
         case events.HandoffAnswered():
-            said = because(
+            reason = because(
                 "alert_answered", actor=event.actor.name, channel=event.actor.channel, decision=event.decision
             )
-            asked = f"handoff {event.handoff_id}"
+            question = f"handoff {event.handoff_id}"
             return tuple(
-                told
-                for one in (asked, *(f"{asked} {level}" for level in UNCLAIMED))
-                for told in _clear(about, one, said)
+                change
+                for one in (question, *(f"{question} {level}" for level in UNCLAIMED))
+                for change in _clear(about, one, reason)
             )
         case events.StopAcknowledged() if not event.static:
             return (_raise(about, "body_not_static", "critical", because("alert_not_at_rest"), event.reason),)
@@ -142,8 +142,8 @@ def of_robot(report: RobotReport) -> tuple[Occurrence, ...]:
     silent = report.trouble or (report.age_s is not None and report.age_s > LOST_AFTER_S)
     if silent and (report.age_s is None or report.age_s > LOST_AFTER_S):
         age = because("never_answered") if report.age_s is None else because("last_answered", age_s=report.age_s)
-        said = because("silent_with_trouble", age=age, trouble=report.trouble) if report.trouble else age
-        return (_robot(robot_id, "robot_lost", "critical", because("alert_robot_lost"), said),)
+        reason = because("silent_with_trouble", age=age, trouble=report.trouble) if report.trouble else age
+        return (_robot(robot_id, "robot_lost", "critical", because("alert_robot_lost"), reason),)
     found = []
     if status is not None and status.charge < LOW_CHARGE + (0.05 if report.low_before else 0.0):
         found.append(
@@ -243,7 +243,7 @@ def _ended(event: events.MissionEnded, about: About) -> tuple[AlertChange, ...]:
     raised = (_raise(about, "mission_failed", "high", title, event.reason),) if bad else ()
     if event.status == "partly_verified":
         raised = (_raise(replace(about, node="", failure=""), "partly_verified", "low", title, event.reason),)
-    over = (told for layer in about.vetoes for told in _clear(about, f"veto {layer}", because("the_mission_ended")))
+    over = (change for layer in about.vetoes for change in _clear(about, f"veto {layer}", because("the_mission_ended")))
     return (*raised, *over)
 
 

@@ -137,10 +137,12 @@ def unmapped(mission: Mission) -> tuple[EvidencePacket, ...]:
 def feedback(mission: Mission) -> tuple[exploration.AnyFeedback, ...]:
     """Typed feedback on every target so far, in order: reached or blocked, then how the map changed on the way."""
     changes, chosen = updates(mission), choices(required_contract(mission))
-    return tuple(word for leg, choice in chosen.items() for word in _said(mission, mission.of(leg), choice, changes))
+    return tuple(
+        word for leg, choice in chosen.items() for word in _leg_feedback(mission, mission.of(leg), choice, changes)
+    )
 
 
-def _said(
+def _leg_feedback(
     mission: Mission,
     leg: NodeState,
     choice: exploration.TargetChoice,

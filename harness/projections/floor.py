@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from harness.contracts.exploration import FREE, OCCUPIED, UNKNOWN, GridMap
 from harness.contracts.values import NonNegative, Share, Value
@@ -71,7 +71,7 @@ def _reachable(grid: GridMap) -> tuple[Mask, Mask]:
 
 def _largest_part(seen: Mask, floor: Mask) -> Mask:
     """The connected part of the floor that holds most of what was seen."""
-    parts, count = ndimage.label(floor)
+    parts, count = scipy.ndimage.label(floor)
     sizes = np.bincount(np.asarray(parts)[seen], minlength=count + 1)
     part: Mask = (np.asarray(parts) == int(sizes.argmax())) & floor
     return part

@@ -66,7 +66,7 @@ class ManualControl(Value):
     left_s: float
 
 
-class Unanswered(Value):
+class NoAnswerAction(Value):
     """What the robot did because nobody answered."""
 
     action: str
@@ -90,7 +90,7 @@ class Handoff(Value):
     extended_by: Actor | None = None
     escalated: tuple[handoff_events.EscalationLevel, ...] = ()
     control: ManualControl | None = None
-    unanswered: Unanswered | None = None
+    unanswered: NoAnswerAction | None = None
 
     @property
     def answerable(self) -> bool:
@@ -121,7 +121,7 @@ def apply(handoff: Handoff, event: handoff_events.HandoffEvent) -> Handoff:
             | handoff_events.HandoffEscalated()
             | handoff_events.HandoffTakenOver()
         ):
-            return _held(h, event)
+            return _claim_changed(h, event)
         case (
             handoff_events.HandoffApproved()
             | handoff_events.HandoffRejected()
@@ -135,7 +135,7 @@ def apply(handoff: Handoff, event: handoff_events.HandoffEvent) -> Handoff:
         case handoff_events.HandoffExpired():
             return replace(h, status="expired", claim=None)
         case handoff_events.NoAnswerTaken():
-            done = Unanswered(action=event.action, done=event.done, reason=event.reason, at_s=event.at_s)
+            done = NoAnswerAction(action=event.action, done=event.done, reason=event.reason, at_s=event.at_s)
             return replace(h, unanswered=done)
         case handoff_events.HandoffSuperseded():
             return replace(h, status="superseded", outcome=event.reason, claim=None, control=None)
@@ -163,7 +163,7 @@ def _refreshed(h: Handoff, event: handoff_events.HandoffRefreshed) -> Handoff:
     return replace(h, opened=opened, cycle=event.cycle)
 
 
-def _held(
+def _claim_changed(
     h: Handoff,
     event: handoff_events.HandoffClaimed
     | handoff_events.HandoffReleased
@@ -203,7 +203,7 @@ def _answered(
 ) -> Handoff:
     match event:
         case handoff_events.HandoffApproved():
-            return _decided(h, event, "approved", shown=event.shown, fresh=event.fresh)
+            return _decided(h, event, "approved", packet=event.shown, fresh=event.fresh)
         case handoff_events.HandoffRejected():
             return _decided(h, event, "rejected")
         case handoff_events.HandoffAttested():
@@ -225,7 +225,7 @@ def _decided(
     | handoff_events.HandoffClosed,
     decision: Decided,
     *,
-    shown: Digest | None = None,
+    packet: Digest | None = None,
     fresh: handoff_events.Snapshot | None = None,
 ) -> Handoff:
     """Nothing of the question itself changes: what was asked stays unchanged."""
@@ -242,7 +242,7 @@ def _decided(
         else event.cycle,
         subject=bound or (h.opened.subject if h.opened else Digest("")),
         at_s=event.at_s,
-        shown=shown,
+        shown=packet,
         fresh=fresh,
     )
     return replace(h, status=decision, answer=answer, claim=None)

@@ -15,6 +15,7 @@ from harness.contracts.proposals import Signature
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.reasons import Explanation
 from harness.contracts.rules import FIRST_RULES, RulesVersion
+from harness.contracts.spoken_goals import SpokenGoal
 from harness.contracts.tasks import TaskContract, order, rests_on
 from harness.contracts.values import Count, Value
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
@@ -102,7 +103,7 @@ class NodeState(Value):
         return sum(spend.cost for spend in self.spends)
 
 
-class Superseded(Value):
+class SupersededResult(Value):
     """A stage's result before a revision of the graph reopened it: kept, never decisive any more (D29)."""
 
     revision: Count
@@ -139,6 +140,7 @@ class Mission(Value):
     replay: bool = False
     trial: bool = False
     channel: str | msgspec.UnsetType = msgspec.UNSET
+    spoken: SpokenGoal | msgspec.UnsetType = msgspec.UNSET
     status: MissionStatus = "draft"
     contract: TaskContract | None = None
     policy: RecoveryPolicy | None = None
@@ -157,7 +159,7 @@ class Mission(Value):
     relooks: Count = 0
     report: Explanation = ""
     reason: Explanation = ""
-    history: tuple[Superseded, ...] = ()
+    history: tuple[SupersededResult, ...] = ()
     disputes: tuple[DisputedFact, ...] = ()
 
     @property

@@ -65,7 +65,7 @@ def _folded(m: Mission, event: events.MissionEvent) -> Mission:
             owner = next((node for node in m.nodes.values() if _judged(node, event)), None)
             return _node(m, owner.node_id, verdicts=(*owner.verdicts, event.verdict)) if owner else m
         case events.NodeCommitted():
-            kept = tuple(fact for fact in m.facts if fact.condition_id not in event.withdrawn)
+            facts = tuple(fact for fact in m.facts if fact.condition_id not in event.withdrawn)
             status: NodeStatus = "superseded" if event.aborting else "committed"
             done = _node(
                 m,
@@ -76,7 +76,7 @@ def _folded(m: Mission, event: events.MissionEvent) -> Mission:
                 waiting_for="",
                 aborting=event.aborting,
             )
-            return replace(done, k=m.k + 1, facts=kept + event.facts)
+            return replace(done, k=m.k + 1, facts=facts + event.facts)
         case events.EffectDeclared():
             return _declared(m, event)
         case events.CommitRejected():
@@ -104,8 +104,8 @@ def _folded(m: Mission, event: events.MissionEvent) -> Mission:
             contract = replace(required_contract(m), constraints=event.constraints)
             return replace(m, contract=contract, k=m.k + 1)
         case events.HandoffRequested():
-            asked = _node(m, event.node_id, status="escalated")
-            return replace(asked, status="awaiting_human", handoff_id=event.handoff_id, reason=event.reason)
+            escalated = _node(m, event.node_id, status="escalated")
+            return replace(escalated, status="awaiting_human", handoff_id=event.handoff_id, reason=event.reason)
         case events.HandoffAnswered():
             return replace(
                 m,
@@ -159,6 +159,7 @@ def _created(m: Mission, event: events.MissionCreated) -> Mission:
         replay=event.replay,
         trial=event.trial,
         channel=event.channel,
+        spoken=event.spoken,
     )
 
 
@@ -206,8 +207,8 @@ def _retained(m: Mission, packet: EvidencePacket) -> Mission:
     if m.invocation is None or m.invocation.intent.invocation_id != packet.identity.invocation_id:
         return m
     node = m.of(m.invocation.intent.node_id)
-    kept = _node(m, node.node_id, status="verifying", packets=(*node.packets, packet))
-    return replace(kept, invocation=None)
+    updated = _node(m, node.node_id, status="verifying", packets=(*node.packets, packet))
+    return replace(updated, invocation=None)
 
 
 def _judged(node: NodeState, event: events.VerdictRecorded) -> bool:
@@ -227,9 +228,9 @@ def _declared(m: Mission, event: events.EffectDeclared) -> Mission:
         waiting_for="",
         aborting=event.aborting,
     )
-    kept = tuple(fact for fact in m.facts if fact.condition_id not in event.withdrawn)
+    facts = tuple(fact for fact in m.facts if fact.condition_id not in event.withdrawn)
     effects = m.declared if event.aborting else m.declared + event.effects
-    return replace(over, k=m.k + 1, facts=kept, declared=effects)
+    return replace(over, k=m.k + 1, facts=facts, declared=effects)
 
 
 def _rejected(m: Mission, event: events.CommitRejected) -> Mission:

@@ -39,9 +39,9 @@ def mission_row(mission: Mission, *, seq: int, began_s: float, ended_s: float | 
         handoff_id=mission.handoff_id or "",
         k=mission.k,
     )
-    told = goal_in_words(contract) if contract else ""
-    if isinstance(told, Reason):
-        item = replace(item, reading=told)
+    goal = goal_in_words(contract) if contract else ""
+    if isinstance(goal, Reason):
+        item = replace(item, reading=goal)
     facets = {
         "status": item.status,
         "open": "no" if mission.ended else "yes",
@@ -98,7 +98,7 @@ def handoff_row(handoff: Handoff, mission: Mission, *, seq: int) -> ListRow | No
         key=item.handoff_id,
         facets=facets,
         words=" ".join(
-            (item.node_id, item.stage, item.failure.replace("_", " "), plain(opened.reason), *_said(handoff))
+            (item.node_id, item.stage, item.failure.replace("_", " "), plain(opened.reason), *_search_words(handoff))
         ),
         ids=(item.handoff_id, item.mission_id),
         amount=item.deadline_at_s - item.opened_at_s,
@@ -113,7 +113,7 @@ def _answered(handoff: Handoff) -> Explanation:
     return because("answered_by", actor=handoff.answer.actor.name, reason=handoff.answer.reason)
 
 
-def _said(handoff: Handoff) -> tuple[str, ...]:
+def _search_words(handoff: Handoff) -> tuple[str, ...]:
     """Who answered, and why, as searchable text."""
     return (handoff.answer.actor.name, plain(handoff.answer.reason)) if handoff.answer else ()
 

@@ -49,9 +49,9 @@ def apply(places: Places, event: PlaceEvent) -> Places:
 def changed_site(site: Site, places: Places) -> Site:
     """The site with its changed places in their order, new ones after them, removed ones left out."""
     known = [one.place_id for one in site.places]
-    kept = [places.changes[one.place_id].place if one.place_id in places.changes else one for one in site.places]
+    places_now = [places.changes[one.place_id].place if one.place_id in places.changes else one for one in site.places]
     new = [change.place for place_id, change in places.changes.items() if place_id not in known]
-    return replace(site, places=tuple(one for one in (*kept, *new) if one is not None))
+    return replace(site, places=tuple(one for one in (*places_now, *new) if one is not None))
 
 
 def _with(places: Places, event: PlaceEvent, place_id: PlaceId, place: Place | None) -> Places:

@@ -70,8 +70,8 @@ def _stated(effect: AnyEffect) -> dict[str, Any]:
     return {name: value for name, value in fields.items() if name not in unset and value not in ("", [])}
 
 
-def _same(said: object, stated: object) -> bool:
+def _same(proposal: object, stated: object) -> bool:
     """Equal values; a text and a number state different things and contradict nothing."""
-    plain = msgspec.to_builtins(said)
+    plain = msgspec.to_builtins(proposal)
     number, text = isinstance(plain, int | float), isinstance(stated, str)
     return plain == stated or (text and number) or (isinstance(plain, list) and not isinstance(stated, list))

@@ -17,10 +17,10 @@ def reading_in_words(reading: Reading) -> Reason:
 def clause_in_words(clause: Clause) -> Reason:
     """One clause: its act, what it is about, how often, or that it is not to be done."""
     about = clause.object.name if clause.object else ""
-    told = _act_on(clause.act, about) if about else _act(clause.act)
+    act = _act_on(clause.act, about) if about else _act(clause.act)
     if clause.negated:
-        return because("clause_not", clause=told)
-    return because("clause_times", clause=told, count=clause.count) if clause.count > 1 else told
+        return because("clause_not", clause=act)
+    return because("clause_times", clause=act, count=clause.count) if clause.count > 1 else act
 
 
 def default_in_words(default: Default) -> Reason:

@@ -9,10 +9,10 @@ from harness.projections import mission
 def revised(m: mission.Mission, event: GraphRevised) -> mission.Mission:
     """Reopened stages begin again, with what was spent on them; their earlier results are kept separately."""
     contract = event.contract or mission.required_contract(m)
-    kept = {node.node_id for node in contract.nodes}
-    closed = [node_id for node_id in m.nodes if node_id in event.reopened or node_id not in kept]
+    remaining = {node.node_id for node in contract.nodes}
+    closed = [node_id for node_id in m.nodes if node_id in event.reopened or node_id not in remaining]
     history = tuple(
-        mission.Superseded(
+        mission.SupersededResult(
             revision=event.revision,
             state=replace(m.of(node_id), status="superseded"),
             facts=tuple(fact for fact in m.facts if fact.node_id == node_id),

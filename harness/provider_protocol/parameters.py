@@ -3,26 +3,34 @@
 import math
 from collections.abc import Callable
 
-from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.capabilities import CapabilityCard, Parameter
 from harness.contracts.protocol import Parameters
+from harness.contracts.reasons import Reason, because
 
 
-def parameter_problems(card: CapabilityCard, parameters: Parameters) -> tuple[str, ...]:
-    """What is wrong with the parameters of a request, as sentences; empty when they fit the card."""
+def parameter_problems(card: CapabilityCard, parameters: Parameters) -> tuple[Reason, ...]:
+    """What is wrong with the parameters of a request; empty when they fit the card."""
     declared = {parameter.name: parameter for parameter in card.parameters}
-    problems = [f"Parameter {name} is not on the card" for name in parameters if name not in declared]
+    problems = [because("parameter_undeclared", name=name) for name in parameters if name not in declared]
     for name, parameter in declared.items():
         if name not in parameters:
             if parameter.required:
-                problems.append(f"Parameter {name} is missing")
+                problems.append(because("parameter_required", name=name))
         elif not _FITS[parameter.type](parameters[name]):
-            problems.append(f"Parameter {name} is not of type {parameter.type}")
+            problems.append(because("parameter_of_another_type", name=name, type=parameter.type))
         elif parameter.type == "number":
             value = float(parameters[name])  # type: ignore[arg-type]
-            lowest, highest = parameter.minimum, parameter.maximum
-            if (lowest is not None and value < lowest) or (highest is not None and value > highest):
-                problems.append(f"Parameter {name} = {value} lies outside {lowest}..{highest}")
+            problems += _outside(parameter, value)
     return tuple(problems)
+
+
+def _outside(parameter: Parameter, value: float) -> list[Reason]:
+    name, low, high, unit = parameter.name, parameter.minimum, parameter.maximum, parameter.unit
+    if low is not None and value < low:
+        return [because("parameter_too_small", name=name, value=value, bound=low, unit=unit)]
+    if high is not None and value > high:
+        return [because("parameter_too_large", name=name, value=value, bound=high, unit=unit)]
+    return []
 
 
 def _number(value: object) -> bool:

@@ -35,13 +35,13 @@ class NodeFailure(msgspec.Struct, frozen=True):
     pointless: tuple[RecoveryAction, ...] = ()
 
 
-class _Left(msgspec.Struct, frozen=True):
+class _BudgetLeft(msgspec.Struct, frozen=True):
     left: dict[RecoveryAction, int]
     left_node: int
     left_mission: int
 
 
-class _Rungs(msgspec.Struct, frozen=True):
+class _LadderSteps(msgspec.Struct, frozen=True):
     rungs: tuple[RecoveryAction, ...]
 
 
@@ -58,13 +58,13 @@ def failure_of(context: Context) -> Failure:
 def rungs_of(context: Context) -> tuple[RecoveryAction, ...]:
     """The ladder of this failure class; without one in the context, only a person."""
     record = context.one("ladder")
-    return record.read(_Rungs).rungs if record else ("human",)
+    return record.read(_LadderSteps).rungs if record else ("human",)
 
 
 def standing_in(context: Context) -> RecoveryState:
     """The node's recovery state, as far as C4 shows it. Raises ContractInvalid without failure, attempts or budget."""
-    failure, budget = failure_of(context), _read(context, "budget", _Left)
-    said = [record.at_s for record in context.all("observed") if record.origin == "sensor"]
+    failure, budget = failure_of(context), _read(context, "budget", _BudgetLeft)
+    sensed_s = [record.at_s for record in context.all("observed") if record.origin == "sensor"]
     return RecoveryState(
         failure=failure.failure,
         failed_s=failure.at_s,
@@ -72,7 +72,7 @@ def standing_in(context: Context) -> RecoveryState:
         left=budget.left,
         left_node=budget.left_node,
         left_mission=budget.left_mission,
-        news_s=max(said, default=None),
+        news_s=max(sensed_s, default=None),
         pointless=failed_node(context).pointless,
     )
 
@@ -88,5 +88,8 @@ def alternatives_of(context: Context) -> tuple[CapabilityCard, ...]:
 def _read(context: Context, kind: str, shape: type[T]) -> T:
     record = context.one(kind)
     if record is None:
-        raise ContractInvalid(because("context_incomplete", kind=kind), where=f"C4 of {context.node_id}")
+        raise ContractInvalid(
+            because("context_incomplete", kind=kind),
+            where=because("at_role_context", role="C4", node_id=context.node_id or ""),
+        )
     return record.read(shape)

@@ -26,7 +26,7 @@ def recover(context: Context) -> RecoveryProposal:
         failure=standing.failure,
         provider_id=provider,
         cost=state.cost_of(step.action),
-        reason=_reason(step, standing, said=inputs.failure_of(context).reason, provider=provider),
+        reason=_reason(step, standing, reasons=inputs.failure_of(context).reason, provider=provider),
         refused=step.refused,
     )
 
@@ -60,13 +60,13 @@ def _impossible(action: RecoveryAction, standing: state.RecoveryState, other: Pr
 
 
 def _reason(
-    step: state.LadderStep, standing: state.RecoveryState, *, said: Explanation, provider: ProviderId | None
+    step: state.LadderStep, standing: state.RecoveryState, *, reasons: Explanation, provider: ProviderId | None
 ) -> Reason:
     """For a person: what failed, what was tried, what is next, what is left."""
     failure = because("failure", failure=standing.failure)
     return because(
         "next_step",
-        failure=because("failure_explained", failure=standing.failure, why=said) if said else failure,
+        failure=because("failure_explained", failure=standing.failure, why=reasons) if reasons else failure,
         tried=standing.tried() or ("nothing",),
         following=_following(step, provider),
         left_node=standing.left_node,

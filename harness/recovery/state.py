@@ -150,5 +150,5 @@ def climbed(ladder: tuple[RecoveryAction, ...], tried: tuple[RecoveryAction, ...
 
 def _newest_sensor_s(mission: Mission, node_id: NodeId) -> float | None:
     after = (reference for packet in mission.of(node_id).packets for reference in packet.after)
-    said = [reference.until_s for reference in (*mission.observed, *after) if reference.origin == "sensor"]
-    return max(said, default=None)
+    times = [reference.until_s for reference in (*mission.observed, *after) if reference.origin == "sensor"]
+    return max(times, default=None)

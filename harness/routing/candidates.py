@@ -6,11 +6,13 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.configuration import RoutingPreferences
 from harness.contracts.proposals import CandidateSet, ProviderCandidate
 from harness.routing.filter import refusal
-from harness.routing.need import Need
+from harness.routing.requirements import ProviderRequirements
 from harness.routing.score import dearest, terms, total
 
 
-def candidates(need: Need, *, cards: Sequence[CapabilityCard], preferences: RoutingPreferences) -> CandidateSet:
+def candidates(
+    need: ProviderRequirements, *, cards: Sequence[CapabilityCard], preferences: RoutingPreferences
+) -> CandidateSet:
     """Every provider considered (R66): those that passed, best first, then the refused ones by id.
 
     Ties go to the lower estimated risk, then to the provider id (D23). `chosen` is none if all were refused. Being

@@ -7,14 +7,14 @@ from harness.contracts.capabilities import CapabilityCard, Parameter
 from harness.contracts.proposals import Filter
 from harness.contracts.protocol import ParameterValue, RobotStatus
 from harness.contracts.reasons import Reason, because, several
-from harness.routing.need import Need
+from harness.routing.requirements import ProviderRequirements
 
-Check = Callable[[CapabilityCard, Need], Reason | None]
+Check = Callable[[CapabilityCard, ProviderRequirements], Reason | None]
 _RISKS = ("low", "medium", "high")
 _BOUND_LATER = "@{"
 
 
-def refusal(card: CapabilityCard, need: Need) -> tuple[Filter, Reason] | None:
+def refusal(card: CapabilityCard, need: ProviderRequirements) -> tuple[Filter, Reason] | None:
     """The first filter that refuses this provider, and why; None if none does."""
     for name, check in CHECKS:
         if reason := check(card, need):
@@ -22,7 +22,7 @@ def refusal(card: CapabilityCard, need: Need) -> tuple[Filter, Reason] | None:
     return None
 
 
-def _capability(card: CapabilityCard, need: Need) -> Reason | None:
+def _capability(card: CapabilityCard, need: ProviderRequirements) -> Reason | None:
     return (
         None
         if card.capability in need.capabilities
@@ -30,7 +30,7 @@ def _capability(card: CapabilityCard, need: Need) -> Reason | None:
     )
 
 
-def _embodiment(card: CapabilityCard, need: Need) -> Reason | None:
+def _embodiment(card: CapabilityCard, need: ProviderRequirements) -> Reason | None:
     fits = {"any", need.embodiment} & set(card.embodiments)
     return (
         None
@@ -39,7 +39,7 @@ def _embodiment(card: CapabilityCard, need: Need) -> Reason | None:
     )
 
 
-def _parameters(card: CapabilityCard, need: Need) -> Reason | None:
+def _parameters(card: CapabilityCard, need: ProviderRequirements) -> Reason | None:
     stated = need.parameters
     wrong = (
         parameter_problem(parameter, stated.get(parameter.name, stated.get(f"{parameter.name}_from")))
@@ -48,12 +48,12 @@ def _parameters(card: CapabilityCard, need: Need) -> Reason | None:
     return next((problem for problem in wrong if problem), None)
 
 
-def _preconditions(card: CapabilityCard, need: Need) -> Reason | None:
+def _preconditions(card: CapabilityCard, need: ProviderRequirements) -> Reason | None:
     unmet = (_unmet(name, need.status) for name in card.preconditions)
     return next((reason for reason in unmet if reason), None)
 
 
-def _freshness(card: CapabilityCard, need: Need) -> Reason | None:
+def _freshness(card: CapabilityCard, need: ProviderRequirements) -> Reason | None:
     status = need.status
     if status is None:
         return because("robot_condition_unknown") if card.moves else None
@@ -65,7 +65,7 @@ def _freshness(card: CapabilityCard, need: Need) -> Reason | None:
     return None
 
 
-def _safety(card: CapabilityCard, need: Need) -> Reason | None:
+def _safety(card: CapabilityCard, need: ProviderRequirements) -> Reason | None:
     if _RISKS.index(card.risk) > _RISKS.index(need.node.risk):
         return because("risk_too_high", risk=card.risk, stage_risk=need.node.risk)
     if not card.moves:
@@ -77,7 +77,7 @@ def _safety(card: CapabilityCard, need: Need) -> Reason | None:
     return None
 
 
-def _excluded(card: CapabilityCard, need: Need) -> Reason | None:
+def _excluded(card: CapabilityCard, need: ProviderRequirements) -> Reason | None:
     return because("given_up_for_stage") if card.provider_id in need.excluded else None
 
 

@@ -22,7 +22,7 @@ class ExecutionOutcome(Value):
     residual: Share = 0.0
 
 
-class Judged(Value, array_like=True):
+class ExecutionResult(Value, array_like=True):
     """The result of one execution of a series."""
 
     verdict: Verdict
@@ -39,7 +39,7 @@ class OutcomeSeries(Value):
     capability: Capability
     place: str
     configuration: Digest
-    judged: tuple[Judged, ...]
+    judged: tuple[ExecutionResult, ...]
 
 
 class RoutingHistory(Value):
@@ -66,16 +66,18 @@ class RoutingHistory(Value):
             weight *= fading
         return failed / total
 
-    def _newest_first(self, setting: tuple[ProviderId, Capability, str, Digest]) -> Iterator[Judged | ExecutionOutcome]:
+    def _newest_first(
+        self, setting: tuple[ProviderId, Capability, str, Digest]
+    ) -> Iterator[ExecutionResult | ExecutionOutcome]:
         for held in reversed(self.series):
             if _setting(held) == setting:
                 yield from reversed(held.judged)
         yield from (one for one in reversed(self.outcomes) if _setting(one) == setting)
 
 
-def judged(outcomes: Iterable[tuple[Verdict, float]]) -> tuple[Judged, ...]:
+def judged(outcomes: Iterable[tuple[Verdict, float]]) -> tuple[ExecutionResult, ...]:
     """A series' executions from (verdict, residual), oldest first."""
-    return tuple([Judged(verdict=verdict, residual=residual) for verdict, residual in outcomes])
+    return tuple([ExecutionResult(verdict=verdict, residual=residual) for verdict, residual in outcomes])
 
 
 def _setting(one: OutcomeSeries | ExecutionOutcome) -> tuple[ProviderId, Capability, str, Digest]:

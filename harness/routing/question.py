@@ -5,13 +5,13 @@ from harness.contracts.configuration import RoutingPreferences
 from harness.contracts.proposals import CandidateSet
 from harness.contracts.values import Value
 from harness.routing.candidates import candidates
-from harness.routing.need import Need
+from harness.routing.requirements import ProviderRequirements
 
 
 class RoutingQuestion(Value):
     """What a node needs, which providers are candidates, and the weights that rank them."""
 
-    need: Need
+    need: ProviderRequirements
     cards: tuple[CapabilityCard, ...]
     preferences: RoutingPreferences
 

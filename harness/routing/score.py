@@ -7,12 +7,14 @@ from itertools import pairwise
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.configuration import RoutingPreferences
 from harness.contracts.protocol import Parameters
-from harness.routing.need import Need
+from harness.routing.requirements import ProviderRequirements
 
 DECIMALS = 9
 
 
-def terms(card: CapabilityCard, need: Need, *, preferences: RoutingPreferences, dearest: float) -> dict[str, float]:
+def terms(
+    card: CapabilityCard, need: ProviderRequirements, *, preferences: RoutingPreferences, dearest: float
+) -> dict[str, float]:
     """The six weighted terms, signed, so that their sum is the score. `dearest` is the highest cost of all candidates.
 
     Each input is in [0, 1] first (R61): estimates as they are, latency and cost by D23, history by `History`.
@@ -39,7 +41,7 @@ def total(weighted: Mapping[str, float]) -> float:
     return round(math.fsum(weighted.values()), DECIMALS)
 
 
-def latency(card: CapabilityCard, need: Need) -> float:
+def latency(card: CapabilityCard, need: ProviderRequirements) -> float:
     """min(1, expected / timeout), where the expectation grows with the route's length."""
     expected_s = card.latency.base_s + card.latency.per_metre_s * route_length_m(need.parameters)
     return min(1.0, expected_s / need.node.timeout_s)

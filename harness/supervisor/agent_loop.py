@@ -105,7 +105,7 @@ class AgentLoop:
             invocation = self._runtime.mission(self.mission_id).invocation
             self._observations.collect(invocation.intent.invocation_id if invocation else None)
             now_s = clock.now().mission_s
-            rest, held = at_rest(self._observations.recent, now_s), self._monitor.held(invocation)
+            rest, held = at_rest(self._observations.recent, now_s), self._monitor.holds_motion(invocation)
             if (held and rest.static) or now_s >= began_s + AT_REST_WITHIN_S:
                 reason = rest.reason if held else because("execution_not_held")
                 return Rest(static=held and rest.static, reason=reason, measured=rest.measured)

@@ -10,7 +10,7 @@ from harness.gate.commit import CommandEnvelope
 from harness.gate.rules import standing_vetoes
 from harness.projections.mission import Invocation, Mission
 from harness.runtime import Runtime
-from harness.supervisor.leases import Held, give_back
+from harness.supervisor.leases import HeldLeases, give_back
 from harness.supervisor.robot_connection import RobotConnection
 
 
@@ -72,7 +72,9 @@ def withdraw(
         [
             *_void(connection.robot_id, intent.handoff_id, reason),
             CommandEnvelope(mission_stream(mission.mission_id), ended, connection.robot_id),
-            *give_back(runtime, Held(connection.robot_id, intent), at_rest=True, reason=because("it_was_never_sent")),
+            *give_back(
+                runtime, HeldLeases(connection.robot_id, intent), at_rest=True, reason=because("it_was_never_sent")
+            ),
         ]
     )
 

@@ -32,8 +32,8 @@ from harness.planning.skill import LOOK_S, propose_skill
 from harness.projections.mission import Mission, NodeState, required_contract
 from harness.projections.mission_fold import apply
 from harness.recovery.state import VERIFY_ONLY
-from harness.routing.need import Need
 from harness.routing.question import RoutingQuestion
+from harness.routing.requirements import ProviderRequirements
 from harness.supervisor.leases import acquire, tokens
 from harness.supervisor.roles import RoleContexts, context_record, record
 from harness.verification.preconditions import verify_preconditions
@@ -68,7 +68,7 @@ class DispatchAttempt:
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedDispatch:
     """An invocation as it would run: the intent, and the records of how it was chosen."""
 
     intent: DispatchIntended
@@ -145,15 +145,15 @@ class Dispatcher:
         self,
         mission: Mission,
         attempt: DispatchAttempt,
-        prepared: Prepared,
+        prepared: PreparedDispatch,
         *,
         plan: tuple[Plan, Context] | None = None,
     ) -> Accepted[AnyEvent] | Refused:
         """Commit one invocation as prepared, with what authorises it."""
         command = self._command(attempt, prepared, plan)
-        said = [record("plan", plan[0].proposal)] if plan and plan[0].proposal else []
+        records = [record("plan", plan[0].proposal)] if plan and plan[0].proposal else []
         contexts = [context_record(one) for one in (plan[1] if plan else None, attempt.c4) if one is not None]
-        decision = self._commit(mission, attempt, command, records=(*prepared.records, *contexts, *said))
+        decision = self._commit(mission, attempt, command, records=(*prepared.records, *contexts, *records))
         if isinstance(decision, Refused) and decision.rule in ("lease_held", "lease_quarantined", "stale_token"):
             return self._fail(mission, attempt, "resource_conflict", decision.reason)
         return decision
@@ -162,8 +162,8 @@ class Dispatcher:
         """Which resource of this node somebody still holds, and why; None if all of them are free."""
         node = required_contract(mission).node(node_id)
         cards = [card for card in self._connection.cards if card.capability in node.capabilities]
-        wanted = dict.fromkeys((*node.resources, *(one for card in cards for one in card.resources)))
-        leases = [self._runtime.lease(ids.leased(mission.robot_id, one)) for one in wanted]
+        resources = dict.fromkeys((*node.resources, *(one for card in cards for one in card.resources)))
+        leases = [self._runtime.lease(ids.leased(mission.robot_id, one)) for one in resources]
         held = [lease for lease in leases if lease.status != "free"]
         return several(
             [
@@ -174,7 +174,7 @@ class Dispatcher:
 
     def prepare(
         self, mission: Mission, attempt: DispatchAttempt, *, intention: Plan | None = None
-    ) -> Prepared | Refused:
+    ) -> PreparedDispatch | Refused:
         """Route and compile C2 to exactly what would run; nothing is written. C2 is shown the planner's intention."""
         view = self._roles.view(self._ahead(mission, attempt))
         question = self._question(view, attempt)
@@ -187,17 +187,17 @@ class Dispatcher:
             return refused("provider_unavailable", because("nobody_can_serve", node_id=attempt.node_id, why=why))
         card = self._connection.provider(chosen.chosen).card
         examples = self._roles.examples(mission, attempt.node_id, card)
-        said = (_intention(intention, attempt.node_id, at_s=view.at_s),) if intention else ()
-        c2 = skill_context(replace(view, examples=examples, proposals=said), attempt.node_id, card)
+        intentions = (_intention(intention, attempt.node_id, at_s=view.at_s),) if intention else ()
+        c2 = skill_context(replace(view, examples=examples, proposals=intentions), attempt.node_id, card)
         skill = propose_skill(c2)
-        asked, answered = record("question", question), record("candidates", chosen)
+        question_record, answered = record("question", question), record("candidates", chosen)
         intent = replace(
             self._intent(mission, attempt, card=card, skill=skill, c2=c2),
-            question=asked.digest,
+            question=question_record.digest,
             candidates=answered.digest,
         )
-        records = (context_record(c2), asked, answered, record("skill", skill))
-        return Prepared(intent=intent, candidates=answered.digest, records=records)
+        records = (context_record(c2), question_record, answered, record("skill", skill))
+        return PreparedDispatch(intent=intent, candidates=answered.digest, records=records)
 
     def _ahead(self, mission: Mission, attempt: DispatchAttempt) -> Mission:
         """The state version the invocation will be bound to: after the spend that pays for it (D9)."""
@@ -215,7 +215,7 @@ class Dispatcher:
             cards = [card for card in cards if card.provider_id == attempt.recovery.provider_id]
         capabilities = OBSERVE if attempt.verify_only else node.capabilities
         able = [card for card in cards if card.capability in capabilities]
-        need = Need(
+        need = ProviderRequirements(
             node=node,
             capabilities=capabilities,
             parameters=LOOK if attempt.verify_only else node.parameters,
@@ -274,7 +274,7 @@ class Dispatcher:
         return (replace(reference, kind="before"),)
 
     def _command(
-        self, attempt: DispatchAttempt, prepared: Prepared, plan: tuple[Plan, Context] | None
+        self, attempt: DispatchAttempt, prepared: PreparedDispatch, plan: tuple[Plan, Context] | None
     ) -> commands.AuthoriseDispatch:
         approval, intent = attempt.approval, prepared.intent
         return commands.AuthoriseDispatch(
@@ -346,7 +346,7 @@ def _paid(node: NodeState, number: int) -> RecoveryAction | None:
     return last.action if last is not None and last.signature is not None and last.attempt == number else None
 
 
-def _planned(prepared: Prepared, plan: Plan, c1: Context) -> NodePlanned:
+def _planned(prepared: PreparedDispatch, plan: Plan, c1: Context) -> NodePlanned:
     return NodePlanned(
         node_id=prepared.intent.node_id,
         provider_id=prepared.intent.provider_id,

@@ -116,7 +116,7 @@ class Explorer:
         state = mission.of(closing.node_id)
         keep_out = tuple(forbidden_m(site, contract.constraints.keep_out).values())
         zones = tuple(zone.region_m for zone in site.zones)
-        told = feedback(mission)
+        given_feedback = feedback(mission)
         left = min(*left_now(mission, closing.node_id), left_of(closing.recovery, state.spends)["local_replan"])
         return exploration.TargetQuestion(
             mission_id=mission.mission_id,
@@ -129,8 +129,10 @@ class Explorer:
             position_m=position,
             image=image,
             map=updates(mission)[-1][1].after,
-            frontiers=edges(grid, Ways(grid, position, keep_out_m=keep_out), zones_m=zones, given_up=given_up(told)),
-            feedback=told,
+            frontiers=edges(
+                grid, Ways(grid, position, keep_out_m=keep_out), zones_m=zones, given_up=given_up(given_feedback)
+            ),
+            feedback=given_feedback,
             left=left,
             longest_way_m=LONGEST_WAY_M,
             zones_m=zones,
@@ -143,7 +145,7 @@ class Explorer:
         """The gate decides on the contract with this target; the records of the choice are stored with it."""
         if answer.chosen is None:
             return False
-        asked, said = record("target-question", question), record("target-answer", answer)
+        question_record, answer_record = record("target-question", question), record("target-answer", answer)
         choice = exploration.TargetChoice(
             mission_id=mission.mission_id,
             configuration=mission.configuration,
@@ -154,14 +156,16 @@ class Explorer:
             refused=answer.refused,
             image=question.image,
             map=question.map,
-            question=asked.digest,
-            answer=said.digest,
+            question=question_record.digest,
+            answer=answer_record.digest,
         )
         contract = extended(required_contract(mission), choice, route_m=answer.route_m)
         command = ReviseContract(
             node_id=closing.node_id, contract=contract, planner=answer.planner, reason=answer.chosen.reason
         )
-        return isinstance(self._runtime.submit(mission.mission_id, command, records=(asked, said)), Accepted)
+        return isinstance(
+            self._runtime.submit(mission.mission_id, command, records=(question_record, answer_record)), Accepted
+        )
 
 
 def _enough(mission: Mission, closing: Node, grid: exploration.GridMap) -> bool:

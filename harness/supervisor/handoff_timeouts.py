@@ -121,7 +121,7 @@ class HandoffTimeouts:
         if retreat is not None and retreat.open:
             return
         self._roles.observations.collect(None)
-        done = told(retreat) if retreat is not None else self._acted(handoff, instead)
+        done = no_answer_command(retreat) if retreat is not None else self._acted(handoff, instead)
         self._runtime.commit([CommandEnvelope(ids.handoff_stream(handoff.handoff_id), done, self._connection.robot_id)])
 
     def _sent(self, handoff: Handoff) -> Retreating | None:
@@ -132,14 +132,14 @@ class HandoffTimeouts:
     def _acted(self, handoff: Handoff, instead: Refused | None) -> RecordNoAnswer:
         """Carry out the action where the robot stands, as far as it can, and return what shows it."""
         opened = handoff.opened
-        wanted = opened.no_answer if opened else "hold"
+        choice = opened.no_answer if opened else "hold"
         rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
         if instead is not None and instead.rule == "already_there":
             return RecordNoAnswer(action="retreat", done=rest.static, measured=rest.measured, reason=instead.reason)
-        action: Otherwise = ((opened.otherwise if opened else "") or "hold") if wanted == "retreat" else wanted
+        action: Otherwise = ((opened.otherwise if opened else "") or "hold") if choice == "retreat" else choice
         settled = settle(self._connection, action, rest=rest, token=self._newest_token())
         reason = settled.reason
-        if wanted == "retreat":
+        if choice == "retreat":
             why = instead.reason if instead else because("retreat_not_sent")
             reason = because("no_retreat_instead", why=why, instead=settled.reason)
         return RecordNoAnswer(action=action, done=settled.done, measured=rest.measured, reason=reason)
@@ -150,7 +150,7 @@ class HandoffTimeouts:
         return max(self._runtime.lease(ids.leased(self._connection.robot_id, one)).token for one in bases)
 
 
-def told(retreat: Retreating) -> RecordNoAnswer:
+def no_answer_command(retreat: Retreating) -> RecordNoAnswer:
     """What an ended return means for its question: measured there, replaced by the fallback, or unknown."""
     ended = retreat.ended
     if ended is None:

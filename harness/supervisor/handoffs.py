@@ -112,7 +112,7 @@ class HandoffService:
                 | handoff_commands.ExtendDeadline()
                 | handoff_commands.TakeControl()
             ):
-                return self._said(handoff, command)
+                return self._answer_of(handoff, command)
             case _:
                 assert_never(command)
 
@@ -141,7 +141,7 @@ class HandoffService:
             choices=self._questions.choices(mission, opened.node_id),
             actor=actor,
         )
-        return self._said(handoff, refreshed)
+        return self._answer_of(handoff, refreshed)
 
     def _approve(
         self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: commands.ApproveHandoff
@@ -151,8 +151,8 @@ class HandoffService:
         if settled := self._settled(mission, handoff, command):
             return settled
         fresh = self._questions.snapshot(mission, opened.node_id)
-        shown = command.shown or self._runtime.keep(encode(opened))
-        approve = replace(command, k=mission.k, fresh=fresh, shown=shown)
+        digest = command.shown or self._runtime.keep(encode(opened))
+        approve = replace(command, k=mission.k, fresh=fresh, shown=digest)
         wish = self._questions.wish(mission, opened.node_id, _proposed(handoff))
         attempt = dataclasses.replace(wish, approval=Approval(handoff_id=handoff.handoff_id, command=approve))
         prepared = self._dispatcher.prepare(mission, attempt)
@@ -244,7 +244,7 @@ class HandoffService:
         decision = decide(handoff, command, self._connection.clock.now())
         return decision if isinstance(decision, Refused) else None
 
-    def _said(
+    def _answer_of(
         self,
         handoff: Handoff,
         command: handoff_commands.TakeClaim

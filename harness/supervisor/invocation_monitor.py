@@ -17,7 +17,7 @@ from harness.gate.commit import CommandEnvelope
 from harness.projections.mission import Invocation, Mission, required_contract
 from harness.runtime import Live
 from harness.supervisor.approvals import clear_to_send, withdraw
-from harness.supervisor.leases import Held, Sent, give_back, holds
+from harness.supervisor.leases import HeldLeases, MotionIntent, give_back, holds
 from harness.supervisor.measurements import IndependentMeasurements
 from harness.supervisor.observations import image_reference
 from harness.supervisor.packets import build_packet
@@ -142,7 +142,7 @@ class InvocationMonitor:
         self._accepted(mission, intent, report)
         return report
 
-    def held(self, invocation: Invocation | None) -> bool:
+    def holds_motion(self, invocation: Invocation | None) -> bool:
         """Whether the robot's watchdog holds the execution, it is over, it moves nothing, or it never came."""
         if invocation is None or not invocation.intent.moves:
             return True
@@ -177,13 +177,13 @@ class InvocationMonitor:
             return
         if invocation.status == "outcome_unknown":
             raise ProviderUnreachable(because("result_unknown"))
-        if self._begun(intent):
+        if self._has_begun(intent):
             raise ProviderUnreachable(because("started_but_not_found", provider_id=intent.provider_id))
         rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
         if not rest.static or invocation.stop_requested:
             raise ProviderUnreachable(because("body_moves_unaccounted"))
 
-    def _begun(self, intent: DispatchIntended) -> bool:
+    def _has_begun(self, intent: DispatchIntended) -> bool:
         """Whether the robot's own journal holds a start of this request."""
         return any(start.request_id == intent.request_id for start in self._connection.robot.starts())
 
@@ -213,7 +213,7 @@ class InvocationMonitor:
             return now_s
         provider = self._connection.provider(intent.provider_id)
         known = provider.find(intent.request_id) if provider.card.reattach == "by_request" else None
-        if known is not None or self._begun(intent):
+        if known is not None or self._has_begun(intent):
             self._refused = None
             return now_s
         rest = at_rest(self._roles.observations.recent, now_s)
@@ -340,7 +340,7 @@ class InvocationMonitor:
             ),
             *give_back(
                 self._runtime,
-                Held(self._connection.robot_id, intent),
+                HeldLeases(self._connection.robot_id, intent),
                 at_rest=rest.static,
                 reason=because(
                     "ended_at_rest", status=report.status, rest=rest.reason or because("at_rest_by_odometry")
@@ -360,8 +360,10 @@ class InvocationMonitor:
             self._handles.pop(intent.invocation_id, None)
         self._stopping_since = self._ended_since = None
         if intent.handoff_id is not None:
-            said = commands.RecordEffect(outcome=effect, reason=EFFECTS[effect])
-            self._runtime.commit([CommandEnvelope(handoff_stream(intent.handoff_id), said, self._connection.robot_id)])
+            command = commands.RecordEffect(outcome=effect, reason=EFFECTS[effect])
+            self._runtime.commit(
+                [CommandEnvelope(handoff_stream(intent.handoff_id), command, self._connection.robot_id)]
+            )
 
     def _unclear(self, mission: Mission, invocation: Invocation, now_s: float, reason: Reason) -> float:
         """What the robot answers cannot be used: after a while it is told to stop, and its outcome becomes unknown."""
@@ -421,7 +423,9 @@ class InvocationMonitor:
         self._runtime.commit(
             [
                 CommandEnvelope(mission_stream(mission.mission_id), ended, mission.robot_id),
-                *give_back(self._runtime, Held(self._connection.robot_id, intent), at_rest=settled, reason=reason),
+                *give_back(
+                    self._runtime, HeldLeases(self._connection.robot_id, intent), at_rest=settled, reason=reason
+                ),
             ]
         )
         self._close(intent, "unknown" if unknown else "failed")
@@ -437,14 +441,14 @@ class InvocationMonitor:
         self._runtime.publish(live)
 
 
-def own(report: protocol.InvocationReport, intent: Sent) -> protocol.InvocationReport:
+def own(report: protocol.InvocationReport, intent: MotionIntent) -> protocol.InvocationReport:
     """The report, if it is about this request. Raises ProviderUnreachable otherwise."""
     if report.identity.request_id != intent.request_id:
         raise ProviderUnreachable(
             because(
                 "report_of_other_request", provider_id=intent.provider_id, request_id=report.identity.request_id[:12]
             ),
-            where=f"invocation {intent.invocation_id}",
+            where=because("at_invocation", invocation_id=intent.invocation_id),
         )
     return report
 

@@ -28,7 +28,7 @@ LOOK_S = 0.3
 SUPERVISOR = Actor(name="supervisor", role="harness", channel="policy")
 
 
-class Sent(Protocol):
+class MotionIntent(Protocol):
     """An intent, of a node or of a return to the safe point: whose leases it holds, and whether it moves the body."""
 
     @property
@@ -48,11 +48,11 @@ class Sent(Protocol):
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldLeases:
     """What an execution was dispatched with, on which robot."""
 
     robot_id: ids.RobotId
-    intent: Sent
+    intent: MotionIntent
 
 
 @dataclass(frozen=True)
@@ -86,13 +86,13 @@ def acquire(mission: Mission, intent: DispatchIntended) -> list[CommandEnvelope]
     ]
 
 
-def holds(runtime: Runtime, robot_id: ids.RobotId, intent: Sent) -> bool:
+def holds(runtime: Runtime, robot_id: ids.RobotId, intent: MotionIntent) -> bool:
     """Whether the invocation still holds everything it was dispatched with."""
     leases = [runtime.lease(ids.leased(robot_id, resource)) for resource in intent.resources]
     return all(lease.status == "held" and lease.invocation_id == intent.invocation_id for lease in leases)
 
 
-def give_back(runtime: Runtime, held: Held, *, at_rest: bool, reason: Explanation) -> list[CommandEnvelope]:
+def give_back(runtime: Runtime, held: HeldLeases, *, at_rest: bool, reason: Explanation) -> list[CommandEnvelope]:
     """Release what the invocation holds, or quarantine it while the body may still move."""
     requests, intent = [], held.intent
     for resource in intent.resources:

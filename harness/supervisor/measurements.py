@@ -40,10 +40,12 @@ class IndependentMeasurements:
         """What may have changed since the stages were accepted, measured once more."""
         now_s = self._connection.clock.now().mission_s
         contract = required_contract(mission)
-        wanted = {one.effect.predicate for one in contract.completion_conditions}
+        predicates = {one.effect.predicate for one in contract.completion_conditions}
         found: list[EvidenceReference] = []
         for node in contract.nodes:
-            sources = [one for one in self._sources(mission, node.node_id) if one.lasting and one.predicate in wanted]
+            sources = [
+                one for one in self._sources(mission, node.node_id) if one.lasting and one.predicate in predicates
+            ]
             if sources and mission.of(node.node_id).status == "committed":
                 measurement = self._again(mission, node.node_id, from_s=now_s, until_s=now_s)
                 found += self._measured(mission, sources, measurement)
@@ -51,15 +53,15 @@ class IndependentMeasurements:
 
     def _sources(self, mission: Mission, node_id: NodeId) -> list[IndependentSource]:
         conditions = required_contract(mission).node(node_id).success_conditions
-        wanted = {one.effect.predicate for one in conditions}
-        return [source for source in self._connection.sources if source.predicate in wanted]
+        predicates = {one.effect.predicate for one in conditions}
+        return [source for source in self._connection.sources if source.predicate in predicates]
 
     def _measured(
         self, mission: Mission, sources: Iterable[IndependentSource], measurement: Measurement
     ) -> tuple[EvidenceReference, ...]:
         places = self._runtime.site_of(mission).places
         observations = self._roles.observations
-        told = replace(
+        completed = replace(
             measurement,
             names=tuple(place.name for place in places),
             samples=observations.recent,
@@ -68,7 +70,7 @@ class IndependentMeasurements:
         found: list[EvidenceReference] = []
         for source in sources:
             try:
-                found += source.measure(told)
+                found += source.measure(completed)
             except HarnessError:
                 continue
         return tuple(found)

@@ -74,8 +74,8 @@ def build_packet(
 
 def _attested(mission: Mission, intent: DispatchIntended) -> tuple[EvidenceReference, ...]:
     """A person's attestation, in the one look that it opened (D17)."""
-    said = mission.of(intent.node_id).attested
-    return tuple(one for one in said if intent.handoff_id and one.values.get("handoff_id") == intent.handoff_id)
+    attestation = mission.of(intent.node_id).attested
+    return tuple(one for one in attestation if intent.handoff_id and one.values.get("handoff_id") == intent.handoff_id)
 
 
 def _failure_word(invocation: Invocation, report: InvocationReport) -> str:

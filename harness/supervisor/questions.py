@@ -12,7 +12,7 @@ from harness.contracts.reasons import because
 from harness.contracts.values import digest
 from harness.projections.mission import Mission, required_contract, required_policy
 from harness.recovery.state import cost_of, ladder_of, over_budget
-from harness.supervisor.dispatch import DispatchAttempt, Dispatcher, Prepared
+from harness.supervisor.dispatch import DispatchAttempt, Dispatcher, PreparedDispatch
 from harness.supervisor.roles import RoleContexts
 from harness.supervisor.standstill import at_rest
 from harness.verification.preconditions import verify_preconditions
@@ -58,7 +58,9 @@ class Questions:
         wish = self.wish(mission, node_id, action)
         return self.proposed(mission, wish, self._dispatcher.prepare(mission, wish))
 
-    def proposed(self, mission: Mission, wish: DispatchAttempt, prepared: Prepared | Refused) -> ProposedAction | None:
+    def proposed(
+        self, mission: Mission, wish: DispatchAttempt, prepared: PreparedDispatch | Refused
+    ) -> ProposedAction | None:
         """What a person is shown of a prepared invocation; None where no provider can do it."""
         if isinstance(prepared, Refused) or wish.recovery is None:
             return None

@@ -65,7 +65,7 @@ class DrawnMap:
     ways: Ways
     missions: tuple[MissionId, ...] = ()
 
-    def told(self, reason: Reason) -> Reason:
+    def with_target(self, reason: Reason) -> Reason:
         """The reason of a revision planned on it, with the missions whose sightings made it possible."""
         return because("planned_from_memory", plan=reason, missions=self.missions) if self.missions else reason
 
@@ -169,7 +169,7 @@ class Revisions:
                 percent=100.0 * best.share,
                 way_m=best.way_m,
             )
-            return Revision(revised, again, drawn.told(reason), (record("local-map", drawn.grid),))
+            return Revision(revised, again, drawn.with_target(reason), (record("local-map", drawn.grid),))
         return None
 
     def _around(self, mission: Mission, contract: TaskContract, node: Node) -> Revision | Reason:
@@ -188,7 +188,7 @@ class Revisions:
             length_m = math.fsum(math.dist(a, b) for a, b in pairwise(found))
             reason = because("route_revised", stage=node.node_id, corners=len(found), length_m=length_m)
             records = (record("local-map", drawn.grid),)
-            return Revision(views.rerouted(contract, node, found), (), drawn.told(reason), records)
+            return Revision(views.rerouted(contract, node, found), (), drawn.with_target(reason), records)
         return because("no_detour", stage=node.node_id)
 
     def _maps(self, mission: Mission, position: Point, *, clearance_cells: float | None = None) -> Iterator[DrawnMap]:
@@ -227,8 +227,8 @@ class Revisions:
 
     def _trajectories(self, blobs: Iterable[Digest]) -> list[Trajectory]:
         """What was recorded on the way, as far as it is still kept."""
-        kept = (blob for blob in blobs if self._runtime.has_blob(blob))
-        return [decode(self._runtime.blob(blob), Trajectory) for blob in kept]
+        stored = (blob for blob in blobs if self._runtime.has_blob(blob))
+        return [decode(self._runtime.blob(blob), Trajectory) for blob in stored]
 
 
 def _estimates(mission: Mission) -> Iterator[Digest]:

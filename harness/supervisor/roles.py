@@ -88,7 +88,7 @@ class RoleContexts:
             card.provider_id, capability=card.capability, place=place, configuration=mission.configuration, limit=most
         )
         known = (one.knowledge for one in self.runtime.memory.of_same_contract(found, card))
-        return [(said.verdict, said.residual) for said in known if isinstance(said, ProviderOutcome)]
+        return [(outcome.verdict, outcome.residual) for outcome in known if isinstance(outcome, ProviderOutcome)]
 
     def examples(self, mission: Mission, node_id: NodeId, card: CapabilityCard) -> tuple[ContextRecord, ...]:
         """Verified operational examples for C2, newest first (R139)."""

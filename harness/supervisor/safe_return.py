@@ -16,7 +16,7 @@ from harness.projections.control import Retreating, SiteControl
 from harness.runtime import Runtime
 from harness.supervisor import invocation_monitor
 from harness.supervisor.fallback_stop import settle
-from harness.supervisor.leases import SUPERVISOR, Held, give_back, holds
+from harness.supervisor.leases import SUPERVISOR, HeldLeases, give_back, holds
 from harness.supervisor.minimal_risk import hindrance
 from harness.supervisor.observations import ObservationBuffer
 from harness.supervisor.robot_connection import RobotConnection
@@ -124,8 +124,8 @@ class Returning:
             lost = because("supervisor_away_too_long") if report.failure == protocol.KEEPALIVE_LOST else None
             reason = lost or self._in_the_way(retreat)
             if reason:
-                asked = retreat_events.StopRetreat(robot_id=intent.robot_id, actor=SUPERVISOR, reason=reason)
-                self._runtime.commit([CommandEnvelope(CONTROL, asked, self._connection.robot_id)])
+                command = retreat_events.StopRetreat(robot_id=intent.robot_id, actor=SUPERVISOR, reason=reason)
+                self._runtime.commit([CommandEnvelope(CONTROL, command, self._connection.robot_id)])
                 return now_s
         else:
             self._stopping_since = now_s if self._stopping_since is None else self._stopping_since
@@ -145,14 +145,14 @@ class Returning:
         if now_s < settled_s or (not rest.static and now_s < settled_s + invocation_monitor.REST_WITHIN_S):
             return now_s + invocation_monitor.POLL_S
         away, why = self._measured(retreat.intent, now_s)
-        said = f"{report.status}{f', {report.failure}' if report.failure else ''}"
+        status = f"{report.status}{f', {report.failure}' if report.failure else ''}"
         stopped = _stopped(retreat, report)
         reached = not why and rest.static
         outcome: retreat_events.RetreatOutcome = "reached" if reached else "short"
         measured = because("measured_from_place", distance_m=away.get("distance_m"), place=retreat.intent.place)
-        shown = measured if reached else why or rest.reason or because("rest_not_shown")
-        reason = shown if reached or stopped is None else because("one_and_other", one=shown, other=stopped)
-        self._end(retreat.intent, outcome, declared=said, reason=reason, measured=away | rest.measured)
+        result = measured if reached else why or rest.reason or because("rest_not_shown")
+        reason = result if reached or stopped is None else because("one_and_other", one=result, other=stopped)
+        self._end(retreat.intent, outcome, declared=status, reason=reason, measured=away | rest.measured)
         return now_s
 
     def _measured(self, intent: retreat_events.RetreatIntended, now_s: float) -> tuple[dict[str, float], Reason | None]:
@@ -229,7 +229,7 @@ class Returning:
             then_done=done is not None and done.done,
         )
         over = because("retreat_over", outcome=outcome)
-        freed = give_back(self._runtime, Held(self._connection.robot_id, intent), at_rest=free, reason=over)
+        freed = give_back(self._runtime, HeldLeases(self._connection.robot_id, intent), at_rest=free, reason=over)
         self._runtime.commit(
             [CommandEnvelope(CONTROL, retreat_events.EndRetreat(ended=ended), self._connection.robot_id), *freed]
         )

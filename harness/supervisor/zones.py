@@ -10,8 +10,6 @@ from harness.contracts.observations import AnySample, Battery
 from harness.contracts.places import Place, Retreat, Site, Zone
 from harness.contracts.reasons import because
 from harness.contracts.values import Point, Value
-from harness.goals.names import check_names
-from harness.planning.clauses import profile_of
 from harness.verification.geometry import contains, distance
 
 LONGEST_WAIT_S = 900.0
@@ -127,17 +125,3 @@ def ahead(way: ApproachPath, at: Point) -> tuple[Point, ...]:
         if distance(at, foot) <= best:
             best, found = distance(at, foot), (at, foot, *way.waypoints_m[leg + 1 :])
     return tuple(point for point, after in pairwise(found) if distance(point, after) > NO_STEP_M) + found[-1:]
-
-
-def check_site(site: Site) -> None:
-    """Raises ContractInvalid for a zone that would retreat and declares no path, or an invalid one; for a name that
-    stands for two things; for a home that the site does not have."""
-    check_names(site)
-    profile = profile_of(site)
-    if profile is not None and all(place.place_id != profile.home for place in site.places):
-        raise ContractInvalid(
-            f"There is no place {profile.home}", where=because("at_site", site=site.name), do="name a place of the site"
-        )
-    for zone in site.zones:
-        if zone.retreat is not None or zone.no_answer == "retreat":
-            way_of(site, zone)

@@ -225,14 +225,14 @@ def _check_png(body: bytes, digest: Digest, *, width: int, height: int) -> None:
     """Every checksum and the whole of the packed rows, of an image that is not interlaced. Raises Undecidable."""
     depth, colour, interlaced = body[24], body[25], body[28]
     row = (width * CHANNELS.get(colour, 0) * depth + 7) // 8
-    wanted = (row + 1) * height
+    expected = (row + 1) * height
     try:
         packed = _chunks(body)
-        found = zlib.decompressobj().decompress(packed, wanted + 1)
+        found = zlib.decompressobj().decompress(packed, expected + 1)
     except (zlib.error, struct.error, ValueError) as error:
         raise Undecidable(because("image_not_whole", image=digest[:12], error=str(error)[:120])) from error
-    if interlaced or colour not in CHANNELS or len(found) != wanted:
-        raise Undecidable(because("image_not_whole", image=digest[:12], error="rows are missing"))
+    if interlaced or colour not in CHANNELS or len(found) != expected:
+        raise Undecidable(because("image_not_whole", image=digest[:12], error=because("image_rows_missing")))
 
 
 def _chunks(body: bytes) -> bytes:
@@ -259,11 +259,11 @@ def _unbound(frames: Sequence[EvidenceReference], captures: dict[Digest, Receipt
             continue
         if frame.values.get("request_id") != shot.request_id or abs(frame.from_s - shot.at_s) > SAME_CAPTURE_S:
             return because("image_of_another_capture", image=frame.blob[:12])
-        told = shot.values.get("yaw_rad")
+        yaw = shot.values.get("yaw_rad")
         index = bisect_left(times, frame.from_s)
         near = [one for one in poses[max(0, index - 1) : index + 1] if abs(one.at_s - frame.from_s) <= NEAR_S]
-        shown = [near[0].yaw_rad] if near else []
-        for heading in (*([told] if told is not None else []), *shown):
+        headings = [near[0].yaw_rad] if near else []
+        for heading in (*([yaw] if yaw is not None else []), *headings):
             off_rad = abs(math.remainder(float(claimed or 0.0) - heading, math.tau))
             if off_rad > HEADING_RAD:
                 return because("image_of_another_heading", image=frame.blob[:12], off_rad=off_rad)

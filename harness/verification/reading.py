@@ -127,12 +127,12 @@ class Evidence:
 
     def build_on(self, nodes: Iterable[NodeId]) -> None:
         """Note that an answer rests on these stages: on their accepted facts, or on effects that are only declared."""
-        wanted = set(nodes)
+        names = set(nodes)
         for fact in self._facts:
-            if fact.node_id in wanted:
+            if fact.node_id in names:
                 self.lineage.note(fact.condition_id, fact.independence)
         for effect in self.declared_effects:
-            if effect.node_id in wanted:
+            if effect.node_id in names:
                 self.lineage.note(effect.condition_id, 0)
 
     @cached_property

@@ -144,8 +144,8 @@ def _level(finding: Finding, evidence: Evidence) -> int:
     """Of the goal nobody is the provider: the receipts there are those of the stages, as well shown as these are."""
     sources = finding.sources
     if RECEIPTS in sources and evidence.context.one("execution") is None:
-        said = {receipt.request_id for receipt in evidence.receipts}
-        evidence.build_on(node.node_id for node in evidence.ended if said & set(node.requests))
+        requests = {receipt.request_id for receipt in evidence.receipts}
+        evidence.build_on(node.node_id for node in evidence.ended if requests & set(node.requests))
         sources = tuple(source for source in sources if source != RECEIPTS)
     if FACTS in sources and not evidence.lineage.levels:
         return 0

@@ -87,10 +87,10 @@ def _speed_changes(track: AdmittedTrack) -> list[Change]:
         if high - low < 2:
             continue
         step_s = (felt[high - 1] - felt[low]) / (high - low - 1)
-        shown = math.hypot(
+        measured = math.hypot(
             math.fsum(one[1] for one in track.imu[low:high]), math.fsum(one[2] for one in track.imu[low:high])
         )
-        found.append(Change(from_s, abs(after - before), shown * step_s))
+        found.append(Change(from_s, abs(after - before), measured * step_s))
     return sorted(found, key=lambda one: -one.claimed)[:WINDOWS]
 
 
@@ -116,8 +116,8 @@ def _turns(track: AdmittedTrack) -> list[Change]:
         if abs(turned) < TURN_RAD or last - first < 2:
             continue
         step_s = (felt[last - 1] - felt[first]) / (last - first - 1)
-        shown = abs(math.fsum(one[1] for one in track.turning[first:last])) * step_s
-        found.append(Change(from_s, abs(turned), shown))
+        measured = abs(math.fsum(one[1] for one in track.turning[first:last])) * step_s
+        found.append(Change(from_s, abs(turned), measured))
     return sorted(found, key=lambda one: -one.claimed)[:WINDOWS]
 
 

@@ -127,8 +127,8 @@ def _claim(story: Story, claim: witnesses.Line, lines: Sequence[witnesses.Line])
         return "true", node_id
     from_s = _starts_of(story).get(node_id, at_s) - BEFORE_S
     why = witnesses.away(route, lines, from_s=from_s, at_s=at_s)
-    told = story.get("bound", {}).get(node_id, route)
-    seen = witnesses.contradiction(told, _fixes(story["poses"]), _fixes(story["odometry"]), from_s=from_s, at_s=at_s)
+    bound = story.get("bound", {}).get(node_id, route)
+    seen = witnesses.contradiction(bound, _fixes(story["poses"]), _fixes(story["odometry"]), from_s=from_s, at_s=at_s)
     if why:
         return ("contract_false" if seen else "epistemic_false"), f"{node_id}: {why}" + (f"; {seen}" if seen else "")
     return ("unsupported", f"{node_id}: {seen}") if seen else ("true", node_id)

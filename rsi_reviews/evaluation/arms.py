@@ -18,7 +18,7 @@ from harness.contracts.configuration import Configuration, FailureClass, Recover
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import RobotId
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import because
 from harness.contracts.simulation import Simulator
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Name, Value
@@ -28,10 +28,10 @@ from harness.projections.mission import Mission, required_contract
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.evaluation import behaviour_tree
-from rsi_reviews.evaluation.driver import Diary, Driver, Policy, Robotics
+from rsi_reviews.evaluation.driver import ArmRecord, Driver, Policy, Robotics
 from rsi_reviews.evaluation.missions import FaultCondition, MissionName, configuration, surroundings
 from rsi_reviews.evaluation.rules import BOUND, EVIDENCE, MONITORED, PROVIDER_WORD
-from rsi_reviews.evaluation.story import journals, routes_of, told
+from rsi_reviews.evaluation.story import journals, routes_of, story_of
 from rsi_reviews.evaluation.wires import MisdeliveringWire
 
 ROBOT = RobotId("vbot-1")
@@ -63,7 +63,7 @@ class CaseReport:
     cpu_s: float
 
 
-Walk = Callable[[Robotics], Diary]
+Walk = Callable[[Robotics], ArmRecord]
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ def _driven(policy: Policy) -> Walk:
     return lambda robotics: Driver(robotics, policy).run()
 
 
-def _handed_off(robotics: Robotics) -> Diary:
-    diary = Diary()
+def _handed_off(robotics: Robotics) -> ArmRecord:
+    diary = ArmRecord()
     diary.give_up("a person is asked to do it", asks=True)
     return diary
 
@@ -145,9 +145,7 @@ def arm(name: str) -> EvaluationArm:
     """The arm of that name; raises UnknownName."""
     found = next((one for one in ARMS if one.name == name), None)
     if found is None:
-        raise UnknownName(
-            f"There is no arm {name!r}", where="--arms", do=f"name some of {', '.join(one.name for one in ARMS)}"
-        )
+        raise UnknownName(because("unknown_arm", name=name, known=tuple(one.name for one in ARMS)), where="--arms")
     return found
 
 
@@ -159,16 +157,20 @@ def run(case: ArmCase, simulator: Simulator) -> CaseReport:
 def run_under(chosen: EvaluationArm, case: ArmCase, simulator: Simulator) -> CaseReport:
     """Run a case for an arm that is not one of the published ones, such as the harness under a candidate."""
     with _world(case, chosen.settle(configuration()), simulator) as (harness, mission):
-        meant = _meant(case) if case.condition.aliased else None
+        intended = _intended_contract(case) if case.condition.aliased else None
         begun_s, worked_s = harness.clock.now().mission_s, process_time()
         if chosen.walk is None:
             done = harness.supervisor.run(mission.mission_id)
-            diary = Diary(status=done.status, spent=done.spent_total, handoffs=len(harness.runtime.handoffs()))
+            diary = ArmRecord(status=done.status, spent=done.spent_total, handoffs=len(harness.runtime.handoffs()))
         else:
             done = _prepared(harness, mission)
             diary = chosen.walk(Robotics(harness, done))
         cpu_s, ended_s = process_time() - worked_s, harness.clock.now().mission_s
-        story = told(harness, done, meant=meant) if chosen.walk is None else _noted(harness, done, diary, meant=meant)
+        story = (
+            story_of(harness, done, intended=intended)
+            if chosen.walk is None
+            else _noted(harness, done, diary, intended=intended)
+        )
         return CaseReport(story, diary.status, diary.spent, diary.handoffs, ended_s - begun_s, cpu_s)
 
 
@@ -193,7 +195,7 @@ def _world(case: ArmCase, configured: Configuration, simulator: Simulator) -> It
 def _started(harness: Harness, start: Start) -> Mission:
     decision = harness.runtime.start(start)
     if isinstance(decision, Refused):
-        raise ContractInvalid(f"The mission was refused: {plain(decision.reason)}", where=start.template)
+        raise ContractInvalid(because("evaluated_mission_refused", why=decision.reason), where=start.template)
     return harness.runtime.missions()[0]
 
 
@@ -202,14 +204,14 @@ def _prepared(harness: Harness, mission: Mission) -> Mission:
     and is its last."""
     harness.supervisor.step(mission.mission_id)
     if harness.starts(mission.mission_id):
-        raise ContractInvalid("The harness has begun to move the robot of another arm", where=mission.mission_id)
+        raise ContractInvalid(because("arm_moved_by_harness"), where=mission.mission_id)
     return harness.runtime.mission(mission.mission_id)
 
 
-def _noted(harness: Harness, mission: Mission, diary: Diary, *, meant: TaskContract | None) -> dict[str, Any]:
+def _noted(harness: Harness, mission: Mission, diary: ArmRecord, *, intended: TaskContract | None) -> dict[str, Any]:
     """The story of an arm that keeps a diary and has no log."""
     return {
-        **routes_of(required_contract(mission), meant=meant),
+        **routes_of(required_contract(mission), intended=intended),
         **journals(harness, mission),
         "claims": diary.claims,
         "rejections": diary.rejections,
@@ -218,7 +220,7 @@ def _noted(harness: Harness, mission: Mission, diary: Diary, *, meant: TaskContr
     }
 
 
-def _meant(case: ArmCase) -> TaskContract:
+def _intended_contract(case: ArmCase) -> TaskContract:
     """The contract as the person meant it: compiled where no place is confused with another."""
     template = by_name(case.mission, configuration().templates)
     site = surroundings(case.mission, aliased=False)

@@ -25,31 +25,31 @@ WHEELS = 40
 
 
 @dataclass
-class Clerk:
+class ClaimRecorder:
     """Records for the adjudicator what the tree itself does not keep: which requests a leg has sent."""
 
     node: Node
     robotics: driver.Robotics
-    diary: driver.Diary
+    diary: driver.ArmRecord
     sent: list[str] = field(default_factory=list)
 
-    def said(self) -> dict[str, Any]:
+    def fields(self) -> dict[str, Any]:
         """What a claim or a rejection is about."""
         return {"node_id": self.node.node_id, "at_s": self.robotics.now_s, "requests": self.sent[-1:]}
 
     def reject(self, why: str, *, finished: bool) -> None:
         """A node of the tree failed."""
-        self.diary.rejections.append({**self.said(), "why": why, "finished": finished})
+        self.diary.rejections.append({**self.fields(), "why": why, "finished": finished})
 
     def claim(self) -> None:
         """The leg's condition node succeeded."""
-        self.diary.claims.append({**self.said(), "act": "robot"})
+        self.diary.claims.append({**self.fields(), "act": "robot"})
 
 
 class Navigate(Behaviour):
     """An action node: sends a goal each time it is entered, as an action client does, and follows it to its end."""
 
-    def __init__(self, clerk: Clerk) -> None:
+    def __init__(self, clerk: ClaimRecorder) -> None:
         super().__init__(f"navigate {clerk.node.node_id}")
         self._clerk, self._node, self._robot = clerk, clerk.node, clerk.robotics
         self._provider = clerk.robotics.providers["route-follower"]
@@ -83,7 +83,7 @@ class Navigate(Behaviour):
             self._node,
             attempt=self._attempt,
             provider=self._provider,
-            parameters=driver.asked(self._node, attempt=self._attempt),
+            parameters=driver.parameters_of(self._node, attempt=self._attempt),
         )
         self._clerk.sent.append(request.identity.request_id)
         try:
@@ -111,10 +111,10 @@ class WaitForStandstill(Behaviour):
         return Status.SUCCESS if self._robot.now_s >= self._since_s + SETTLE_S - 1e-6 else Status.RUNNING
 
 
-class Arrived(Behaviour):
+class AtTarget(Behaviour):
     """A condition node: the robot stands at the target now, by its newest poses and its wheel odometry."""
 
-    def __init__(self, clerk: Clerk) -> None:
+    def __init__(self, clerk: ClaimRecorder) -> None:
         super().__init__(f"arrived {clerk.node.node_id}?")
         self._clerk, self._robot = clerk, clerk.robotics
 
@@ -139,9 +139,9 @@ class Arrived(Behaviour):
         return "" if moved_m is not None and moved_m < REST_M else "not at rest"
 
 
-def walk(robotics: driver.Robotics) -> driver.Diary:
+def walk(robotics: driver.Robotics) -> driver.ArmRecord:
     """Tick the tree until it succeeds or fails."""
-    diary = driver.Diary()
+    diary = driver.ArmRecord()
     robotics.wait(driver.FIRST_S)
     root = Sequence(
         "mission", memory=True, children=[_leg(node, robotics, diary) for node in driver.legs(robotics.mission)]
@@ -157,7 +157,7 @@ def walk(robotics: driver.Robotics) -> driver.Diary:
     return diary
 
 
-def _leg(node: Node, robotics: driver.Robotics, diary: driver.Diary) -> Behaviour:
-    clerk = Clerk(node, robotics, diary)
-    parts: list[Behaviour] = [Navigate(clerk), WaitForStandstill(robotics), Arrived(clerk)]
+def _leg(node: Node, robotics: driver.Robotics, diary: driver.ArmRecord) -> Behaviour:
+    clerk = ClaimRecorder(node, robotics, diary)
+    parts: list[Behaviour] = [Navigate(clerk), WaitForStandstill(robotics), AtTarget(clerk)]
     return Retry(name=f"leg {node.node_id}", child=Sequence("go", memory=True, children=parts), num_failures=ATTEMPTS)

@@ -46,7 +46,7 @@ class Policy:
 
 
 @dataclass
-class Diary:
+class ArmRecord:
     """What an arm did and claimed, for the adjudicator and the measures."""
 
     claims: list[dict[str, Any]] = field(default_factory=list)
@@ -117,7 +117,7 @@ def legs(mission: Mission) -> Iterator[Node]:
     yield from (node for name in order(contract) if "navigate" in (node := contract.node(name)).capabilities)
 
 
-def asked(node: Node, *, attempt: int) -> protocol.Parameters:
+def parameters_of(node: Node, *, attempt: int) -> protocol.Parameters:
     """The goal that the harness would also send to a provider for this attempt of a leg."""
     return {**node.parameters, **({"replan": True} if attempt > 1 else {})}
 
@@ -128,10 +128,10 @@ class Driver:
     def __init__(self, robotics: Robotics, policy: Policy) -> None:
         self._robot = robotics
         self._policy = policy
-        self.diary = Diary()
+        self.diary = ArmRecord()
         self._attempts: dict[NodeId, int] = {}
 
-    def run(self) -> Diary:
+    def run(self) -> ArmRecord:
         """Leg after leg until all are claimed or one is given up."""
         self._robot.wait(FIRST_S)
         for node in legs(self._robot.mission):
@@ -164,7 +164,9 @@ class Driver:
     def _attempt(self, node: Node, name: str, *, since_s: float) -> LegExecution | None:
         provider, number = self._robot.providers[name], self._next(node)
         dispatched_s = self._robot.now_s
-        request = self._robot.request(node, attempt=number, provider=provider, parameters=asked(node, attempt=number))
+        request = self._robot.request(
+            node, attempt=number, provider=provider, parameters=parameters_of(node, attempt=number)
+        )
         begun = self._started(provider, request, node)
         if begun is None:
             return None
@@ -239,16 +241,16 @@ class Driver:
     def _judged(self, execution: LegExecution) -> str:
         """Claim or reject by the arm's own rules; returns the reason, or empty for a claim."""
         why = first_broken(self._policy.rules, execution)
-        said = {
+        facts = {
             "node_id": execution.node.node_id,
             "at_s": execution.now_s,
             "requests": [execution.report.identity.request_id],
         }
         if why:
             finished = execution.report.status == "succeeded"
-            self.diary.rejections.append({**said, "why": why, "finished": finished})
+            self.diary.rejections.append({**facts, "why": why, "finished": finished})
         else:
-            self.diary.claims.append({**said, "act": "robot"})
+            self.diary.claims.append({**facts, "act": "robot"})
         return why
 
     def _next(self, node: Node) -> int:

@@ -9,6 +9,7 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import PlaceId
 from harness.contracts.places import Place, Route, Site
+from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Name, Point, Value
 
@@ -101,9 +102,8 @@ def condition(name: str) -> FaultCondition:
     found = next((one for one in CONDITIONS if one.name == name), None)
     if found is None:
         raise UnknownName(
-            f"There is no fault condition {name!r}",
+            because("unknown_fault_condition", name=name, known=tuple(one.name for one in CONDITIONS)),
             where="--faults",
-            do=f"name some of {', '.join(one.name for one in CONDITIONS)}",
         )
     return found
 

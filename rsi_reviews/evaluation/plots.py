@@ -84,9 +84,9 @@ def _bar(y: float, rate: ConfidenceInterval, colour: str, name: str, most: float
     value, begin, end = (
         f"{100 * one:.{digits + more}f}" for one, more in ((rate.value, 0), (rate.low, 1), (rate.high, 1))
     )
-    said = f"{name}: {value} % ({begin} to {end}), n = {rate.n}"
+    text = f"{name}: {value} % ({begin} to {end}), n = {rate.n}"
     return [
-        f'<g><title>{escape(said)}</title><rect x="{LEFT}" y="{at - BAR / 2:.1f}" width="{max(x - LEFT, 1):.1f}"'
+        f'<g><title>{escape(text)}</title><rect x="{LEFT}" y="{at - BAR / 2:.1f}" width="{max(x - LEFT, 1):.1f}"'
         f' height="{BAR}" fill="{colour}"/>',
         f'<path d="M{low:.1f} {at:.1f}H{high:.1f}M{low:.1f} {at - 3:.1f}v6M{high:.1f} {at - 3:.1f}v6"'
         f' stroke="{INK}" fill="none"/></g>',

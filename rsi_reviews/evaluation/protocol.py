@@ -14,6 +14,7 @@ import msgspec
 
 from harness.contracts.errors import ContractInvalid, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
+from harness.contracts.reasons import because
 from harness.contracts.simulation import Simulator
 from harness.contracts.values import Count, Name, Value, encode
 from rsi_reviews.evaluation.adjudicator import adjudicate
@@ -140,7 +141,7 @@ def rows(
     simulator: Simulator,
     *,
     processes: int,
-    kept: Path | None,
+    results: Path | None,
     progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> list[JudgedMission]:
     """All missions of the request, in the order of `cases`; finished ones are read from `kept`, new ones are added to
@@ -149,16 +150,16 @@ def rows(
     `told` is called with the number of finished missions. Raises ContractInvalid if `kept` belongs to other code or
     another seed, StoreUnavailable if workers cannot be kept alive.
     """
-    wanted = cases(ask)
-    done = _kept(kept, ask, simulator) if kept else {}
-    waiting = [case for case in wanted if _key(case) not in done]
-    progress(len(wanted) - len(waiting), len(wanted))
+    required = cases(ask)
+    done = _read_results(results, ask, simulator) if results else {}
+    waiting = [case for case in required if _key(case) not in done]
+    progress(len(required) - len(waiting), len(required))
     for fresh in _run(waiting, simulator, processes=processes):
         done.update((_key(row), row) for row in fresh)
-        if kept is not None:
-            _add(kept, fresh)
-        progress(sum(1 for case in wanted if _key(case) in done), len(wanted))
-    return [done[_key(case)] for case in wanted]
+        if results is not None:
+            _add(results, fresh)
+        progress(sum(1 for case in required if _key(case) in done), len(required))
+    return [done[_key(case)] for case in required]
 
 
 def _run(waiting: Sequence[ArmCase], simulator: Simulator, *, processes: int) -> Iterator[list[JudgedMission]]:
@@ -170,9 +171,7 @@ def _run(waiting: Sequence[ArmCase], simulator: Simulator, *, processes: int) ->
         try:
             yield from _spread(pool, chunks, simulator, ahead=processes * AHEAD)
         except BrokenProcessPool as error:
-            raise StoreUnavailable(
-                "A worker process ended without a word", where="--processes", do="run again: finished missions are kept"
-            ) from error
+            raise StoreUnavailable(because("worker_ended_silently"), where="--processes") from error
         finally:
             pool.shutdown(cancel_futures=True)
 
@@ -198,7 +197,7 @@ def _key(one: ArmCase | JudgedMission) -> Key:
     return (one.arm, condition, one.mission, one.seed)
 
 
-def _kept(file: Path, ask: ProtocolRequest, simulator: Simulator) -> dict[Key, JudgedMission]:
+def _read_results(file: Path, ask: ProtocolRequest, simulator: Simulator) -> dict[Key, JudgedMission]:
     heading = ProtocolHeader(code=code(simulator), seed=ask.seed)
     if not file.exists():
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -207,9 +206,8 @@ def _kept(file: Path, ask: ProtocolRequest, simulator: Simulator) -> dict[Key, J
     first, *lines = file.read_bytes().splitlines()
     if first != encode(heading):
         raise ContractInvalid(
-            "The kept missions were run by other code or from another seed",
+            because("finished_missions_differ"),
             where=str(file),
-            do="move the file away, or name another one with --kept",
         )
     found = {}
     for line in lines:

@@ -10,6 +10,7 @@ import msgspec
 
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import because
 from harness.contracts.values import Count, Name, Value
 from rsi_reviews.evaluation.arms import ABLATIONS, ARMS, COMPARED
 from rsi_reviews.evaluation.measures import Cell, ConfidenceInterval, JudgedMission, cell
@@ -81,13 +82,11 @@ def evaluation(
 def load(path: Path) -> EvaluationReport:
     """A published evaluation. Raises UnknownName where there is none, ContractInvalid where it cannot be read."""
     if not path.exists():
-        raise UnknownName("No evaluation is published", where=str(path), do="run `regen evaluate --publish`")
+        raise UnknownName(because("no_published_evaluation"), where=str(path))
     try:
         return msgspec.json.decode(path.read_bytes(), type=EvaluationReport)
     except msgspec.MsgspecError as error:
-        raise ContractInvalid(
-            f"The evaluation cannot be read: {error}", where=str(path), do="run `regen evaluate --publish` again"
-        ) from error
+        raise ContractInvalid(because("published_evaluation_unreadable", error=str(error)), where=str(path)) from error
 
 
 def save(found: EvaluationReport, path: Path) -> None:
@@ -101,7 +100,7 @@ def with_figures(page: str, found: EvaluationReport) -> str:
     before, begin, rest = page.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:
-        raise ContractInvalid("The page has no place for figures", where=f"{BEGIN} ... {END}")
+        raise ContractInvalid(because("page_without_figures", begin=BEGIN, end=END), where=f"{BEGIN} ... {END}")
     return f"{before}{BEGIN}\n\n{figures(found)}\n{END}{after}"
 
 
@@ -133,14 +132,14 @@ def _condition(found: EvaluationReport, condition: Label, arms: Sequence[str]) -
     lines += ["| arm | success | " + " | ".join(title for _, title in RATES) + " | recovery spent | n |"]
     lines += ["|---" * (len(RATES) + 4) + "|"]
     for one in cells:
-        rates = " | ".join(shown(getattr(one, name)) for name, _ in RATES)
+        rates = " | ".join(rate_text(getattr(one, name)) for name, _ in RATES)
         broken = f" ({one.recovery['broken']} broken)" if one.recovery.get("broken") else ""
-        lines.append(f"| {one.arm}{broken} | {shown(one.success)} | {rates} | {mean(one.spent_mean)} | {one.n} |")
+        lines.append(f"| {one.arm}{broken} | {rate_text(one.success)} | {rates} | {mean(one.spent_mean)} | {one.n} |")
     again = cells[0].command.replace(f"--arms {cells[0].arm}", "--arms ARM")
     return [*lines, "", f"A row again, mission by mission the same: `{again}`, seeds {cells[0].seeds}.", ""]
 
 
-def shown(rate: ConfidenceInterval) -> str:
+def rate_text(rate: ConfidenceInterval) -> str:
     """A share in percent with its exact interval."""
     return f"{100 * rate.value:.0f} % ({100 * rate.low:.1f}..{100 * rate.high:.1f})"
 
@@ -153,8 +152,8 @@ def mean(figure: ConfidenceInterval, *, digits: int = 2) -> str:
 def _roles(roles: RoleReport) -> list[str]:
     lines = ["**no role-isolated contexts** (a model as verifier over adversarial contexts):", ""]
     shares = (roles.isolated_fooled, roles.isolated_refused, roles.shared_fooled, roles.shared_refused)
-    told = [shown(share) for share in shares if share is not None]
-    if not roles.tested or len(told) < len(shares):
+    texts = [rate_text(share) for share in shares if share is not None]
+    if not roles.tested or len(texts) < len(shares):
         return [*lines, "not tested: it needs a model (`regen evaluate --model NAME --model-url URL`).", ""]
     return [
         *lines,
@@ -163,8 +162,8 @@ def _roles(roles: RoleReport) -> list[str]:
         "",
         "| contexts | talked into accepting | refused though shown |",
         "|---|---|---|",
-        f"| isolated (C3 alone) | {told[0]} | {told[1]} |",
-        f"| shared with planner and provider | {told[2]} | {told[3]} |",
+        f"| isolated (C3 alone) | {texts[0]} | {texts[1]} |",
+        f"| shared with planner and provider | {texts[2]} | {texts[3]} |",
         "",
     ]
 

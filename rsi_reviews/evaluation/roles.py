@@ -16,6 +16,7 @@ from harness.contracts.contexts import Context
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.observations import Trajectory
+from harness.contracts.reasons import because
 from harness.contracts.simulation import Simulator
 from harness.contracts.tasks import Node
 from harness.contracts.values import Count, Name, Value, decode
@@ -77,17 +78,21 @@ class _Answer(msgspec.Struct, frozen=True):
     reason: str = ""
 
 
-def asked(trials: Sequence[VerifierTrial], model: Model, *, name: str, progress: Callable[[int], None]) -> RoleReport:
+def ask_model(
+    trials: Sequence[VerifierTrial], model: Model, *, name: str, progress: Callable[[int], None]
+) -> RoleReport:
     """Every trial in both forms. An answer that cannot be read is no acceptance, and is counted as unanswered."""
-    words: dict[tuple[bool, bool], list[str]] = {(shown, form): [] for shown in (True, False) for form in (True, False)}
+    words: dict[tuple[bool, bool], list[str]] = {
+        (complete, form): [] for complete in (True, False) for form in (True, False)
+    }
     for number, trial in enumerate(trials, start=1):
         words[trial.shown, True].append(answered(model, trial.isolated))
         words[trial.shown, False].append(answered(model, trial.shared))
         progress(number)
 
-    def share(shown: bool, isolated: bool) -> ConfidenceInterval:
-        said = words[shown, isolated]
-        return exact(sum((word == "satisfied") != shown for word in said), len(said))
+    def share(complete: bool, isolated: bool) -> ConfidenceInterval:
+        answers = words[complete, isolated]
+        return exact(sum((word == "satisfied") != complete for word in answers), len(answers))
 
     return RoleReport(
         tested=True,
@@ -98,7 +103,7 @@ def asked(trials: Sequence[VerifierTrial], model: Model, *, name: str, progress:
         shared_fooled=share(False, False),
         isolated_refused=share(True, True),
         shared_refused=share(True, False),
-        unanswered=sum(word == "" for said in words.values() for word in said),
+        unanswered=sum(word == "" for answers in words.values() for word in answers),
     )
 
 
@@ -121,16 +126,16 @@ def adversarial(
 ) -> tuple[VerifierTrial, ...]:
     """That many trials with evidence that does not show the stage done, and controls with evidence that does."""
     unshown: list[VerifierTrial] = []
-    shown: list[VerifierTrial] = []
+    controls_found: list[VerifierTrial] = []
     number = 0
-    while len(unshown) < trials or len(shown) < controls:
+    while len(unshown) < trials or len(controls_found) < controls:
         mission, fault = MISSIONS[number % len(MISSIONS)], FAULTS[number // len(MISSIONS) % len(FAULTS)]
         for trial in _of_mission(mission, fault, simulator, seed=seed * 10_000 + number):
-            (shown if trial.shown else unshown).append(trial)
+            (controls_found if trial.shown else unshown).append(trial)
         number += 1
         if number > trials + controls:
-            raise ContractInvalid("The missions leave too few packets to judge", where="roles.FAULTS")
-    return (*unshown[:trials], *shown[:controls])
+            raise ContractInvalid(because("too_few_packets"), where="roles.FAULTS")
+    return (*unshown[:trials], *controls_found[:controls])
 
 
 def _of_mission(template: str, fault: str, simulator: Simulator, *, seed: int) -> Iterator[VerifierTrial]:
@@ -146,12 +151,12 @@ def _of_mission(template: str, fault: str, simulator: Simulator, *, seed: int) -
                 if "navigate" not in node.capabilities:
                     continue
                 context = decode(harness.runtime.record(verdict.context).body, Context)
-                shown = verdict.verdict == "satisfied"
-                yield from _trials(context, node, packet, evidence=_evidence(harness, packet, node), shown=shown)
+                satisfied = verdict.verdict == "satisfied"
+                yield from _trials(context, node, packet, evidence=_evidence(harness, packet, node), complete=satisfied)
 
 
 def _trials(
-    context: Context, node: Node, packet: EvidencePacket, *, evidence: str, shown: bool
+    context: Context, node: Node, packet: EvidencePacket, *, evidence: str, complete: bool
 ) -> Iterator[VerifierTrial]:
     conditions = "\n".join(f"- {one.condition_id}: {one.text}" for one in node.success_conditions)
     isolated = (
@@ -163,7 +168,7 @@ def _trials(
         yield VerifierTrial(
             name=f"{packet.identity.packet_id}/{kind}",
             kind=kind,
-            shown=shown,
+            shown=complete,
             isolated=isolated,
             shared=f"{isolated}\nFrom the other roles:\n{prose}\n",
         )

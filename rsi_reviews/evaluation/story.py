@@ -39,20 +39,20 @@ class _World(Protocol):
     truth: _TruthLog
 
 
-class _Witnessed(Protocol):
+class _RobotWithTruth(Protocol):
     """A simulated robot for the adjudicator: its truth journal is in this process."""
 
     @property
     def world(self) -> _World: ...
 
 
-def told(harness: Harness, mission: Mission, *, meant: TaskContract | None = None) -> dict[str, Any]:
+def story_of(harness: Harness, mission: Mission, *, intended: TaskContract | None = None) -> dict[str, Any]:
     """The story of a mission that the harness ran in virtual time; `meant` where its places were bound wrongly."""
     events = [_EVENTS.decode(without_command(stored.body)) for stored in harness.runtime.events(mission.mission_id)]
     contract = required_contract(mission)
     ended = next((event for event in events if isinstance(event, MissionEnded)), None)
     return {
-        **routes_of(contract, meant=meant),
+        **routes_of(contract, intended=intended),
         **journals(harness, mission),
         "claims": list(_claims(events)),
         "rejections": list(_rejections(events)),
@@ -61,9 +61,9 @@ def told(harness: Harness, mission: Mission, *, meant: TaskContract | None = Non
     }
 
 
-def routes_of(contract: TaskContract, *, meant: TaskContract | None = None) -> dict[str, Any]:
+def routes_of(contract: TaskContract, *, intended: TaskContract | None = None) -> dict[str, Any]:
     """`routes`, what the person meant, and `bound`, what the contract was bound to, as the adjudicator reads them."""
-    return {"routes": dict(_routes(meant or contract)), "bound": dict(_routes(contract))}
+    return {"routes": dict(_routes(intended or contract)), "bound": dict(_routes(contract))}
 
 
 def journals(harness: Harness, mission: Mission) -> dict[str, Any]:
@@ -80,7 +80,7 @@ def journals(harness: Harness, mission: Mission) -> dict[str, Any]:
 
 def truth_of(robot: Robot) -> Sequence[Any]:
     """The truth journal of a robot that is simulated in this process."""
-    return cast(_Witnessed, robot).world.truth.records
+    return cast(_RobotWithTruth, robot).world.truth.records
 
 
 def _fixes(samples: Iterable[AnySample], kind: type[Pose] | type[Odometry]) -> list[tuple[float, float, float]]:

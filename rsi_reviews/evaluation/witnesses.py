@@ -73,8 +73,8 @@ def contradiction(route: Line, poses: Sequence[Fix], odometry: Sequence[Fix], *,
 
     `poses` are the localiser's and `odometry` the wheels', both as published, in order of publication.
     """
-    said = [one for one in poses if from_s <= one[0] <= at_s]
-    newest = sorted({one[0]: one for one in said}.values())[-SAMPLES:]
+    earlier = [one for one in poses if from_s <= one[0] <= at_s]
+    newest = sorted({one[0]: one for one in earlier}.values())[-SAMPLES:]
     if len(newest) < SAMPLES:
         return f"{len(newest)} poses show where the body came to stand"
     age_s = at_s - newest[-1][0]
@@ -87,7 +87,7 @@ def contradiction(route: Line, poses: Sequence[Fix], odometry: Sequence[Fix], *,
     moved_m = moved_in_last_second_m(wheels)
     if moved_m >= REST_M + 0.005:
         return f"odometry says that the body moved {moved_m:.3f} m in its last second"
-    return (unshown(route, said, wheels) if route["kind"] == "circuit" else "") or torn(said, wheels)
+    return (unshown(route, earlier, wheels) if route["kind"] == "circuit" else "") or torn(earlier, wheels)
 
 
 def unshown(route: Line, poses: Sequence[Fix], odometry: Sequence[Fix]) -> str:

@@ -6,6 +6,7 @@ from importlib import import_module
 from pathlib import Path
 
 from harness.contracts.errors import ContractInvalid, HarnessError, StoreUnavailable
+from harness.contracts.reasons import because
 from harness.contracts.values import decode, encode
 from rsi_reviews.errors import CandidateInvalid
 from rsi_reviews.generate.confinement import confine
@@ -44,9 +45,7 @@ def _generator(name: GeneratorName) -> Generator:
     try:
         model = import_module("rsi_reviews.generate.model")
     except ImportError as error:
-        raise ContractInvalid(
-            f"The model's client is not installed: {error}", where="--with model", do="install regenharness[models]"
-        ) from error
+        raise ContractInvalid(because("model_client_missing", error=str(error)), where="--with model") from error
     settings = model.ModelSettings()
     made: Generator = model.ModelGenerator(
         settings.model_copy(update={"model_key": settings.secret(), "model_key_file": None})
@@ -68,9 +67,7 @@ def _refuse_readable(paths: tuple[str, ...]) -> None:
             os.listdir(path) if os.path.isdir(path) else Path(path).read_bytes()
         except OSError:
             continue
-        raise StoreUnavailable(
-            "The generator can read what judges it", where=path, do="keep the data folder out of the program's folders"
-        )
+        raise StoreUnavailable(because("generator_not_blind"), where=path)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from harness.contracts.configuration import Configuration, FailureClass, RecoveryAction
+from harness.contracts.reasons import Reason, because
 from harness.contracts.values import Name, NonNegative, Positive, Value
 from rsi_reviews.contracts import Metric, Motive, Section, Sentence
 from rsi_reviews.errors import CandidateInvalid
@@ -64,14 +65,14 @@ class ModelAnswer(Value):
 def read_answer(text: str, current: Configuration, trace: Trace) -> changes.ProposedChange:
     """The change that an answer states. Raises CandidateInvalid: too long, no JSON object, or of another shape."""
     if len(text) > LONGEST_ANSWER:
-        raise _refused(f"The answer has {len(text)} characters, at most {LONGEST_ANSWER} are read", "too_large")
+        raise _refused(because("model_answer_too_long", characters=len(text), longest=LONGEST_ANSWER), "too_large")
     try:
         answer = msgspec.json.decode(text, type=ModelAnswer, strict=True)
     except msgspec.ValidationError as error:
         rule = "unknown_key" if "unknown field" in str(error) else "wrong_type"
-        raise _refused(f"The answer has another shape: {error}", rule) from error
+        raise _refused(because("model_answer_misshapen", error=str(error)), rule) from error
     except msgspec.DecodeError as error:
-        raise _refused(f"The answer is not JSON: {error}", "not_json") from error
+        raise _refused(because("model_answer_not_json", error=str(error)), "not_json") from error
     section, configuration = _changed(answer, current)
     return changes.ProposedChange(
         section=section,
@@ -96,7 +97,7 @@ def _changed(answer: ModelAnswer, current: Configuration) -> tuple[Section, Conf
         case NewTimeout(template=template, node_id=node_id, timeout_s=timeout_s):
             names = {(one.name, node.get("node_id")) for one in current.templates for node in one.nodes}
             if (template, node_id) not in names:
-                raise _refused(f"There is no stage {node_id} in a template {template}", "unknown_name")
+                raise _refused(because("model_names_unknown_stage", node_id=node_id, template=template), "unknown_name")
             return "templates", changes.with_timeout(current, template=template, node_id=node_id, timeout_s=timeout_s)
 
 
@@ -111,5 +112,5 @@ def _motives(answer: ModelAnswer, trace: Trace) -> tuple[Motive, ...]:
             return changes.motives(trace, lambda mission: [one.position for one in mission.failures])
 
 
-def _refused(what: str, rule: str) -> CandidateInvalid:
-    return CandidateInvalid(what, rule=rule, where="model's answer", do="ask again, or write the change by hand")
+def _refused(what: Reason, rule: str) -> CandidateInvalid:
+    return CandidateInvalid(what, rule=rule, where="model's answer")

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from harness.contracts.errors import StoreUnavailable
+from harness.contracts.reasons import because
 
 CREATE_RULESET, ADD_RULE, RESTRICT_SELF = 444, 445, 446
 """System calls, with the same number on every architecture."""
@@ -32,9 +33,8 @@ def confine(readable: Iterable[Path], *, connects: bool) -> None:
     abi = libc.syscall(CREATE_RULESET, None, 0, 1)
     if abi < 1:
         raise StoreUnavailable(
-            f"This system cannot confine a process ({os.strerror(ctypes.get_errno())})",
+            because("confinement_unsupported", error=os.strerror(ctypes.get_errno())),
             where="Landlock",
-            do="generate candidates on Linux 5.13 or newer, with Landlock allowed",
         )
     rights = (1 << FILE_RIGHTS_BY_ABI.get(abi, 16)) - 1
     tcp = TCP_RIGHTS if abi >= TCP_FROM_ABI and not connects else 0
@@ -65,8 +65,7 @@ def _allow(libc: ctypes.CDLL, ruleset: int, path: Path) -> None:
 def _done(answer: int) -> int:
     if answer < 0:
         raise StoreUnavailable(
-            f"This process cannot be confined ({os.strerror(ctypes.get_errno())})",
+            because("process_unconfined", error=os.strerror(ctypes.get_errno())),
             where="Landlock",
-            do="generate candidates on Linux 5.13 or newer, with Landlock allowed",
         )
     return answer

@@ -23,7 +23,7 @@ MOVED: tuple[FailureClass, ...] = ("no_progress", "violated", "interrupted", "ti
 """Failures of an execution: another provider can help."""
 
 
-class Tried(Value):
+class StepTrial(Value):
     """One step of one ladder: how often it was taken, and how often the stage was accepted right after it."""
 
     action: RecoveryAction
@@ -54,16 +54,16 @@ def _episodes(trace: Trace, failure: FailureClass) -> int:
     return sum(1 for mission in trace.missions for one in mission.failures if one.failure == failure)
 
 
-def _tried(trace: Trace, failure: FailureClass, action: RecoveryAction) -> Tried:
+def _tried(trace: Trace, failure: FailureClass, action: RecoveryAction) -> StepTrial:
     rungs = [one for one in _rungs(trace, failure) if one.action == action and one.came != "open"]
-    return Tried(action=action, times=len(rungs), helped=sum(1 for one in rungs if one.came == "committed"))
+    return StepTrial(action=action, times=len(rungs), helped=sum(1 for one in rungs if one.came == "committed"))
 
 
 def _rungs(trace: Trace, failure: FailureClass) -> list[TracedStep]:
     return [step for mission in trace.missions for step in mission.rungs if step.failure == failure]
 
 
-def _expected(ladder: changes.Ladder, tried: dict[RecoveryAction, Tried]) -> float:
+def _expected(ladder: changes.Ladder, tried: dict[RecoveryAction, StepTrial]) -> float:
     """Expected recovery cost of one episode on this ladder, with the steps taken as independent."""
     cost, left = 0.0, 1.0
     for action in ladder:
@@ -93,13 +93,13 @@ def _change(
     trace: Trace, current: Configuration, *, failure: FailureClass, ladder: changes.Ladder, saved: float
 ) -> changes.ProposedChange:
     episodes, missions = _episodes(trace, failure), len(trace.missions)
-    text = "; ".join(_told(_tried(trace, failure, action)) for action in current.recovery.ladders[failure][:-1])
-    asked = sum(1 for mission in trace.missions for one in mission.handoffs if one.failure == failure)
+    text = "; ".join(_reason_text(_tried(trace, failure, action)) for action in current.recovery.ladders[failure][:-1])
+    handoffs = sum(1 for mission in trace.missions for one in mission.handoffs if one.failure == failure)
     old, new = " > ".join(current.recovery.ladders[failure]), " > ".join(ladder)
     return changes.ProposedChange(
         section="recovery",
         configuration=changes.with_ladder(current, failure, ladder),
-        reason=f"{failure} came {episodes} times in {missions} missions; {text}; a person was asked {asked} times.",
+        reason=f"{failure} came {episodes} times in {missions} missions; {text}; a person was asked {handoffs} times.",
         intended=f"The ladder of {failure} goes {new} instead of {old}, which should save {saved:.2f} per episode.",
         metric="recovery_cost",
         smallest_effect=SMALLEST_EFFECT,
@@ -108,5 +108,5 @@ def _change(
     )
 
 
-def _told(tried: Tried) -> str:
+def _reason_text(tried: StepTrial) -> str:
     return f"{tried.action} helped {tried.helped} of {tried.times} times"

@@ -42,13 +42,13 @@ def ranked(
 ) -> tuple[ProposedChange, ...]:
     """Changes that keep the policy sound and are new, the most worthwhile first; ties in the order they were found."""
     taken = {*budget.seen, current.configuration_id}
-    kept: list[ProposedChange] = []
+    changes: list[ProposedChange] = []
     for change in sorted(found, key=lambda change: -change.worth):
         identity = change.configuration.configuration_id
         if identity not in taken and change.worth > 0 and _sound(change.configuration):
             taken.add(identity)
-            kept.append(change)
-    return tuple(kept[: budget.candidates])
+            changes.append(change)
+    return tuple(changes[: budget.candidates])
 
 
 def _sound(configuration: Configuration) -> bool:
@@ -84,7 +84,7 @@ def _laid_over(under: Configuration, over: Configuration, base: Configuration) -
         routing=over.routing if over.routing != base.routing else under.routing,
         context_rules=over.context_rules if over.context_rules != base.context_rules else under.context_rules,
         templates=tuple(
-            new if new != old else kept
-            for new, old, kept in zip(over.templates, base.templates, under.templates, strict=True)
+            new if new != old else lower
+            for new, old, lower in zip(over.templates, base.templates, under.templates, strict=True)
         ),
     )

@@ -20,6 +20,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from harness.contracts.configuration import Configuration
 from harness.contracts.errors import ContractInvalid, StoreUnavailable
+from harness.contracts.reasons import because
 from harness.contracts.values import Value, encode
 from harness.recovery.policy import check_policy
 from rsi_reviews.contracts import Author, Candidate
@@ -60,9 +61,8 @@ class ModelSettings(BaseSettings):
             return self.model_key_file.read_text(encoding="utf-8").strip() or NO_KEY
         except (OSError, UnicodeDecodeError) as error:
             raise StoreUnavailable(
-                "The model's key cannot be read",
+                because("model_key_unreadable"),
                 where=str(self.model_key_file),
-                do="name a file that holds only the key",
             ) from error
 
     def secret(self) -> SecretStr:
@@ -87,9 +87,8 @@ class ModelGenerator:
         """Raises ContractInvalid where no endpoint or no model is named."""
         if not settings.model_url or not settings.model:
             raise ContractInvalid(
-                "No model is named",
+                because("no_model_named"),
                 where="settings",
-                do="set REGEN_MODEL_URL and REGEN_MODEL, and a key if it wants one",
             )
         self.name = f"model:{settings.model}"[:200]
         self._settings = settings
@@ -99,7 +98,7 @@ class ModelGenerator:
 
         Raises ModelSilent if no answer came, CandidateInvalid with the rule for an answer that cannot be taken.
         """
-        change = read_answer(self._asked(encode(shown(trace, current)).decode()), current, trace)
+        change = read_answer(self._ask(encode(prompt_of(trace, current)).decode()), current, trace)
         found = candidate(change, current, author=Author(name=self.name, kind="optimiser"))
         refused = objections(found, current)
         if refused:
@@ -107,7 +106,7 @@ class ModelGenerator:
         _check(found.configuration)
         return () if found.configuration.configuration_id in budget.seen else (found,)
 
-    def _asked(self, question: str) -> str:
+    def _ask(self, question: str) -> str:
         client = AsyncOpenAI(
             base_url=self._settings.model_url,
             api_key=self._settings.key(),
@@ -128,7 +127,7 @@ class ModelGenerator:
             ) from error
 
 
-def shown(trace: Trace, current: Configuration) -> ModelPrompt:
+def prompt_of(trace: Trace, current: Configuration) -> ModelPrompt:
     """What a model may know: counts, and the tunable part of H. No text of a mission, no suite, no seed."""
     weights: dict[str, float] = msgspec.to_builtins(current.routing)
     return ModelPrompt(

@@ -60,7 +60,8 @@ def _standings(trace: Trace) -> dict[tuple[str, str], list[ProviderRecord]]:
                 counts[(one.capability, one.place)][one.provider_id].append(one.verdict in ("violated", "unsafe"))
     return {
         where: [
-            ProviderRecord(provider_id=who, worked=len(said), failed=sum(said)) for who, said in sorted(found.items())
+            ProviderRecord(provider_id=who, worked=len(outcomes), failed=sum(outcomes))
+            for who, outcomes in sorted(found.items())
         ]
         for where, found in counts.items()
         if len(found) > 1

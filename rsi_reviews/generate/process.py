@@ -15,7 +15,7 @@ import msgspec
 import rsi_reviews.generate
 from harness.contracts.configuration import Configuration
 from harness.contracts.errors import ContractInvalid, HarnessError, StoreUnavailable
-from harness.contracts.reasons import Explanation
+from harness.contracts.reasons import Explanation, because
 from harness.contracts.values import Value, decode, encode
 from rsi_reviews.contracts import Candidate
 from rsi_reviews.errors import CandidateInvalid
@@ -113,15 +113,14 @@ def _answered(request: GenerationRequest, given: Mapping[str, str]) -> Generatio
     except subprocess.TimeoutExpired as error:
         raise _silent(f"It did not answer within {LONGEST_S:.0f} s") from error
     except msgspec.MsgspecError as error:
-        said = done.stderr.decode(errors="replace").strip().splitlines()
-        raise _silent(said[-1][:300] if said else str(error)) from error
+        errors = done.stderr.decode(errors="replace").strip().splitlines()
+        raise _silent(errors[-1][:300] if errors else str(error)) from error
 
 
 def _silent(why: str) -> StoreUnavailable:
     return StoreUnavailable(
-        f"The generator's process gave no answer: {why}",
+        because("generator_without_answer", why=why),
         where="regen rsi generate",
-        do="see the message, then ask again",
     )
 
 

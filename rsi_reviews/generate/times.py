@@ -32,8 +32,8 @@ def wait_changes(trace: Trace, current: Configuration) -> Iterator[changes.Propo
             if step.failure == failure and step.action == "wait"
         ]  # fmt: skip
         in_vain = sum(1 for step in waits if step.came in ("failed_again", "handed_off"))
-        asked = sum(1 for mission in trace.missions for one in mission.handoffs if one.failure == failure)
-        if min(in_vain, asked) < LEAST:
+        asks = sum(1 for mission in trace.missions for one in mission.handoffs if one.failure == failure)
+        if min(in_vain, asks) < LEAST:
             continue
         wait_s, ladder = current.recovery.wait_s, current.recovery.ladders[failure]
         if longer := _waiting_again(ladder, wait_s):
@@ -47,11 +47,11 @@ def wait_changes(trace: Trace, current: Configuration) -> Iterator[changes.Propo
         yield changes.ProposedChange(
             section="recovery",
             configuration=configuration,
-            reason=f"{in_vain} of {len(waits)} waits after {failure} were in vain; a person was asked {asked} times.",
+            reason=f"{in_vain} of {len(waits)} waits after {failure} were in vain; a person was asked {asks} times.",
             intended=intended,
             metric="recovery_cost",
             smallest_effect=SMALLEST_EFFECT,
-            worth=0.5 * TASK_BUDGET * asked / len(trace.missions),
+            worth=0.5 * TASK_BUDGET * asks / len(trace.missions),
             motives=changes.motives(trace, changes.failures_of(failure)),
         )
 

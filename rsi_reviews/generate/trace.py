@@ -16,7 +16,7 @@ from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.decider import Codec
 from harness.contracts.errors import UnknownName
 from harness.contracts.ports import StoredEvent
-from harness.contracts.reasons import Explanation
+from harness.contracts.reasons import Explanation, because
 from harness.contracts.tasks import TaskContract
 from harness.projections.memory import place_of
 from harness.routing.question import RoutingQuestion
@@ -27,7 +27,7 @@ _CODEC: Codec[events.MissionEvent] = Codec(events.MissionEvent)
 Came = Literal["committed", "failed_again", "failed_otherwise", "handed_off", "open"]
 
 
-class Failing(values.Value):
+class StageFailure(values.Value):
     """One classified failure of a stage."""
 
     node_id: ids.NodeId
@@ -73,7 +73,7 @@ class TracedExecution(values.Value):
     expected_s: dict[ids.ProviderId, float] = msgspec.field(default_factory=dict)
 
 
-class Handed(values.Value):
+class HandoffTrace(values.Value):
     """A question to a person, and the failure that led to it."""
 
     node_id: ids.NodeId
@@ -89,10 +89,10 @@ class MissionTrace(values.Value):
     configuration: ids.Digest
     status: str
     seconds: values.NonNegative
-    failures: tuple[Failing, ...]
+    failures: tuple[StageFailure, ...]
     rungs: tuple[TracedStep, ...]
     executions: tuple[TracedExecution, ...]
-    handoffs: tuple[Handed, ...]
+    handoffs: tuple[HandoffTrace, ...]
 
     @property
     def spent(self) -> int:
@@ -115,7 +115,7 @@ def mission_trace(runtime: Runtime, mission_id: ids.MissionId) -> MissionTrace:
     """One mission. Raises UnknownName if it does not exist."""
     stored = runtime.events(mission_id)
     if not stored:
-        raise UnknownName(f"There is no mission {mission_id}", do="list them with `regen mission list`")
+        raise UnknownName(because("unknown_mission_of_trace", mission_id=mission_id))
     reading = _Reading(runtime)
     for one in stored:
         reading.take(one, _CODEC.decode(one))
@@ -141,10 +141,10 @@ class _Reading:
     created: events.MissionCreated | None = None
     contract: TaskContract | None = None
     status: str = ""
-    failures: list[Failing] = field(default_factory=list)
+    failures: list[StageFailure] = field(default_factory=list)
     rungs: list[TracedStep] = field(default_factory=list)
     executions: dict[ids.InvocationId, TracedExecution] = field(default_factory=dict)
-    handoffs: list[Handed] = field(default_factory=list)
+    handoffs: list[HandoffTrace] = field(default_factory=list)
 
     def take(self, stored: StoredEvent, event: events.MissionEvent) -> None:
         """Add one event."""
@@ -179,7 +179,7 @@ class _Reading:
                 self._climbed(stored, event)
             case events.HandoffRequested(node_id=node_id, failure=failure):
                 self._close(node_id, "handed_off")
-                self.handoffs.append(Handed(node_id=node_id, failure=failure, position=stored.position))
+                self.handoffs.append(HandoffTrace(node_id=node_id, failure=failure, position=stored.position))
             case events.MissionEnded(status=status):
                 self.status = status
             case _:
@@ -212,7 +212,7 @@ class _Reading:
         again = step is not None and step.failure == event.failure
         self._close(event.node_id, "failed_again" if again else "failed_otherwise")
         self.failures.append(
-            Failing(
+            StageFailure(
                 node_id=event.node_id,
                 failure=event.failure,
                 reason=event.reason,

@@ -21,7 +21,7 @@ from rsi_reviews.generate.interface import GenerationBudget, Generator
 from rsi_reviews.generate.miner import TraceMiner
 from rsi_reviews.generate.random_search import RandomSearch
 from rsi_reviews.generate.trace import Trace, joined
-from rsi_reviews.generate.ungated import EagerMiner
+from rsi_reviews.generate.ungated_arm import EagerMiner
 from rsi_reviews.hidden_sites import Expert
 from rsi_reviews.recursion.gating import GateJudgement, SiteGate
 from rsi_reviews.recursion.missions import TEMPLATE

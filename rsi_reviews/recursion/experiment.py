@@ -73,7 +73,7 @@ class FleetOutcome(Value):
     simulated: Count
 
 
-class _Book:
+class _SeriesCache:
     """Series that were run before: the same cases under the same configuration give the same result."""
 
     def __init__(self, simulator: Simulator) -> None:
@@ -93,7 +93,7 @@ class _Book:
 
 def run_fleet(task: Task, simulator: Simulator) -> FleetOutcome:
     """All six arms of one fleet, generation by generation."""
-    terms, book = task.terms, _Book(simulator)
+    terms, book = task.terms, _SeriesCache(simulator)
     key = f"{terms.seed}/{task.fleet}"
     lines = [arms.ArmLineage(arm=arm) for arm in arms.ARMS]
     gates = {arm: _gate(terms, key, book) for arm in arms.ARMS}
@@ -127,7 +127,7 @@ def run_fleet(task: Task, simulator: Simulator) -> FleetOutcome:
     )
 
 
-def _gate(terms: Terms, key: str, book: _Book) -> SiteGate:
+def _gate(terms: Terms, key: str, book: _SeriesCache) -> SiteGate:
     secret = Secret(hashlib.sha256(f"evaluator/{key}".encode()).digest())
     return SiteGate(
         lambda cases, configuration, stop: book.run(cases, configuration, stop).results,
@@ -137,7 +137,7 @@ def _gate(terms: Terms, key: str, book: _Book) -> SiteGate:
     )
 
 
-def _recorded(book: _Book, terms: Terms, key: str, site: HiddenSite) -> arms.Recorded:
+def _recorded(book: _SeriesCache, terms: Terms, key: str, site: HiddenSite) -> arms.Recorded:
     """What everyday missions of a generation recorded under a configuration: all that a generator gets."""
     return lambda configuration, at: (
         book.run(everyday(site, key, "recorded", at, count=terms.recorded), configuration).trace
@@ -149,7 +149,7 @@ def _held_out(terms: Terms, key: str, site: HiddenSite) -> tuple[Case, ...]:
     return everyday(site, key, "measured", count=terms.measured)
 
 
-def _measure(line: arms.ArmLineage, generation: int, *, cases: tuple[Case, ...], book: _Book) -> ArmMeasurement:
+def _measure(line: arms.ArmLineage, generation: int, *, cases: tuple[Case, ...], book: _SeriesCache) -> ArmMeasurement:
     results = book.run(cases, line.current).results
     sums: dict[str, float] = {name: sum(getattr(one, name) for one in results) for name in MEASURED}
     done = [one.mission_s for one in results if one.verified_completion]

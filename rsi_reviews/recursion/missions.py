@@ -87,13 +87,13 @@ def series(
         runtime = harness.runtime
         for case in cases:
             after = runtime.head().position
-            mission_id = case_run.begun(harness, case.situation, case.seed)
+            mission_id = case_run.begin_mission(harness, case.situation, case.seed)
             begun_s = harness.clock.now().mission_s
             cut = case_run.stepped(harness, mission_id, case.situation.outside)
             traces.append(mission_trace(runtime, mission_id))
-            wanted = case_run.yardstick(case.situation, simulator)
+            yardstick = case_run.yardstick(case.situation, simulator)
             account = case_run.account_of(
-                harness, mission_id, case, yardstick=wanted, begun_s=begun_s, cut=cut, after=after
+                harness, mission_id, case, yardstick=yardstick, begun_s=begun_s, cut=cut, after=after
             )
             results.append(judged(account))
             if stop is not None and stop(results):

@@ -50,7 +50,7 @@ def plot(rows: Sequence[Row], *, measure: str, title: str, unit: str) -> str:
         ]
         ends.append((y(line[-1][measure]), arm))
     parts += _labels(ends)
-    described = f"{title}. " + "; ".join(_told(rows, arm, measure) for arm in arms)
+    described = f"{title}. " + "; ".join(_caption_of(rows, arm, measure) for arm in arms)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
         f'font-family="system-ui, sans-serif" font-size="13">\n<title>{escape(title)}</title>\n'
@@ -97,7 +97,7 @@ def _labels(ends: Sequence[tuple[float, str]]) -> list[str]:
     return parts
 
 
-def _told(rows: Sequence[Row], arm: str, measure: str) -> str:
+def _caption_of(rows: Sequence[Row], arm: str, measure: str) -> str:
     line = sorted((row for row in rows if row["arm"] == arm), key=lambda row: int(row["generation"]))
     return f"{arm}: {line[0][measure]:.3g} at generation {line[0]['generation']}, {line[-1][measure]:.3g} at the last"
 

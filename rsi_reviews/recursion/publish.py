@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 
 from harness.contracts.errors import ContractInvalid
+from harness.contracts.reasons import because
 from rsi_reviews.recursion.experiment import FleetOutcome, Terms
 from rsi_reviews.recursion.plots import plot
 from rsi_reviews.recursion.report import answers, by_kind, contrasts, rows
@@ -62,7 +63,7 @@ def publish(result: Found, *, docs: Path) -> None:
     page = docs / "recursion.md"
     text = page.read_text(encoding="utf-8")
     if BEGIN not in text or END not in text:
-        raise ContractInvalid("The page has no place for figures", where=str(page), do=f"put {BEGIN} and {END} back")
+        raise ContractInvalid(because("page_without_figures", begin=BEGIN, end=END), where=str(page))
     head, _, rest = text.partition(BEGIN)
     page.write_text(f"{head}{BEGIN}\n{figures(result)}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
     (docs / "results").mkdir(parents=True, exist_ok=True)

@@ -64,7 +64,7 @@ class Contrast(Value):
     high: float
 
 
-class Answered(Value):
+class CriterionResult(Value):
     """One criterion that would refute the claim, written down before the run, and the numbers.
 
     `refuted`: whether it occurred; None where nothing was measured that could decide it.
@@ -113,7 +113,7 @@ def contrasts(outcomes: Sequence[FleetOutcome]) -> tuple[Contrast, ...]:
     )
 
 
-def answers(outcomes: Sequence[FleetOutcome]) -> tuple[Answered, ...]:
+def answers(outcomes: Sequence[FleetOutcome]) -> tuple[CriterionResult, ...]:
     """What docs/recursion.md wrote down before the run, each with its answer."""
     if not outcomes:
         return ()
@@ -193,19 +193,21 @@ def _mean(outcome: FleetOutcome, arm: Arm, key: Key, span: Sequence[int]) -> flo
     return sum(part.sums[key] for part in parts) / sum(part.missions for part in parts)
 
 
-def _beats(refutes: str, found: dict[tuple[Key, Arm], Contrast], arm: Arm) -> Answered:
+def _beats(refutes: str, found: dict[tuple[Key, Arm], Contrast], arm: Arm) -> CriterionResult:
     """Better in one of the two measures beyond its interval, and worse in neither."""
     cost, done = found[("recovery_cost", arm)], found[("verified_completion", arm)]
     better = (cost.low > 0 or done.low > 0) and cost.high >= 0 and done.high >= 0
-    return Answered(refutes=refutes, refuted=not better, sentence=f"Against {arm}: {_told(cost)}; {_told(done)}.")
+    return CriterionResult(
+        refutes=refutes, refuted=not better, sentence=f"Against {arm}: {_text(cost)}; {_text(done)}."
+    )
 
 
-def _told(one: Contrast) -> str:
+def _text(one: Contrast) -> str:
     unit = "recovery cost per mission" if one.measure == "recovery_cost" else "verified completion"
     return f"{unit} better by {one.gain:.3f} (95 % interval {one.low:.3f} to {one.high:.3f}, {one.fleets} fleets)"
 
 
-def _calm(outcomes: Sequence[FleetOutcome]) -> Answered:
+def _calm(outcomes: Sequence[FleetOutcome]) -> CriterionResult:
     """Releases on sites without regularities, by fleets: alpha is spent once per fleet."""
     fleets = [outcome for outcome in outcomes if outcome.kind == "none"]
     released = sum(
@@ -216,7 +218,7 @@ def _calm(outcomes: Sequence[FleetOutcome]) -> Answered:
     lines = 3 * len(fleets)
     looks = sum(step.arm in ("gated", "random", "batch") for outcome in fleets for step in outcome.steps)
     most = upper_bound(released, lines) if lines else 1.0
-    return Answered(
+    return CriterionResult(
         refutes=RELEASES_IN_CALM,
         refuted=released / lines > ALPHA if lines else None,
         sentence=f"{released} of {lines} gated lines of {len(fleets)} fleets without regularities released anything, "
@@ -224,11 +226,11 @@ def _calm(outcomes: Sequence[FleetOutcome]) -> Answered:
     )
 
 
-def _sound(outcomes: Sequence[FleetOutcome]) -> Answered:
+def _sound(outcomes: Sequence[FleetOutcome]) -> CriterionResult:
     measured = [one for outcome in outcomes for one in outcome.measured if one.arm == "gated"]
     false = sum(one.sums["contract_false_completion"] for one in measured)
     missions = sum(one.missions for one in measured)
-    return Answered(
+    return CriterionResult(
         refutes=CONTRACTS_BROKEN,
         refuted=false > 0,
         sentence=f"{false:g} in {missions} held-out missions under its configurations; the count does not refute a "
@@ -243,10 +245,10 @@ def _false(outcomes: Sequence[FleetOutcome], arm: Arm) -> tuple[int, int]:
     return int(count), sum(one.missions for one in measured)
 
 
-def _loose(outcomes: Sequence[FleetOutcome]) -> Answered:
+def _loose(outcomes: Sequence[FleetOutcome]) -> CriterionResult:
     loose, missions = _false(outcomes, "ungated")
     bound, same = _false(outcomes, "gated")
-    return Answered(
+    return CriterionResult(
         refutes=LOOSENING_HARMLESS,
         refuted=loose <= bound,
         sentence=f"The ungated arm loosens when that pays: {loose} false completions in {missions} missions; "
@@ -254,14 +256,14 @@ def _loose(outcomes: Sequence[FleetOutcome]) -> Answered:
     )
 
 
-def _beats_or_breaks(outcomes: Sequence[FleetOutcome], found: dict[tuple[Key, Arm], Contrast]) -> Answered:
+def _beats_or_breaks(outcomes: Sequence[FleetOutcome], found: dict[tuple[Key, Arm], Contrast]) -> CriterionResult:
     """At least as good: no worse in both measures and without more false completions."""
     cost, done = found[("recovery_cost", "ungated")], found[("verified_completion", "ungated")]
     loose, _ = _false(outcomes, "ungated")
     bound, _ = _false(outcomes, "gated")
     as_good = loose <= bound and cost.low <= 0 and done.low <= 0
-    return Answered(
+    return CriterionResult(
         refutes=UNGATED_AS_GOOD,
         refuted=as_good,
-        sentence=f"Against ungated: {_told(cost)}; {_told(done)}; false completions {bound} to {loose}.",
+        sentence=f"Against ungated: {_text(cost)}; {_text(done)}; false completions {bound} to {loose}.",
     )

@@ -12,6 +12,7 @@ import msgspec
 
 from harness.contracts.errors import ContractInvalid, StoreUnavailable
 from harness.contracts.ids import sha256
+from harness.contracts.reasons import because
 from harness.contracts.simulation import Simulator
 from harness.contracts.values import digest, encode
 from rsi_reviews.hidden_sites import FOLDER, site_file, site_names
@@ -51,14 +52,13 @@ def check_blind() -> None:
     found = blind_digest()
     if committed[:1] != [found]:
         raise ContractInvalid(
-            f"The blind sites have the digest {found}",
+            because("blind_sites_changed", digest=found),
             where=f"{FOLDER}/sites/{BLIND}",
-            do="restore the files that were hashed before the run; what was written after it is not blind",
         )
 
 
 def outcomes(
-    wanted: Sequence[Task], *, simulator: Simulator, folder: Path, processes: int, report: FleetReport
+    jobs: Sequence[Task], *, simulator: Simulator, folder: Path, processes: int, report: FleetReport
 ) -> tuple[FleetOutcome, ...]:
     """Every fleet's outcome, in order; what lies in `folder` from an earlier run on the same terms is taken from it.
 
@@ -67,18 +67,18 @@ def outcomes(
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise StoreUnavailable(f"The folder cannot be made: {error}", where=str(folder), do="name another") from error
-    found = {task: outcome for task in wanted if (outcome := _kept(folder, task)) is not None}
-    for outcome in _run([task for task in wanted if task not in found], simulator, processes=processes):
+        raise StoreUnavailable(because("results_folder_unmakeable", error=str(error)), where=str(folder)) from error
+    found = {one.task: one for one in read_outcomes(jobs, folder=folder)}
+    for outcome in _run([task for task in jobs if task not in found], simulator, processes=processes):
         _keep(folder, outcome)
         found[outcome.task] = outcome
-        report(outcome, len(found), len(wanted))
-    return tuple(found[task] for task in wanted)
+        report(outcome, len(found), len(jobs))
+    return tuple(found[task] for task in jobs)
 
 
-def kept(wanted: Sequence[Task], *, folder: Path) -> tuple[FleetOutcome, ...]:
+def read_outcomes(jobs: Sequence[Task], *, folder: Path) -> tuple[FleetOutcome, ...]:
     """The outcomes stored there so far, in order."""
-    return tuple(outcome for task in wanted if (outcome := _kept(folder, task)) is not None)
+    return tuple(outcome for task in jobs if (outcome := _read_outcome(folder, task)) is not None)
 
 
 def _run(left: Sequence[Task], simulator: Simulator, *, processes: int) -> Iterator[FleetOutcome]:
@@ -93,7 +93,7 @@ def _file(folder: Path, task: Task) -> Path:
     return folder / f"fleet-{task.fleet}-{digest(task)[:12]}.json"
 
 
-def _kept(folder: Path, task: Task) -> FleetOutcome | None:
+def _read_outcome(folder: Path, task: Task) -> FleetOutcome | None:
     file = _file(folder, task)
     if not file.exists():
         return None

@@ -17,7 +17,7 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import HarnessError
 from harness.contracts.protocol import PhysicalStart
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import because, plain
 from harness.contracts.simulation import Simulator
 from harness.contracts.stored_commands import without_command
 from harness.contracts.tasks import TaskContract
@@ -25,7 +25,7 @@ from harness.contracts.values import Value
 from harness.projections.mission import Mission
 from harness.runtime import Start
 from harness.settings import HarnessSettings
-from rsi_reviews.evaluation.story import routes_of, told
+from rsi_reviews.evaluation.story import routes_of, story_of
 from rsi_reviews.regression.cases import Case, Outside, Situation
 
 ROBOT = ids.RobotId("vbot-1")
@@ -40,7 +40,7 @@ EVERYTHING = 1_000_000
 _DECODER: msgspec.json.Decoder[AnyEvent] = msgspec.json.Decoder(AnyEvent)
 
 
-class Happened(Value):
+class LoggedEvent(Value):
     """One event of the log, of any stream, in order. `body` is its canonical JSON."""
 
     stream: ids.StreamId
@@ -65,7 +65,7 @@ class MissionAccount:
     configuration: ids.Digest
     mission: Mission
     yardstick: TaskContract
-    log: tuple[Happened, ...]
+    log: tuple[LoggedEvent, ...]
     starts: tuple[PhysicalStart, ...]
     story: Mapping[str, Any]
     begun_s: float
@@ -79,11 +79,11 @@ def conducted(case: Case, configuration: Configuration, simulator: Simulator) ->
     Raises HarnessError where the case itself is wrong: an unknown template, fault or site.
     """
     with _opened(case, configuration, simulator) as harness:
-        mission_id = begun(harness, case.situation, case.seed)
+        mission_id = begin_mission(harness, case.situation, case.seed)
         begun_s = harness.clock.now().mission_s
         cut = stepped(harness, mission_id, case.situation.outside)
-        wanted = yardstick(case.situation, simulator)
-        return account_of(harness, mission_id, case, yardstick=wanted, begun_s=begun_s, cut=cut)
+        reference = yardstick(case.situation, simulator)
+        return account_of(harness, mission_id, case, yardstick=reference, begun_s=begun_s, cut=cut)
 
 
 @contextmanager
@@ -98,10 +98,10 @@ def _opened(case: Case, configuration: Configuration | None, simulator: Simulato
 def yardstick(situation: Situation, simulator: Simulator) -> TaskContract:
     """The contract that H_0 compiles for a situation: what was asked, whatever a candidate's template says (D30)."""
     with _opened(Case(situation=situation, seed=0), None, simulator) as harness:
-        return _contract(harness.runtime.mission(begun(harness, situation, 0)))
+        return _contract(harness.runtime.mission(begin_mission(harness, situation, 0)))
 
 
-def begun(harness: Harness, situation: Situation, seed: int) -> ids.MissionId:
+def begin_mission(harness: Harness, situation: Situation, seed: int) -> ids.MissionId:
     """Create the mission of a situation; the next steps run it. Raises HarnessError if it cannot be created."""
     labels = {"faults": ",".join(situation.faults)} if situation.faults else {}
     start = Start(actor=ASKING, robot_id=ROBOT, template=situation.template, seed=seed, labels=labels)
@@ -171,7 +171,7 @@ def account_of(
     runtime = harness.runtime
     mission = runtime.mission(mission_id)
     log = tuple(
-        Happened(stream=one.stream, kind=one.kind, mission_s=one.mission_s, body=without_command(one.body))
+        LoggedEvent(stream=one.stream, kind=one.kind, mission_s=one.mission_s, body=without_command(one.body))
         for one in runtime.log(after, limit=EVERYTHING)
     )
     return MissionAccount(
@@ -181,7 +181,7 @@ def account_of(
         yardstick=yardstick,
         log=log,
         starts=harness.starts(mission_id),
-        story={**told(harness, mission), **routes_of(yardstick)},
+        story={**story_of(harness, mission), **routes_of(yardstick)},
         begun_s=begun_s,
         ended_s=harness.clock.now().mission_s,
         cut=cut,
@@ -190,5 +190,5 @@ def account_of(
 
 def _contract(mission: Mission) -> TaskContract:
     if mission.contract is None:
-        raise HarnessError("The mission has no contract", where=mission.mission_id, do="correct the suite")
+        raise HarnessError(because("case_without_contract"), where=mission.mission_id)
     return mission.contract

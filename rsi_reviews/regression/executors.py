@@ -11,6 +11,7 @@ import msgspec
 
 from harness.contracts.configuration import Configuration
 from harness.contracts.errors import HarnessError
+from harness.contracts.reasons import because
 from harness.contracts.simulation import Simulator
 from harness.contracts.values import Value, encode
 from rsi_reviews.contracts import CaseResult
@@ -205,5 +206,5 @@ def _parts(cases: tuple[Case, ...]) -> Iterator[tuple[Case, ...]]:
 def local(processes: int, simulator: Simulator) -> Executor:
     """The executor for this many local processes; 0 means this process. Raises HarnessError for a negative count."""
     if processes < 0:
-        raise HarnessError(f"{processes} processes", where="processes", do="ask for 0 or more")
+        raise HarnessError(because("processes_negative", count=processes), where="processes")
     return Processes(processes, simulator) if processes else Here(simulator)

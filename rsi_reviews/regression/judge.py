@@ -20,7 +20,7 @@ from harness.contracts.tasks import Node
 from harness.contracts.values import Value, digest
 from rsi_reviews.contracts import CaseResult
 from rsi_reviews.evaluation.adjudicator import adjudicate
-from rsi_reviews.regression.case_run import Happened, MissionAccount
+from rsi_reviews.regression.case_run import LoggedEvent, MissionAccount
 
 SPEED_MARGIN_MPS = 0.1
 
@@ -42,7 +42,7 @@ CHARGES = Charges()
 
 
 @dataclass
-class _Books:
+class _MissionTotals:
     """Totals of one mission's log, by event kinds alone."""
 
     intents: dict[str, events.DispatchIntended] = field(default_factory=dict)
@@ -101,15 +101,15 @@ def course(account: MissionAccount) -> Digest:
     Equal for the same seed on any machine, and equal under two configurations that decided alike throughout. Handoffs
     are left out because they happen in wall time.
     """
-    return digest([said for _, said in lasting(account)])
+    return digest([text for _, text in lasting(account)])
 
 
-def lasting(account: MissionAccount) -> list[tuple[Happened, Any]]:
+def lasting(account: MissionAccount) -> list[tuple[LoggedEvent, Any]]:
     """The events that make a mission's course, each with its contents as they are compared."""
     return [(one, _plain(one.body)) for one in account.log if _in_mission_time(one)]
 
 
-def _in_mission_time(happened: Happened) -> bool:
+def _in_mission_time(happened: LoggedEvent) -> bool:
     return happened.kind not in ("MissionCreated", "ContractCompiled") and not happened.stream.startswith("handoff/")
 
 
@@ -130,8 +130,8 @@ def _without(value: Any) -> Any:
             return value
 
 
-def _read(account: MissionAccount) -> _Books:
-    books = _Books()
+def _read(account: MissionAccount) -> _MissionTotals:
+    books = _MissionTotals()
     for happened in account.log:
         match happened.event:
             case events.DispatchIntended() as intent:
@@ -169,7 +169,7 @@ def _read(account: MissionAccount) -> _Books:
     return books
 
 
-def _unearned(account: MissionAccount, books: _Books) -> Iterator[str]:
+def _unearned(account: MissionAccount, books: _MissionTotals) -> Iterator[str]:
     """Acceptances that the log itself refutes, and success without what the yardstick requires."""
     for event in books.commits:
         if event.packet_id not in books.packets or books.verdicts.get(event.invocation_id) != "satisfied":
@@ -179,10 +179,10 @@ def _unearned(account: MissionAccount, books: _Books) -> Iterator[str]:
         yield from (f"success without {node_id}" for node_id in required if node_id not in books.standing)
 
 
-def _unsafe(account: MissionAccount, books: _Books) -> Iterator[str]:
+def _unsafe(account: MissionAccount, books: _MissionTotals) -> Iterator[str]:
     """Motion that nobody requested or that was too fast, and overdrawn budgets."""
-    asked = {intent.request_id for intent in books.intents.values()}
-    yield from (f"{s.node_id} started without an intent" for s in account.starts if s.request_id not in asked)
+    requests = {intent.request_id for intent in books.intents.values()}
+    yield from (f"{s.node_id} started without an intent" for s in account.starts if s.request_id not in requests)
     cap = account.yardstick.constraints.speed_cap_mps
     fastest = max((abs(line["v_mps"]) for line in account.story["truth"]), default=0.0)
     if fastest > cap + SPEED_MARGIN_MPS:

@@ -13,6 +13,7 @@ from typing import TypeVar
 import msgspec
 
 from harness.contracts.ids import Digest, sha256
+from harness.contracts.reasons import because
 from harness.contracts.values import Value, encode
 from rsi_reviews.contracts import CaseResult
 from rsi_reviews.regression.errors import ResultsDamaged
@@ -71,9 +72,8 @@ class ResultsFile:
         heading = self._line(whole[0], ResultsHeader, 1)
         if heading.evaluator != evaluator:
             raise ResultsDamaged(
-                f"They were measured by {heading.evaluator}, this is {evaluator}",
+                because("results_of_another_evaluator", measured_by=heading.evaluator, evaluator=evaluator),
                 where=str(self.path),
-                do="name another file, so that nothing is compared across evaluators",
             )
         for number, line in enumerate(whole[1:], start=2):
             result = self._line(line, CaseResult, number)
@@ -85,7 +85,7 @@ class ResultsFile:
             return msgspec.json.decode(line, type=kind)
         except msgspec.MsgspecError as error:
             raise ResultsDamaged(
-                f"Line {number} cannot be read: {error}", where=str(self.path), do="remove the file and run again"
+                because("results_line_unreadable", number=number, error=str(error)), where=str(self.path)
             ) from error
 
 

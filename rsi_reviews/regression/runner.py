@@ -37,14 +37,14 @@ def measured(
     configurations: Sequence[Configuration],
     *,
     executor: Executor,
-    kept: ResultsFile | None = None,
+    file: ResultsFile | None = None,
     watch: Watch = unwatched,
 ) -> tuple[CaseResult, ...]:
     """One result per case and configuration, in that order; a case that was lost has a result that says so.
 
     Raises WorkersLost if the executor gives up. Whatever it raises, and on KeyboardInterrupt, finished cases are kept.
     """
-    found = {(r.case, r.configuration): r for r in _before(cases, configurations, kept)}
+    found = {(r.case, r.configuration): r for r in _before(cases, configurations, file)}
     before, of, bad = len(found), len(cases) * len(configurations), 0
     jobs = [
         Job(configuration=configuration, cases=part)
@@ -55,8 +55,8 @@ def measured(
     watch(RunProgress(done=before, of=of, kept=before, bad=0))
     with closing(executor.run(jobs)) as running:
         for results in running:
-            if kept is not None:
-                kept.add(results)
+            if file is not None:
+                file.add(results)
             found |= {(r.case, r.configuration): r for r in results}
             bad += sum(result.outcome != "finished" for result in results)
             watch(RunProgress(done=len(found), of=of, kept=before, bad=bad))
@@ -69,12 +69,12 @@ def measured(
 
 
 def _before(
-    cases: Sequence[Case], configurations: Sequence[Configuration], kept: ResultsFile | None
+    cases: Sequence[Case], configurations: Sequence[Configuration], results: ResultsFile | None
 ) -> list[CaseResult]:
-    if kept is None:
+    if results is None:
         return []
     keys = [(case.case_id, one.configuration_id) for one in configurations for case in cases]
-    return [result for key in keys if (result := kept.get(key)) is not None]
+    return [result for key in keys if (result := results.get(key)) is not None]
 
 
 def _open(cases: Sequence[Case], configuration: Configuration, found: Mapping[Key, CaseResult]) -> tuple[Case, ...]:

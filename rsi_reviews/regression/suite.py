@@ -7,16 +7,17 @@ from itertools import pairwise
 import msgspec
 import yaml
 
-from harness.baseline.load import read_yaml
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import because
 from harness.contracts.values import Value
+from harness.workspace.yaml_reader import read_yaml
 from rsi_reviews.regression.cases import CaseGroup, Suite, cases_of
 from rsi_reviews.regression.errors import SuiteEdited, SuiteInvalid, SuiteShrunk
 
 REGISTER = "register.yaml"
 
 
-class Registered(Value):
+class RegisterEntry(Value):
     """One line of the register: a version of a suite and the digest it must have."""
 
     name: str
@@ -27,7 +28,7 @@ class Registered(Value):
 class Register(Value):
     """register.yaml: every version that was ever current, oldest first."""
 
-    versions: tuple[Registered, ...]
+    versions: tuple[RegisterEntry, ...]
 
 
 def shipped(name: str) -> Suite:
@@ -42,9 +43,9 @@ def newest(folder: Traversable, name: str) -> Suite:
     register = read_yaml(folder.joinpath(REGISTER).read_text(encoding="utf-8"), Register, where=REGISTER)
     lines = sorted((one for one in register.versions if one.name == name), key=lambda one: one.version)
     if not lines:
-        raise SuiteInvalid(f"No suite {name} is registered", where=REGISTER, do="name a registered suite")
+        raise SuiteInvalid(because("suite_unregistered", name=name), where=REGISTER)
     if [one.version for one in lines] != list(range(1, len(lines) + 1)):
-        raise SuiteInvalid(f"The versions of {name} are not 1 to {len(lines)}", where=REGISTER, do="register each once")
+        raise SuiteInvalid(because("suite_versions_not_consecutive", name=name, count=len(lines)), where=REGISTER)
     suites = [_read(folder, line) for line in lines]
     for older, newer in pairwise(suites):
         check_grown(older, newer)
@@ -62,7 +63,8 @@ def check_grown(older: Suite, newer: Suite) -> None:
         )
     if newer.version != older.version + 1:
         raise SuiteInvalid(
-            f"{newer.name} {newer.version} follows {older.version}", where=file_name(newer), do="count versions by one"
+            because("suite_version_skipped", name=newer.name, version=newer.version, before=older.version),
+            where=file_name(newer),
         )
 
 
@@ -83,11 +85,11 @@ def file_name(suite: Suite) -> str:
     return f"{suite.name}-{suite.version}.yaml"
 
 
-def _read(folder: Traversable, line: Registered) -> Suite:
+def _read(folder: Traversable, line: RegisterEntry) -> Suite:
     name = f"{line.name}-{line.version}.yaml"
     suite = read_yaml(folder.joinpath(name).read_text(encoding="utf-8"), Suite, where=name)
     if (suite.name, suite.version) != (line.name, line.version):
-        raise SuiteInvalid(f"It calls itself {suite.name} {suite.version}", where=name, do="name the file as its suite")
+        raise SuiteInvalid(because("suite_misnamed", name=suite.name, version=suite.version), where=name)
     if suite.suite_id != line.digest:
         raise SuiteEdited(
             f"Its digest is {suite.suite_id[:12]}, registered is {line.digest[:12]}",

@@ -16,43 +16,81 @@ PRODUCT = ("app", "harness", "rsi_reviews", "simulator", "experiments", "tools")
 RETIRED = frozenset(
     {
         "Attendant",
+        "Begun",
+        "Checked",
+        "Clerk",
+        "Collected",
+        "Counted",
         "Crew",
+        "Decomposed",
         "Deed",
         "Desk",
         "DeskWatch",
+        "Diary",
         "Doorkeeper",
         "Doors",
+        "Entered",
+        "Evaluated",
         "EvidenceKeeper",
+        "Failing",
         "Folds",
+        "Forwarded",
+        "Fuzzed",
         "GuardedDesk",
         "Habits",
         "HandDriven",
         "HandWheel",
+        "Handed",
+        "Happened",
         "Heard",
+        "Held",
         "Instant",
         "IssuerDoor",
+        "Judged",
         "Kept",
         "KeptRobot",
+        "Killed",
+        "Met",
+        "Played",
+        "Prepared",
+        "Published",
+        "Registered",
+        "Remaining",
+        "Remembered",
         "RosWords",
         "Rung",
         "Senses",
+        "Sent",
+        "Served",
         "Settled",
         "Shared",
         "Shelf",
+        "Shipped",
         "Sought",
         "Spill",
         "Standing",
+        "Superseded",
         "Surface",
         "Tape",
         "Threshold",
+        "Throttled",
         "Told",
         "Trail",
+        "Tried",
+        "Unanswered",
+        "Unchanged",
+        "Understood",
         "Unforeseen",
         "Unheard",
+        "Viewed",
         "Vigil",
         "Visitor",
+        "Wanted",
+        "Watched",
         "Wheel",
         "Word",
+        "Worked",
+        "Written",
         "attendant",
         "crew",
         "crews",
@@ -66,6 +104,10 @@ RETIRED = frozenset(
     }
 )
 """Names that gave way to the field's terms. What is stored keeps its name: events, records, configuration keys."""
+PARTICIPLES = frozenset({"asked", "heard", "kept", "meant", "said", "shown", "sought", "told", "wanted"})
+"""What happened to a thing names neither a function, nor a parameter, nor a variable."""
+PREDICATES = "harness/verification/predicates"
+"""A function here has the name of its predicate, which is stored in contracts."""
 
 
 def sources() -> Iterator[Path]:
@@ -95,6 +137,15 @@ def retired(text: str) -> set[str]:
     return names & RETIRED
 
 
+def participles(text: str) -> set[str]:
+    """Functions, parameters and local variables of a module whose name is a participle. Stored fields are exempt."""
+    functions = [one for one in ast.walk(ast.parse(text)) if isinstance(one, ast.FunctionDef | ast.AsyncFunctionDef)]
+    inside = [node for one in functions for node in ast.walk(one)]
+    names = {one.name for one in functions} | {one.arg for one in inside if isinstance(one, ast.arg)}
+    names |= {one.id for one in inside if isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store)}
+    return {name for name in names if name.strip("_") in PARTICIPLES}
+
+
 def test_a_class_name_stands_for_one_class() -> None:
     assert repeated({str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in sources()}) == {}
 
@@ -102,6 +153,20 @@ def test_a_class_name_stands_for_one_class() -> None:
 def test_names_that_were_given_up_do_not_come_back() -> None:
     found = {str(path.relative_to(ROOT)): retired(path.read_text(encoding="utf-8")) for path in sources()}
     assert {path: names for path, names in found.items() if names} == {}
+
+
+def test_a_participle_names_no_function_parameter_or_variable() -> None:
+    texts = {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in sources()}
+    found = {path: participles(text) for path, text in texts.items() if not path.startswith(PREDICATES)}
+    assert {path: names for path, names in found.items() if names} == {}
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["def _told(): ...", "def f(asked): ...", "def f():\n    kept = 1", "def f():\n    return [said for said in ()]"],
+)
+def test_a_participle_is_found(text: str) -> None:
+    assert participles(text)
 
 
 def test_no_module_is_named_by_a_retired_name() -> None:

@@ -148,7 +148,7 @@ def test_no_view_glues_words_and_values_to_a_sentence_that_cannot_be_told_in_ano
 
 
 def test_a_missing_a_stale_and_a_broken_message_are_found() -> None:
-    whole = dict.fromkeys(translations.said(), "x")
+    whole = dict.fromkeys(translations.catalogue_texts(), "x")
     holed = {one: "".join(translations.HOLE.findall(one)) or "x" for one in whole}
     assert translations.wrong(holed) == []
     first, *_, last = sorted(holed)

@@ -4,7 +4,7 @@ import re
 
 from playwright.sync_api import expect
 
-from harness.baseline.load import further
+from harness.baseline.load import shipped_workspace
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import MissionId
 from harness.planning.templates import by_name
@@ -23,7 +23,7 @@ ENGLISH = re.compile(r"[A-Za-z]{4,}(?: [A-Za-z]{2,}){2,}")
 def begun(served: Serving) -> MissionId:
     """An exploration that nothing has run yet."""
     start = Start(actor=ADA, robot_id=ROBOT, template="exploration", seed=3)
-    decision = served.asked.runtime.start(start, template=by_name("exploration", further()))
+    decision = served.asked.runtime.start(start, template=by_name("exploration", shipped_workspace().missions))
     assert isinstance(decision, Accepted), decision
     return served.asked.runtime.missions()[0].mission_id
 

@@ -79,12 +79,9 @@ class Console:
 
 @pytest.fixture(scope="module")
 def console(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Console]:
-    """One console for all tests here, with an inspection under way; the physics is tried elsewhere.
-
-    At a speed above 1 the robot's dead man would strike sooner than a busy machine lets the supervisor speak.
-    """
+    """One console for all tests here, with an inspection under way; the physics is tried elsewhere."""
     folder = tmp_path_factory.mktemp("console")
-    running = Console(folder / "var", "--speed", "1", "--fidelity", "kinematic", "--start", "warehouse-inspection")
+    running = Console(folder / "var", "--speed", "4", "--fidelity", "kinematic", "--start", "warehouse-inspection")
     yield running
     running.stop()
 

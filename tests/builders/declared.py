@@ -6,9 +6,9 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from harness.baseline.load import shipped_workspace
 from harness.contracts.ids import NodeId
 from harness.contracts.tasks import TaskTemplate
-from harness.extra_templates import further
 from harness.planning.templates import by_name
 from tests.builders.connections import Stage, Wrap, staged
 
@@ -41,7 +41,7 @@ def two_pictures(*, declared: bool = True, goals: tuple[dict[str, Any], ...] = (
     """Take a picture, take another, describe the first: with consent to the describer's own word, or where a person
     would have to attest what it says.
     """
-    base = by_name("camera-report", further())
+    base = by_name("camera-report", shipped_workspace().missions)
     capture, _, describe = base.nodes
     second = capture | {"node_id": SECOND, "depends_on": [FIRST]}
     second["success_conditions"] = [capture["success_conditions"][0] | {"condition_id": "second.pictured"}]

@@ -10,8 +10,8 @@ import pytest
 
 from app.i18n.reasons.rendering import remedy
 from harness.adapters.stores.configurations import StoredConfigurations
+from harness.adapters.stores.log_address import open_log
 from harness.adapters.stores.memory import MemoryEventStore
-from harness.adapters.stores.opening import open_log
 from harness.baseline.load import baseline
 from harness.contracts.configuration_record import CONFIGURATION, configuration_record
 from harness.contracts.errors import ConfigurationMissing

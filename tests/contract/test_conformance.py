@@ -15,7 +15,7 @@ import pytest
 from harness.adapters.providers.http.process import RobotProcess, RobotSettings
 from harness.conformance.address import addressed
 from harness.conformance.declaration import ConformanceFile, read, shipped
-from harness.conformance.findings import Checked
+from harness.conformance.findings import ConformanceResult
 from harness.conformance.kit import check
 from harness.conformance.provider_setup import fresh_name, installed, installed_cards, protocol
 from harness.conformance.rows import NAMES, ROWS
@@ -49,12 +49,12 @@ def wrapped(kind: Callable[..., Passing]) -> Break:
     return lambda subject: reissued(subject, provider=kind(subject.provider))
 
 
-def only(row: str, stand: Stand, declaration: ConformanceFile) -> Checked:
+def only(row: str, stand: Stand, declaration: ConformanceFile) -> ConformanceResult:
     rows = [one for one in ROWS if one.name == row]
     return check(stand, declaration, mission_id=fresh_name(), rows=rows)
 
 
-def failed(checked: Checked) -> dict[str, str]:
+def failed(checked: ConformanceResult) -> dict[str, str]:
     return {finding.row: finding.text for finding in checked.findings if finding.outcome == "not met"}
 
 
@@ -186,7 +186,7 @@ def test_the_command_checks_the_simulated_robot_behind_http(tmp_path: Path) -> N
     )
     try:
         token = process.attachment.token
-        some = ("--provider", "route-follower", "--provider", "observer")
+        some = ("--provider", "route-follower", "--provider", "observer", "--allow-motion", "--stands-clear", "vbot-1")
         done = regen("provider", "check", process.attachment.base_url, *some, "--json", REGEN_ROBOT_TOKEN=token)
     finally:
         process.robot.close()

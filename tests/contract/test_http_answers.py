@@ -13,7 +13,7 @@ from harness.adapters.clock import LockstepClock, RobotClock
 from harness.adapters.providers.http.exchange import DEEPEST, nested_too_deep
 from harness.adapters.providers.http.robot import HttpProvider, HttpRobot
 from harness.conformance.address import addressed
-from harness.conformance.hostile.proxy import Answer, Ask, LyingProxy, Seen, listening
+from harness.conformance.hostile.proxy import Answer, Ask, LyingProxy, ProxyState, listening
 from harness.conformance.motion import SampleLog
 from harness.contracts.errors import BlobDamaged, ProviderFailed, ProviderUnreachable
 from harness.contracts.ids import Digest, RequestId
@@ -38,7 +38,7 @@ def answering(*answers: Answer, timeout_s: float = 5.0) -> Iterator[HttpRobot]:
     """A robot that gives these answers in turn, the last of them for ever."""
     left = list(answers)
 
-    def said(ask: Ask, forward: Callable[[Ask], Answer], seen: Seen) -> Answer:
+    def said(ask: Ask, forward: Callable[[Ask], Answer], seen: ProxyState) -> Answer:
         return left.pop(0) if len(left) > 1 else left[0]
 
     proxy = LyingProxy(lambda ask: Answer(status=404), said, moving=frozenset())

@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli.main import app
-from harness.adapters.stores.moving import move_log
-from harness.adapters.stores.opening import open_log
+from harness.adapters.stores.log_address import open_log
+from harness.adapters.stores.log_transfer import move_log
 from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.sql_log import SqlLog
 from harness.contracts.errors import LogDamaged, StoreOwned, StoreUnavailable

@@ -8,7 +8,7 @@ import pytest
 
 from app.i18n.reasons.rendering import sentence
 from harness.auditing.replay import replay_mission
-from harness.baseline.load import further
+from harness.baseline.load import shipped_workspace
 from harness.bootstrap import simulated
 from harness.contracts.decisions import Accepted
 from harness.contracts.events import DispatchIntended
@@ -141,7 +141,7 @@ class Exchanging(Wrapped):
 
 def test_a_keeper_that_names_another_picture_is_not_accepted() -> None:
     with staged(wrap=only("keep_evidence", Exchanging)) as stage:
-        ran = stage.run(stage.begin(by_name("camera-report", further())))
+        ran = stage.run(stage.begin(by_name("camera-report", shipped_workspace().missions)))
         assert ran.mission.status not in ("succeeded", "partly_verified")
         assert ran.verdicts("persist")[0] == "violated"
         assert "not the accepted picture" in sentence(ran.mission.of(PERSIST).verdicts[0].reason)
@@ -162,5 +162,5 @@ def test_templates_beside_the_configuration_are_offered_and_drafted_as_they_star
 
 
 def test_the_templates_own_plan_is_admissible() -> None:
-    for template in further():
+    for template in shipped_workspace().missions:
         assert stage_plan_refusal(one_after_another("", template), template=template) is None

@@ -7,8 +7,8 @@ import msgspec
 import pytest
 
 from experiments.campaigns.adjudicate import judged
-from experiments.campaigns.course import MissionCourse
-from experiments.campaigns.mission import Played, WatchedStore
+from experiments.campaigns.mission import PlayedMission, WatchedStore
+from experiments.campaigns.mission_course import MissionCourse
 from experiments.campaigns.plan import MissionPlan
 from harness.contracts.ports import StoredEvent
 from harness.contracts.retreat_events import RETREAT
@@ -17,7 +17,7 @@ from tests.builders.waiting import waiting
 
 
 @pytest.fixture(scope="module")
-def retreated() -> Iterator[Played]:
+def retreated() -> Iterator[PlayedMission]:
     """A mission that nobody answered; its robot went to its safe place."""
     store = WatchedStore()
     with waiting(site=retreating_site(), store=store) as made:
@@ -26,7 +26,7 @@ def retreated() -> Iterator[Played]:
         asked.pass_s(LATE_S)
         mission = asked.run()
         assert mission.status == "safe_stopped" and len(sent(asked)) == 1
-        yield Played(
+        yield PlayedMission(
             plan=MissionPlan(seed=3, template="circuit", faults=(ASKS,), disturbances=(), approvals=0),
             mission=mission,
             log=tuple(store.read(limit=100_000)),
@@ -40,13 +40,13 @@ def retreated() -> Iterator[Played]:
         )
 
 
-def test_a_retreat_that_was_intended_is_no_loose_start(retreated: Played) -> None:
+def test_a_retreat_that_was_intended_is_no_loose_start(retreated: PlayedMission) -> None:
     findings = judged(retreated)
     assert [start.node_id for start in retreated.starts].count(RETREAT) == 1
     assert (findings.breaches, findings.duplicate_starts, findings.unauthorised) == ((), (), ())
 
 
-def test_a_retreat_whose_intent_is_of_another_request_is_a_loose_start(retreated: Played) -> None:
+def test_a_retreat_whose_intent_is_of_another_request_is_a_loose_start(retreated: PlayedMission) -> None:
     (request,) = {start.request_id for start in retreated.starts if start.node_id == RETREAT}
 
     def other(event: StoredEvent) -> StoredEvent:

@@ -15,12 +15,12 @@ import pytest
 from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.kills import KillPoint, killed_twice
 from experiments.campaigns.ledgers import read_books
-from experiments.campaigns.mission import Played, played
+from experiments.campaigns.mission import PlayedMission, played
 from experiments.campaigns.plan import DISTURBANCES, ROBOT_FAULTS, Disturbance, MissionPlan, mission_plan
 from experiments.campaigns.publish import BEGIN, END, publish, with_figures
 from experiments.campaigns.races import answer_rounds, append_rounds
 from experiments.campaigns.simulate import CampaignWorkersLost, one_mission, seeds_of, spread
-from experiments.campaigns.suspended import suspensions
+from experiments.campaigns.suspended_holders import suspensions
 from experiments.campaigns.tally import Tally, counted, summary, tallied
 from experiments.campaigns.truths import torn
 from harness.contracts.observations import Odometry, Pose, Trajectory
@@ -32,14 +32,14 @@ SEED = 11
 
 
 @contextmanager
-def undisturbed(*, faults: tuple[str, ...] = (), disturbances: tuple[Disturbance, ...] = ()) -> Iterator[Played]:
+def undisturbed(*, faults: tuple[str, ...] = (), disturbances: tuple[Disturbance, ...] = ()) -> Iterator[PlayedMission]:
     with played(
         MissionPlan(seed=5, template="circuit", faults=faults, disturbances=disturbances, approvals=0)
     ) as mission:
         yield mission
 
 
-def rewritten(mission: Played, kind: str, old: str, new: str) -> Played:
+def rewritten(mission: PlayedMission, kind: str, old: str, new: str) -> PlayedMission:
     """The same mission with a word exchanged in its events of one kind, as a gate without a rule would have left it."""
 
     def changed(event: StoredEvent) -> StoredEvent:

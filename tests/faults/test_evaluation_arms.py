@@ -142,11 +142,11 @@ def test_both_check_suites_hold() -> None:
 def test_a_run_that_broke_off_goes_on_and_comes_out_the_same(tmp_path: Path) -> None:
     kept = tmp_path / "missions.jsonl"
     ask = ProtocolRequest(missions=2, seed=3, arms=("direct",), conditions=("nominal", "success-too-soon"))
-    whole = rows(ask, SIMULATOR, processes=1, kept=kept)
+    whole = rows(ask, SIMULATOR, processes=1, results=kept)
     lines = kept.read_bytes().splitlines(keepends=True)
     kept.write_bytes(b"".join(lines[:3]) + lines[3][:40])
     counted: list[int] = []
-    again = rows(ask, SIMULATOR, processes=1, kept=kept, progress=lambda done, of: counted.append(done))
+    again = rows(ask, SIMULATOR, processes=1, results=kept, progress=lambda done, of: counted.append(done))
     assert counted[0] == 2
     assert [_timeless(one) for one in again] == [_timeless(one) for one in whole]
 
@@ -157,26 +157,26 @@ def test_finished_missions_of_another_seed_are_not_mixed_in(tmp_path: Path) -> N
         ProtocolRequest(missions=1, seed=3, arms=("always-hands-off",), conditions=("nominal",)),
         SIMULATOR,
         processes=1,
-        kept=kept,
+        results=kept,
     )
     with raises_saying(ContractInvalid, match="another seed"):
         rows(
             ProtocolRequest(missions=1, seed=4, arms=("always-hands-off",), conditions=("nominal",)),
             SIMULATOR,
             processes=1,
-            kept=kept,
+            results=kept,
         )
 
 
 def test_processes_change_no_result() -> None:
     ask = ProtocolRequest(missions=6, seed=3, arms=("direct", "behaviour-tree"), conditions=("nominal",))
-    alone, together = rows(ask, SIMULATOR, processes=1, kept=None), rows(ask, SIMULATOR, processes=2, kept=None)
+    alone, together = rows(ask, SIMULATOR, processes=1, results=None), rows(ask, SIMULATOR, processes=2, results=None)
     assert [_timeless(one) for one in alone] == [_timeless(one) for one in together]
 
 
 def test_results_are_published_between_the_marks_and_loaded_again(tmp_path: Path) -> None:
     ask = ProtocolRequest(missions=1, seed=3, arms=("direct", GATED), conditions=("nominal", "success-too-soon"))
-    judged_rows = rows(ask, SIMULATOR, processes=1, kept=None)
+    judged_rows = rows(ask, SIMULATOR, processes=1, results=None)
     found = evaluation(judged_rows, ask, code=Digest("0" * 64), roles=RoleReport(tested=False), suites=())
     save(found, tmp_path / "evaluation.json")
     assert load(tmp_path / "evaluation.json") == found

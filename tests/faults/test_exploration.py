@@ -9,9 +9,9 @@ import pytest
 from msgspec.structs import replace
 
 from app.i18n.reasons.rendering import sentence
-from harness.auditing.legacy import asked
+from harness.auditing.legacy import guessed_command
 from harness.auditing.replay import replay_mission
-from harness.baseline.load import further
+from harness.baseline.load import shipped_workspace
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.events import DispatchIntended, MissionEvent
 from harness.contracts.exploration import (
@@ -46,7 +46,7 @@ NOW = Moment(mission_s=1000.0, wall_s=2000.0)
 
 
 def exploration() -> TaskTemplate:
-    return by_name("exploration", further())
+    return by_name("exploration", shipped_workspace().missions)
 
 
 class Explored:
@@ -69,7 +69,7 @@ class Explored:
         """The mission as it was when a revision was asked for, and the command that asked."""
         events: list[MissionEvent] = self.ran.events
         places = [index for index, event in enumerate(events) if isinstance(event, GraphRevised)]
-        command = asked(events[places[revision] :])
+        command = guessed_command(events[places[revision] :])
         assert isinstance(command, ReviseContract)
         return DECIDER.fold(DECIDER.initial, events[: places[revision]]), command
 

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from experiments.campaigns.hammer import HammerReport, hammer
-from experiments.campaigns.hammer_asks import Answer, CallerJournal, HammerRequest, Kind, told
+from experiments.campaigns.hammer_asks import Answer, CallerJournal, HammerRequest, Kind, read_journal
 from experiments.campaigns.hammer_judge import Keys, misplaced
 from experiments.campaigns.ledgers import exclusive_leases
 from experiments.campaigns.publish import BEGIN, END, with_figures
@@ -101,13 +101,13 @@ def test_a_journal_tells_what_was_asked_what_was_answered_and_what_was_left_open
         journal.asks(first)
         journal.hears(first.key, "done")
         journal.asks(second)
-    assert told(file).open == second
+    assert read_journal(file).open == second
     with CallerJournal(file) as journal:
         journal.asks(second)
         journal.hears(second.key, "refused")
     with file.open("ab") as torn:
         torn.write(b'{"ask":{"key":"c0-2"')
-    said = told(file)
+    said = read_journal(file)
     assert (said.asks, said.open) == ((first, second), None)
     assert said.again == frozenset({second.key})
     assert Counter(said.answers.values()) == Counter({"done": 1, "refused": 1})

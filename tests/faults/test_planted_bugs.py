@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.campaigns.planted import BUGS, Bug, Edit, edited, planted_bugs
+from experiments.campaigns.planted_bugs import BUGS, Bug, Edit, edited, planted_bugs
 from experiments.campaigns.regen import ROOT
 
 QUICK = ("no cycle check at the handoff", "planner text let into C3", "lease without fencing", "outbox not atomic",

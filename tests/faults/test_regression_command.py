@@ -17,7 +17,7 @@ from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import HarnessError
 from rsi_reviews.held_out import Looks, Secret
 from rsi_reviews.regression.executors import Here, Processes
-from rsi_reviews.regression.on_ray import RayCluster
+from rsi_reviews.regression.ray_cluster import RayCluster
 from rsi_reviews.release_service import ReleaseService
 from rsi_reviews.trial import HeldOut, Means, Trial, carried_out, judged_on, prepared
 from simulator.in_process import SIMULATOR

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import msgspec
 import pytest
 
-from experiments.campaigns.mission import Played, played
+from experiments.campaigns.mission import PlayedMission, played
 from experiments.campaigns.plan import MissionPlan
 from experiments.campaigns.publish import BEGIN, END, with_figures
 from experiments.campaigns.workers import WorkersReport, doubled, lost, worked_missions
@@ -15,7 +15,7 @@ MISSIONS, SEEDS = 6, (4, 5, 6, 7)
 
 
 @contextmanager
-def errand() -> Iterator[Played]:
+def errand() -> Iterator[PlayedMission]:
     with played(MissionPlan(seed=5, template="errand", faults=(), disturbances=(), approvals=0)) as mission:
         yield mission
 

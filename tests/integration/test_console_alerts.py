@@ -8,7 +8,7 @@ from threading import Thread
 
 import pytest
 
-from app.background.alert_watch import AlertWatch, Watched
+from app.background.alert_watch import AlertSources, AlertWatch
 from app.background.alerts import Alerts
 from app.background.notifications import Notices
 from app.background.robot_reports import Fleet
@@ -59,7 +59,7 @@ class Watchman:
         self.journal_away = False
         fleet = Fleet({RobotId("vbot-9"): self.robot}, {}, lambda: self.now_s)  # type: ignore[dict-item]
         self.alerts = Alerts(runtime)
-        watched = Watched(fleet, lambda mission_id: self._journal(), lambda: self.free, lambda: self.now_s)
+        watched = AlertSources(fleet, lambda mission_id: self._journal(), lambda: self.free, lambda: self.now_s)
         self.watch = AlertWatch(runtime, self.alerts, watched)
 
     def _journal(self) -> list[PhysicalStart]:

@@ -12,8 +12,8 @@ from app.i18n.reasons.rendering import sentence
 from app.main import create_app, open_accounts
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
-from app.views.exploration import Recorded, choices_region
-from harness.baseline.load import further
+from app.views.exploration import ChoiceRecords, choices_region
+from harness.baseline.load import shipped_workspace
 from harness.contracts.exploration import FREE, GridMap, TargetProposal, TargetQuestion
 from harness.contracts.reasons import Reason
 from harness.contracts.values import decode
@@ -45,7 +45,7 @@ class Explored:
     """An exploration behind a console, and somebody who reads about it."""
 
     def __init__(self, stage: Stage, *faults: str) -> None:
-        self.stage, self.mission_id = stage, stage.begin(by_name("exploration", further()), *faults)
+        self.stage, self.mission_id = stage, stage.begin(by_name("exploration", shipped_workspace().missions), *faults)
         app = create_app(
             stage.runtime,
             ConsoleSettings(port=8000),
@@ -104,7 +104,7 @@ def test_every_choice_links_what_it_was_made_from_what_was_considered_and_what_c
         came = text[text.index("came-title") :]
         assert f"node=leg-{number + 1}#evidence" in came and f"node=look-{number + 1}#evidence" in came
         assert "holds no record of them" not in text
-    region = choices_region(explored.mission, (), Recorded(), leg="leg-1")
+    region = choices_region(explored.mission, (), ChoiceRecords(), leg="leg-1")
     assert region.shown is not None
     assert (region.shown.recorded, region.shown.floor, region.shown.edges) == (False, None, ())
     why = decisions(explored.mission)[0].reason

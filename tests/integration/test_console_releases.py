@@ -11,7 +11,7 @@ import msgspec
 import pytest
 from fastapi.testclient import TestClient
 
-from app.background.evaluations import Evaluated
+from app.background.evaluations import EvaluationCache
 from app.background.release_watch import ReleaseWatch
 from app.settings import ConsoleSettings
 from harness.contracts.ids import Digest
@@ -406,4 +406,4 @@ def test_an_evaluation_under_way_tells_how_many_results_are_kept(house: House, t
     assert "200 missions to run" in house.page("viewer", "/candidates?status=evaluating")
     kept = ResultsFile(tmp_path / "results-abc.jsonl", evaluator="regression-1+abc")
     kept.add([result(CASES[0], made.baseline), result(CASES[0], made.configuration.configuration_id)])
-    assert Evaluated(house.bench.releases, tmp_path).progress(review) == "2 of 200 missions to run"
+    assert EvaluationCache(house.bench.releases, tmp_path).progress(review) == "2 of 200 missions to run"

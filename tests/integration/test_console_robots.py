@@ -12,7 +12,7 @@ from app.i18n.reasons.rendering import sentence
 from app.main import bind
 from app.settings import ConsoleSettings
 from app.web.filters import iso
-from app.web.starting import starting
+from app.web.starting_page import starting
 from harness.contracts.control import CONTROL
 from harness.contracts.ids import MissionId
 from harness.contracts.upcasting import name_of

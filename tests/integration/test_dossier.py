@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from harness.adapters.stores.chain import event_digest
 from harness.adapters.stores.dossier import signing_key, write_dossier
-from harness.auditing.dossier import Collected, collect
+from harness.auditing.dossier import DossierContent, collect
 from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
 from harness.contracts.control import CONTROL, LimitAutonomy
@@ -105,7 +105,7 @@ def test_a_file_that_nobody_signed_is_refused(exported: Path, tmp_path: Path) ->
 
 
 @pytest.fixture(scope="module")
-def replaced() -> Collected:
+def replaced() -> DossierContent:
     """A mission to a place that was moved before it began, and renamed while it was under way and once more after."""
     with console_stand() as stand:
         runtime, ada = stand.harness.runtime, Actor(name="ada", role="operator")
@@ -125,7 +125,7 @@ def replaced() -> Collected:
         return collect(runtime, mission_id, exported_by="ana", exported_at_s=0.0)
 
 
-def written(collected: Collected, events: bytes, file: Path) -> Path:
+def written(collected: DossierContent, events: bytes, file: Path) -> Path:
     """The dossier with these events instead of its own, signed anew."""
     files = {**collected.files, EVENTS: events}
     contents = replace(collected.contents, files={name: sha256(body) for name, body in files.items()})
@@ -133,7 +133,7 @@ def written(collected: Collected, events: bytes, file: Path) -> Path:
     return file
 
 
-def test_a_dossier_carries_the_places_it_used_and_their_changes(replaced: Collected, tmp_path: Path) -> None:
+def test_a_dossier_carries_the_places_it_used_and_their_changes(replaced: DossierContent, tmp_path: Path) -> None:
     found = verify_dossier(written(replaced, replaced.files[EVENTS], tmp_path / "whole.zip"))
     assert found.differences == ()
     assert found.reconstructed == 0
@@ -144,7 +144,7 @@ def test_a_dossier_carries_the_places_it_used_and_their_changes(replaced: Collec
 
 
 def test_a_contract_bound_to_another_place_than_its_changes_say_is_a_difference(
-    replaced: Collected, tmp_path: Path
+    replaced: DossierContent, tmp_path: Path
 ) -> None:
     line = next(one for one in replaced.files[EVENTS].splitlines(keepends=True) if b'"stream":"place/' in one)
     stored = decode(line, StoredEvent)
@@ -162,7 +162,9 @@ def test_a_contract_bound_to_another_place_than_its_changes_say_is_a_difference(
     )
 
 
-def test_a_dossier_without_place_changes_as_older_ones_are_still_verifies(replaced: Collected, tmp_path: Path) -> None:
+def test_a_dossier_without_place_changes_as_older_ones_are_still_verifies(
+    replaced: DossierContent, tmp_path: Path
+) -> None:
     kept = [one for one in replaced.files[EVENTS].splitlines(keepends=True) if b'"stream":"place/' not in one]
     found = verify_dossier(written(replaced, b"".join(kept), tmp_path / "older.zip"))
     assert found.differences == () and found.places == ()

@@ -133,7 +133,7 @@ def test_the_state_is_the_fold_of_the_log(interrupted: Ran) -> None:
     assert all(packet.estimates for packet in node.packets)
 
 
-@pytest.mark.ledger("R28", symbol="harness.contexts.observed:newest_samples")
+@pytest.mark.ledger("R28", symbol="harness.contexts.recent_observations:newest_samples")
 def test_what_roles_observe_carries_its_source_and_time(inspection: Ran) -> None:
     runtime = inspection.harness.runtime
     intent = next(intent for intent in intents(inspection) if intent.node_id == "go")

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from app.cli.main import app
 from app.i18n.reasons.rendering import sentence
 from harness.adapters.stores.folder import prepare
-from harness.adapters.stores.opening import open_log
+from harness.adapters.stores.log_address import open_log
 from harness.auditing.replay import replay_mission
 from harness.baseline.load import baseline
 from harness.bootstrap import simulated

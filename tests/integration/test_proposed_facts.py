@@ -6,9 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from app.cli.main import app
+from harness import assembly
+from harness.adapters.providers.models.description import OpenCvDescription
+from harness.contracts.protocol import InvocationReport
+from tests.builders.connections import Wrapped
 
 CIRCUIT = ("circuit", "--fidelity", "kinematic", "--speed", "0", "--json")
 
@@ -67,3 +72,28 @@ def test_a_proposal_that_nothing_tested_stays_one(tmp_path: Path) -> None:
     coffee = [one for one in found["proposals"] if one["name"] == "coffee_made"]
     assert [(one["verdict"], one["status"]) for one in coffee] == [(None, "untested")]
     assert "coffee_made" not in json.dumps([commit["facts"] for commit in bodies(events, "NodeCommitted")])
+
+
+class Wordless(Wrapped):
+    """A description service that ends like any other and proposes nothing."""
+
+    def report(self, handle: str) -> InvocationReport:
+        return replace(super().report(handle), proposed_facts=())
+
+
+def test_a_declared_effect_without_its_provider_s_proposal_is_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(assembly, "OpenCvDescription", lambda **named: Wordless(OpenCvDescription(**named)))
+    words = ["mission", "run", "camera-report", "--fidelity", "kinematic", "--speed", "0", "--json", "--seed", "3"]
+    done = CliRunner().invoke(app, [*words, "--data", str(tmp_path)])
+    found = json.loads(done.stdout)
+    assert (done.exit_code, found["status"]) == (3, "awaiting_human"), "honest words would end it verified in part"
+    assert found["declared_conditions"] == []
+    stages = {one["node_id"]: one["status"] for one in found["stages"]}
+    assert "declared" not in stages.values()
+    read = CliRunner().invoke(app, ["mission", "events", found["mission_id"], "--data", str(tmp_path), "--json"])
+    events = json.loads(read.stdout)["events"]
+    refused = [one for one in bodies(events, "CommitRejected") if one["node_id"] == "describe"]
+    assert refused and {one["rule"] for one in refused} == {"not_satisfied"}, "a word that was not given is none"
+    assert not bodies(events, "EffectDeclared")

@@ -1,4 +1,4 @@
-"""Why somebody is not let in, and what a setting of accounts or of the identity provider lacks, by code."""
+"""Holds the sentences of sign-in, permissions, accounts and the identity provider, by reason code."""
 
 from collections.abc import Mapping
 
@@ -8,7 +8,7 @@ SENTENCES: Mapping[str, str] = {
     "access_token_missing": N_("The identity provider gave no access token to ask it for groups with"),
     "access_token_unknown_kind": N_("The identity provider's access token is of no kind that is known here"),
     "account_disabled": N_("Your account here is disabled"),
-    "account_needed": N_("Only somebody who signed in to an account may {meaning}"),
+    "account_needed": N_("Only somebody who signed in to an account may {meaning:word}"),
     "account_name_invalid": N_("A name is 1 to 40 of a-z, 0-9, dot, dash, underscore"),
     "account_without_role": N_("An account needs at least one role"),
     "answer_of_other_issuer": N_("The answer comes from another issuer than the one that was asked"),
@@ -65,7 +65,7 @@ SENTENCES: Mapping[str, str] = {
     "person_mismatch": N_("The identity provider speaks of somebody else than who signed in"),
     "proxy_without_names": N_("A proxy is declared, and no name under which people reach it"),
     "role_missing": N_("You are known to the identity provider, and have no role here"),
-    "role_not_permitted": N_("Your role does not let you {meaning}"),
+    "role_not_permitted": N_("Your role does not let you {meaning:word}"),
     "roles_of_identity_provider": N_("The roles of {name} are the identity provider's matter"),
     "sign_in_answer_foreign": N_("The answer does not belong to the sign-in that this browser began"),
     "sign_in_code_refused": N_(
@@ -76,7 +76,7 @@ SENTENCES: Mapping[str, str] = {
     "token_name_or_scope_invalid": N_(
         "A token needs a name of a-z, 0-9, dot, dash, underscore and scopes that integrations may have"
     ),
-    "token_not_permitted": N_("This token may not {meaning}"),
+    "token_not_permitted": N_("This token may not {meaning:word}"),
     "token_of_other_robot": N_("This token is for {robot_id}"),
     "unknown_account": N_("There is no account {name}"),
     "unknown_token": N_("There is no token {token_id}"),

@@ -1,4 +1,4 @@
-"""What an alert says, by code."""
+"""Holds the sentences of alerts, by reason code."""
 
 from collections.abc import Mapping
 

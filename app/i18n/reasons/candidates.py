@@ -1,4 +1,4 @@
-"""Why a proposed candidate cannot be read, by code."""
+"""Holds the sentences of candidates that cannot be read, by reason code."""
 
 from collections.abc import Mapping
 

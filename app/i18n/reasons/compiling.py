@@ -1,4 +1,4 @@
-"""Why a goal, a template or an argument gives no contract, by code."""
+"""Holds the sentences of goals, templates and arguments that give no contract, by reason code."""
 
 from collections.abc import Mapping
 
@@ -17,6 +17,8 @@ SENTENCES: Mapping[str, str] = {
     "evidence_unmade": N_("No stage can make the evidence that {condition_id} needs: {capabilities}"),
     "explores_nothing": N_("The contract explores nothing"),
     "goal_empty": N_("The goal is empty"),
+    "goal_heard_in_two_ways": N_("The recording was heard in two ways"),
+    "goal_not_of_recording": N_("The goal is not what the recording says, which is “{heard}”"),
     "goal_not_doable_as_read": N_("The goal cannot be done as it was read"),
     "goal_not_understood": N_("The goal was not understood"),
     "goal_not_unicode": N_("The goal is not valid Unicode"),
@@ -39,6 +41,7 @@ SENTENCES: Mapping[str, str] = {
     "no_spanning_condition": N_("No completion condition spans several nodes"),
     "no_template_leads": N_("No template leads to {place_id}"),
     "no_zone_around": N_("No zone holds {place_id}"),
+    "no_transcriber": N_("Nothing here can write a recording down"),
     "nothing_understood": N_("Nothing was understood"),
     "nothing_verified": N_(
         "Every completion condition rests on a declared effect: nothing of the goal would be verified"
@@ -52,9 +55,10 @@ SENTENCES: Mapping[str, str] = {
     "place_ambiguous": N_("{count} places are called “{name}”"),
     "place_disputed": N_("The position of place {place_id} is disputed"),
     "predicate_retired": N_("Condition {condition_id} names {predicate}, which only its provider's word can show"),
+    "recording_unusable": N_("The recording cannot be used: {reason}"),
+    "recording_unknown": N_("No recording {digest}… is stored here"),
     "reading_of_other_text": N_("The reading is of another text or site"),
     "route_between": N_("{name} ({start} to {end})"),
-    "site_unreadable": N_("The site file cannot be read: {error}"),
     "source_missing": N_("Nothing at this robot except the provider itself can show {condition_id} ({predicate})"),
     "span_outside_text": N_("Characters {start} to {end} are not in the text"),
     "spot_inside_text": N_("{spot} is no text or number, so it cannot stand inside a text"),
@@ -83,6 +87,8 @@ REMEDIES: Mapping[str, str] = {
     "evidence_unmade": N_("add such a stage, or drop the condition"),
     "explores_nothing": N_("start it from a template that explores"),
     "goal_empty": N_("say what the robot shall do"),
+    "goal_heard_in_two_ways": N_("confirm the reading if it is what you said, else record it again or type it"),
+    "goal_not_of_recording": N_("leave the recording out to type the goal"),
     "goal_not_doable_as_read": N_("start a new mission with the same goal"),
     "goal_not_understood": N_("reword the goal"),
     "goal_not_unicode": N_("send it as UTF-8"),
@@ -107,6 +113,7 @@ REMEDIES: Mapping[str, str] = {
     "no_spanning_condition": N_("add one that no node tests by itself, such as in_order or linked"),
     "no_template_leads": N_("add a template that serves `go`, or ask for one thing at a time"),
     "no_zone_around": N_("add the outline of the walls around it as a zone: a turn is checked against them"),
+    "no_transcriber": N_("type the goal"),
     "nothing_understood": N_("say what the robot shall do"),
     "nothing_verified": N_("add a condition that does not name {nodes}"),
     "number_not_finite": N_("give a number with a bound"),
@@ -120,8 +127,9 @@ REMEDIES: Mapping[str, str] = {
     "predicate_retired": N_(
         "name the predicate that replaces it, or declare the condition in the node's evidence policy"
     ),
+    "recording_unknown": N_("upload it first"),
+    "recording_unusable": N_("give a WAV of 16-bit mono samples, {low_s} to {high_s} s long, or type the goal"),
     "reading_of_other_text": N_("read the goal again"),
-    "site_unreadable": N_("name a readable file of UTF-8 text"),
     "source_missing": N_(
         "connect a source of {predicate} to this robot, or name the condition under declared in the stage's evidence "
         "policy: the mission is then verified in part"

@@ -1,4 +1,4 @@
-"""Why the console itself refuses, by code."""
+"""Holds the sentences with which the console itself refuses, by reason code."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Why a record was withheld from a role, by code."""
+"""Holds the sentences about records that a role was not given, by reason code."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""What is wrong with a contract, a template, a zone or a mission that was named, by code."""
+"""Holds the sentences of contracts, templates, zones and missions that are wrong, by reason code."""
 
 from collections.abc import Mapping
 

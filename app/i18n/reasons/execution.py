@@ -1,4 +1,4 @@
-"""How an execution, its lease or its question went on or ended, by code."""
+"""Holds the sentences about executions, their leases and their handoffs, by reason code."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Why the gate refuses, by code."""
+"""Holds the sentences with which the commit gate refuses, by reason code."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""What a goal was read as, by code: its clauses, and why words were not read."""
+"""Holds the sentences that describe how a goal was read, clause by clause, by reason code."""
 
 from collections.abc import Mapping
 

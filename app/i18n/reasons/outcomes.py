@@ -1,4 +1,4 @@
-"""How a mission ended and who brought it about, by code."""
+"""Holds the sentences about how a mission ended and who ended it, by reason code."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Why a plan, a target or a recovery action is refused, by code."""
+"""Holds the sentences of plans, targets and recovery actions that are refused, by reason code."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Why a planner or an explorer proposes what it proposes, by code."""
+"""Holds the sentences with which planners and explorers explain a proposal, by reason code."""
 
 from collections.abc import Mapping
 

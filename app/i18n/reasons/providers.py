@@ -1,4 +1,4 @@
-"""Why a provider that runs inside the harness refused a request or failed, by code."""
+"""Holds the sentences of providers that run inside the harness, by reason code."""
 
 from collections.abc import Mapping
 
@@ -28,6 +28,10 @@ SENTENCES: Mapping[str, str] = {
     "send_declared_parameters": N_("send the parameters that the capability card declares"),
     "sound_no_wav": N_("the sound is no WAV ({error})"),
     "sound_not_16_bit_mono": N_("the sound is not 16-bit mono"),
+    "sound_of_other_length": N_("it lasts {duration_s:.1f} s, not {low_s} to {high_s} s"),
+    "sound_of_other_rate": N_("it has {rate_hz} samples a second, not {low_hz} to {high_hz}"),
+    "sound_too_large": N_("it has {bytes} bytes, at most {limit} are read"),
+    "sound_without_words": N_("no words were heard in it"),
     "speaker_busy": N_("The speaker is playing"),
     "speech_not_synthesised": N_("espeak-ng could not speak: {reason}"),
     "speech_recogniser_failed": N_("The speech recogniser failed: {reason}"),

@@ -1,4 +1,4 @@
-"""What is wrong with a recording, and what was not read of one, by code."""
+"""Holds the sentences of recordings that are wrong or were read in part, by reason code."""
 
 from collections.abc import Mapping
 

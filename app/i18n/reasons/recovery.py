@@ -1,4 +1,4 @@
-"""What failed, which recovery action comes next and which is not possible, by code."""
+"""Holds the sentences about failures and the recovery actions that follow them, by reason code."""
 
 from collections.abc import Mapping
 

@@ -1,11 +1,10 @@
-"""The one place where a reason becomes a sentence, in the reader's language; what it rests on stays code and facts.
+"""Turns a reason, which is a code with facts, into a sentence in the reader's language; nothing else does.
 
 A message has named holes with Python's format specifications, and a few of our own: `{x:word}` is a term of the
 vocabulary, `{x:words}` several of them, `{x:or}` the same with "or" before the last, `{x:capital}` begins a sentence,
 `{x:instant}` is an instant with its date and `{x:clock}` its time of day.
 """
 
-import re
 import warnings
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -24,6 +23,7 @@ from app.i18n.reasons import (
     console,
     contexts,
     contracts,
+    evaluations,
     execution,
     gate,
     goals,
@@ -39,6 +39,7 @@ from app.i18n.reasons import (
     reviews,
     robots,
     routing,
+    sites,
     stores,
     supervision,
     verification,
@@ -56,6 +57,7 @@ SENTENCES: Mapping[str, str] = {
     **console.SENTENCES,
     **contexts.SENTENCES,
     **contracts.SENTENCES,
+    **evaluations.SENTENCES,
     **execution.SENTENCES,
     **gate.SENTENCES,
     **goals.SENTENCES,
@@ -71,6 +73,7 @@ SENTENCES: Mapping[str, str] = {
     **requests.SENTENCES,
     **robots.SENTENCES,
     **routing.SENTENCES,
+    **sites.SENTENCES,
     **stores.SENTENCES,
     **supervision.SENTENCES,
     **verification.SENTENCES,
@@ -81,10 +84,12 @@ REMEDIES: Mapping[str, str] = {
     **candidates.REMEDIES,
     **compiling.REMEDIES,
     **contracts.REMEDIES,
+    **evaluations.REMEDIES,
     **providers.REMEDIES,
     **recordings.REMEDIES,
     **requests.REMEDIES,
     **robots.REMEDIES,
+    **sites.REMEDIES,
     **stores.REMEDIES,
 }
 """What to do about an error, by the code of what happened."""
@@ -103,7 +108,7 @@ WHERE = N_("Where: {where}")
 INSTANTS: Mapping[str, str] = {"instant": "yyyy-MM-dd HH:mm:ss", "clock": "HH:mm:ss"}
 """How an instant, in seconds since the Unix epoch, is written: with its date, or by its time of day."""
 NONE = "none"
-_IDENTIFIER = re.compile(r"[a-z0-9]+(?:[_.:+-][a-z0-9]+)*")
+"""The fact that stands for an empty list; every other name is a name, whatever the catalogue holds."""
 WORDS = frozenset({"word", "words", "or", "capital"})
 """Format specifications that are ours."""
 
@@ -139,9 +144,9 @@ def remedy(error: HarnessError, language: str = ENGLISH) -> str:
 def explained(error: HarnessError, language: str = ENGLISH) -> str:
     """An error in one line: what happened, where, and what to do."""
     where = translated(WHERE, language).format(where=sentence(error.where, language)) if error.where else ""
-    said = (sentence(error.what, language), where, remedy(error, language))
+    parts = (sentence(error.what, language), where, remedy(error, language))
     end = ENDS[language]
-    return end.join(part.rstrip(".。") for part in said if part) + end.rstrip()
+    return end.join(part.rstrip(".。") for part in parts if part) + end.rstrip()
 
 
 def sentences(reasons: tuple[Explanation, ...], language: str = ENGLISH) -> str:
@@ -187,14 +192,6 @@ def word(slug: str, language: str = ENGLISH) -> str:
     return translated(slug.replace("_", " "), language)
 
 
-def is_identifier(value: str) -> bool:
-    """Whether a fact names a thing, such as a stage called `report`: no language has another word for it.
-
-    A term of the vocabulary is asked for by its hole (`{verdict:word}`); `none` stands for an empty list.
-    """
-    return value != NONE and _IDENTIFIER.fullmatch(value) is not None
-
-
 class _Formatter(Formatter):
     """Fills the holes of one message with facts."""
 
@@ -216,14 +213,14 @@ class _Formatter(Formatter):
                     return alternatives.join((commas.join(listed[:-1]), listed[-1]))
                 return commas.join(listed)
             case str() if format_spec == "capital":
-                text = word(value, self._language) if is_identifier(value) else translated(value, self._language)
+                text = word(value, self._language)
                 return f"{text[:1].upper()}{text[1:]}"
             case int() | float() if format_spec in INSTANTS:
                 at = datetime.fromtimestamp(value, UTC)
                 return format_datetime(at, INSTANTS[format_spec], locale=LOCALES[self._language]) + " UTC"
             case str() if format_spec in WORDS:
                 return word(value, self._language)
-            case str() if not format_spec and not is_identifier(value):
-                return translated(str(value), self._language)
+            case str() if value == NONE:
+                return word(value, self._language)
             case _:
                 return str(super().format_field(value, format_spec))

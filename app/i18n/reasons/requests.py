@@ -1,4 +1,4 @@
-"""What is wrong with what was asked of the console or the command line, by code."""
+"""Holds the sentences of requests to the console and of command lines that are wrong, by reason code."""
 
 from collections.abc import Mapping
 
@@ -24,6 +24,7 @@ SENTENCES: Mapping[str, str] = {
     "no_console_to_link": N_("No console runs on this data folder"),
     "no_picture": N_("There is no picture of {robot_id}: {trouble}"),
     "no_robot_connected": N_("No robot is connected for this command"),
+    "no_scene_views": N_("There is no 3D view here"),
     "no_signing_key": N_("This console has no data folder, so it has no key to sign with"),
     "no_terminal": N_("There is no terminal to type a password at"),
     "owner_silent": N_("The owner of this data folder does not answer ({kind})"),
@@ -50,6 +51,8 @@ SENTENCES: Mapping[str, str] = {
     "unknown_measure": N_("Nothing is measured as {measure}"),
     "unknown_memory_role": N_("Memory has no role “{role}”"),
     "unknown_tab": N_("There is no tab called {group}"),
+    "no_parameters_here": N_("There is no parameter “{name}” here: this address takes none"),
+    "nothing_came_yet": N_("nothing came yet"),
     "unknown_parameter": N_("There is no parameter “{name}” here"),
     "unknown_place_id": N_("There is no place {place_id}"),
     "unknown_place_row": N_("There is no place {place_id}"),
@@ -78,6 +81,7 @@ REMEDIES: Mapping[str, str] = {
     "no_console_to_link": N_("start one with `regen up`: it prints a link; or name its folder with --data"),
     "no_picture": N_("try again in a few seconds"),
     "no_robot_connected": N_("start a console with `regen up`"),
+    "no_scene_views": N_("start the console with `regen up`"),
     "no_signing_key": N_("start it with --data"),
     "no_terminal": N_("pipe it in with --password-stdin"),
     "owner_silent": N_("stop that process, or wait until it answers"),

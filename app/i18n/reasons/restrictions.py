@@ -1,4 +1,4 @@
-"""What a candidate may not change, and why a manifest does not stand, by code."""
+"""Holds the sentences of changes that a candidate may not make, and of manifests that are wrong, by reason code."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Why the review desk refuses, by code."""
+"""Holds the sentences with which the review of a candidate refuses, by reason code."""
 
 from collections.abc import Mapping
 

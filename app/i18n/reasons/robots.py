@@ -1,4 +1,4 @@
-"""What is wrong with an answer of a robot, by code."""
+"""Holds the sentences of answers of a robot that are wrong, by reason code."""
 
 from collections.abc import Mapping
 

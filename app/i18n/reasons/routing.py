@@ -1,4 +1,4 @@
-"""Why a provider was filtered out, by code."""
+"""Holds the sentences about providers that routing filtered out, by reason code."""
 
 from collections.abc import Mapping
 
@@ -12,6 +12,7 @@ SENTENCES: Mapping[str, str] = {
     "offers_another_capability": N_("offers {capability:word}, not {wanted:words}"),
     "parameter_of_another_type": N_("parameter {name} is no {type:word}"),
     "parameter_required": N_("parameter {name} is required"),
+    "parameter_undeclared": N_("parameter {name} is not on the card"),
     "parameter_too_large": N_("parameter {name} = {value:g} is above {bound:g} {unit}"),
     "parameter_too_small": N_("parameter {name} = {value:g} is below {bound:g} {unit}"),
     "precondition_untestable": N_("precondition {precondition} cannot be tested"),

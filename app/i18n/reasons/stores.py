@@ -1,4 +1,4 @@
-"""What is wrong with a data folder, a database, a file or a record, by code."""
+"""Holds the sentences of data folders, databases, files and records that are wrong, by reason code."""
 
 from collections.abc import Mapping
 
@@ -40,6 +40,7 @@ SENTENCES: Mapping[str, str] = {
     "clock_invalid": N_("An event cannot be recorded at {mission_s} of mission time, {wall_s} of wall time"),
     "cloud_empty": N_("The point cloud holds no point"),
     "cloud_format_unknown": N_("Point clouds are read as PCD or PLY, not {suffix}"),
+    "cloud_without_suffix": N_("Point clouds are read as PCD or PLY; this file has no suffix"),
     "cloud_header_too_long": N_("The header of the point cloud does not end within {limit_bytes} bytes"),
     "cloud_header_unreadable": N_("The header of the point cloud cannot be read: {line}"),
     "cloud_nowhere_finite": N_("None of the {points} points of the cloud has finite coordinates"),
@@ -84,6 +85,18 @@ SENTENCES: Mapping[str, str] = {
     ),
     "digest_invalid": N_("“{digest}” is no digest"),
     "disk_full": N_("The disk has {free_mib} MiB free, a mission needs {needed_mib} MiB"),
+    "dossier_algorithm_unknown": N_("it is signed with “{algorithm}”, this release knows {known}"),
+    "dossier_blob_misnamed": N_("{name} is not named by its digest"),
+    "dossier_compression_unknown": N_("{name} is compressed in another way than this release writes"),
+    "dossier_contents_unreadable": N_("its contents list or signature cannot be read ({error})"),
+    "dossier_file_differs": N_("{name} does not match its signed digest"),
+    "dossier_file_missing": N_("{name} is missing or damaged ({error})"),
+    "dossier_file_too_large": N_("{name} unpacks to {bytes} bytes, at most {limit} are read"),
+    "dossier_file_unsigned": N_("{name} is in it and was not signed"),
+    "dossier_format_unknown": N_("it is of format {format}, this release reads {known}"),
+    "dossier_record_unreadable": N_("an event or record cannot be read ({error})"),
+    "dossier_signature_differs": N_("the signature does not match its contents list"),
+    "dossier_too_large": N_("it unpacks from {packed} to {unpacked} bytes in {files} files"),
     "dossier_other_key": N_("It is signed by {public_key}, not by the key you named"),
     "dossier_read_only": N_("A dossier is never written to"),
     "dossier_unreadable": N_("The file is no dossier: {error}"),
@@ -94,6 +107,9 @@ SENTENCES: Mapping[str, str] = {
     "fold_taken": N_("Another thread has followed the log further"),
     "folder_just_returned": N_("Another supervisor has just given the data folder back"),
     "folder_owned": N_("Another supervisor owns the data folder: process {pid} at {url}"),
+    "folder_owned_without_address": N_(
+        "Another supervisor, process {pid}, owns the data folder; it has no address yet"
+    ),
     "folder_unownable": N_("The data folder cannot be owned: {error}"),
     "identity_known": N_("The account {name}, or the person it is for, is known already"),
     "invocation_id_invalid": N_("“{invocation}” is no invocation id"),
@@ -131,6 +147,7 @@ SENTENCES: Mapping[str, str] = {
     "no_log_to_move": N_("There is no log to move"),
     "owner_unknown": N_("The owner of the data folder does not say who it is"),
     "parser_died": N_("The process that read it ended with code {code}"),
+    "parser_answer_unreadable": N_("The answer of the process that read it cannot be read"),
     "parser_failed": N_("It cannot be read: {error}"),
     "parser_out_of_memory": N_("Reading it takes more than {memory_mib} MiB of memory"),
     "parser_out_of_time": N_("Reading it takes longer than {cpu_s} s of processor time, or {wall_s} s altogether"),
@@ -173,6 +190,7 @@ REMEDIES: Mapping[str, str] = {
     "clock_invalid": N_("check the mission's clock"),
     "cloud_empty": N_("export it again as PCD or PLY with x, y and z"),
     "cloud_format_unknown": N_("export it again as PCD or PLY with x, y and z"),
+    "cloud_without_suffix": N_("export it again as PCD or PLY with x, y and z"),
     "cloud_header_too_long": N_("leave its comments out"),
     "cloud_header_unreadable": N_("export it again as PCD or PLY with x, y and z"),
     "cloud_nowhere_finite": N_("export it again with its coordinates"),
@@ -210,6 +228,7 @@ REMEDIES: Mapping[str, str] = {
     "fold_taken": N_("ask for the mark"),
     "folder_just_returned": N_("try again"),
     "folder_owned": N_("use that one, stop it, or choose another data folder"),
+    "folder_owned_without_address": N_("use that one, stop it, or choose another data folder"),
     "folder_unownable": N_("name a folder that can be written with --data"),
     "identity_known": N_("sign in again, or unlink it"),
     "installation_key_absent": N_("run `regen up` once, or set REGEN_SNAPSHOT_KEY_FILE"),

@@ -1,4 +1,4 @@
-"""Why the supervisor sends nothing, and how a way to a safe place ended, by code."""
+"""Holds the sentences about commands that the supervisor does not send, and about moves to safety, by reason code."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""What the verifier found, and why a precondition holds or does not, by code."""
+"""Holds the sentences about findings of the verifier and about preconditions, by reason code."""
 
 from collections.abc import Mapping
 
@@ -46,6 +46,7 @@ SENTENCES: Mapping[str, str] = {
     "image_of_earlier_capture": N_("the bytes of image {image} were recorded before, for request {request}"),
     "image_unreadable": N_("image {image} could not be decoded: {problem}"),
     "image_not_whole": N_("image {image} cannot be decoded to its end ({error})"),
+    "image_rows_missing": N_("rows are missing"),
     "image_of_another_capture": N_("image {image} is labelled for another request or another time than its capture"),
     "image_of_another_heading": N_("image {image} is labelled {off_rad:.2f} rad beside the heading that was measured"),
     "image_too_large": N_("an image claims {width_px} by {height_px} pixels"),
@@ -223,6 +224,7 @@ SENTENCES: Mapping[str, str] = {
     "report_of_another_passage": N_("the report is about another passage"),
     "request_differs_from_record": N_("the request differs from the record of what was submitted"),
     "request_recorded": N_("{requested_by} submitted it, channel {channel}"),
+    "request_spoken": N_("{requested_by} spoke it, channel {channel}; written down by {recogniser}"),
     "stored_images_of_elsewhere": N_("{images} stored images are not of the analysis"),
     "sweep_cut_short": N_("a lidar sweep is cut short: {points} points in {bytes} bytes"),
     "sweep_from_elsewhere": N_(

@@ -106,15 +106,17 @@ class OpenIdProvider:
             access_token=answer.get("access_token"),
             now_s=self._clock(),
         )
-        told = {name: value for name, value in claims.items() if value is not None}
-        endpoint, subject = document.body.get("userinfo_endpoint"), told["sub"]
-        if self._registration.groups_claim not in told and self._wire.permits(endpoint) and by_groups(subject):
-            told = person_of(self._wire, endpoint, answer, subject=subject) | told
+        known_claims = {name: value for name, value in claims.items() if value is not None}
+        endpoint, subject = document.body.get("userinfo_endpoint"), known_claims["sub"]
+        if self._registration.groups_claim not in known_claims and self._wire.permits(endpoint) and by_groups(subject):
+            known_claims = person_of(self._wire, endpoint, answer, subject=subject) | known_claims
         return identity.Claims(
             issuer=self.issuer,
             subject=subject,
-            name=next((str(told[one]) for one in ("preferred_username", "email", "name") if told.get(one)), ""),
-            groups=_groups(told.get(self._registration.groups_claim)),
+            name=next(
+                (str(known_claims[one]) for one in ("preferred_username", "email", "name") if known_claims.get(one)), ""
+            ),
+            groups=_groups(known_claims.get(self._registration.groups_claim)),
         )
 
     def leave(self, after: str) -> str:

@@ -8,9 +8,8 @@ import socket
 import warnings
 from collections.abc import Collection, Mapping
 from ipaddress import ip_address
+from typing import Any
 from urllib.parse import urlsplit
-
-import apprise
 
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.notification import Notification
@@ -25,11 +24,15 @@ class AppriseNotifier:
     """Implements Notifier. `addresses`: Apprise URL by service. Raises ContractInvalid for one that is none."""
 
     def __init__(self, addresses: Mapping[str, str]) -> None:
+        self._services: dict[str, Any] = {}
+        self._hosts: dict[str, tuple[str, ...]] = {}
+        if not addresses:
+            return
+        import apprise  # noqa: PLC0415  loads for a quarter of a second, and every command would wait for it
+
         asset = apprise.AppriseAsset(
             app_id="RegenHarness", app_desc="RegenHarness", app_url="", http_redirects=False, image_url_mask=""
         )
-        self._services = {}
-        self._hosts: dict[str, tuple[str, ...]] = {}
         for name, address in addresses.items():
             built = apprise.Apprise(asset=asset)
             if not urlsplit(address).scheme or not _added(built, address):
@@ -46,7 +49,7 @@ class AppriseNotifier:
         """Tries once. Every failure of an address or a service is reported with our own message."""
         if any(_of_this_link(host) for host in self._hosts[service]):
             return "the service's address leads to this machine's own network link, where no service is"
-        kind = apprise.NotifyType.FAILURE if message.urgent else apprise.NotifyType.WARNING
+        kind = "failure" if message.urgent else "warning"
         try:
             sent = self._services[service].notify(title=message.title, body=message.body, notify_type=kind)
         except (OSError, RuntimeError, TypeError, ValueError) as error:
@@ -64,7 +67,7 @@ def _of_this_link(host: str) -> bool:
     return any(one.is_link_local or one.is_multicast or one in METADATA for one in addresses)
 
 
-def _added(built: apprise.Apprise, address: str) -> bool:
+def _added(built: Any, address: str) -> bool:
     """Whether Apprise knows the address. Its first use loads every plugin, some of which import what is deprecated."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)

@@ -207,7 +207,7 @@ class LocalProvider(ABC):
 
     def _same(self, request: protocol.StartRequest) -> None:
         first = self._journal.requests[request.identity.request_id]
-        if _asked(first) != _asked(request):
+        if _request_digest(first) != _request_digest(request):
             raise self._refusal(because("request_changed", request_id=request.identity.request_id))
 
     def _refuse_unfit(self, request: protocol.StartRequest) -> None:
@@ -230,6 +230,6 @@ class LocalProvider(ABC):
         return ProviderFailed(what, where=self._card.provider_id, do=do)
 
 
-def _asked(request: protocol.StartRequest) -> str:
+def _request_digest(request: protocol.StartRequest) -> str:
     """What makes two requests the same: who asks for what. The state version may move between repeats (D1)."""
     return digest([request.identity, request.capability, request.parameters, request.blobs])

@@ -16,7 +16,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey,
 from harness.adapters.stores.chain import check_record, damaged, event_digest
 from harness.contracts import dossier, errors, ports
 from harness.contracts.ids import Digest, StreamId
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Reason, because
 from harness.contracts.stored_commands import command_of
 from harness.contracts.values import Moment, decode, encode
 
@@ -193,16 +193,16 @@ def open_dossier(archive: zipfile.ZipFile, *, where: str) -> Dossier:
         _signed(signed, signature, where)
         contents = decode(signed, dossier.DossierContents)
     except msgspec.MsgspecError as error:
-        raise _invalid(f"its contents list or signature cannot be read ({error})", where) from error
+        raise _invalid(because("dossier_contents_unreadable", error=str(error)), where) from error
     _bounded(archive, where)
     if contents.format != dossier.FORMAT:
-        raise _invalid(f"it is of format {contents.format}, this release reads {dossier.FORMAT}", where)
+        raise _invalid(because("dossier_format_unknown", format=contents.format, known=dossier.FORMAT), where)
     _listed(archive, contents, where)
     try:
         events = _lines(_member(archive, dossier.EVENTS, where, limit=LARGEST_LINES), ports.StoredEvent)
         records = _lines(_member(archive, dossier.RECORDS, where, limit=LARGEST_LINES), ports.Record)
     except msgspec.MsgspecError as error:
-        raise _invalid(f"an event or record cannot be read ({error})", where) from error
+        raise _invalid(because("dossier_record_unreadable", error=str(error)), where) from error
     log = DossierLog(events, records, contents.head)
     log.verify()
     return Dossier(contents=contents, public_key=signature.public_key, log=log, blobs=DossierBlobs(archive, contents))
@@ -212,28 +212,28 @@ def _bounded(archive: zipfile.ZipFile, where: str) -> None:
     members = archive.infolist()
     packed, unpacked = sum(one.compress_size for one in members), sum(one.file_size for one in members)
     if len(members) > MOST_FILES or unpacked > min(LARGEST_BYTES, FREE_BYTES + MOST_RATIO * packed):
-        raise _invalid(f"it unpacks from {packed} to {unpacked} bytes in {len(members)} files", where)
+        raise _invalid(because("dossier_too_large", packed=packed, unpacked=unpacked, files=len(members)), where)
 
 
 def _signed(signed: bytes, signature: dossier.DossierSignature, where: str) -> None:
     if signature.algorithm != ALGORITHM:
-        raise _invalid(f"it is signed with {signature.algorithm!r}, this release knows {ALGORITHM}", where)
+        raise _invalid(because("dossier_algorithm_unknown", algorithm=signature.algorithm, known=ALGORITHM), where)
     try:
         known = Ed25519PublicKey.from_public_bytes(bytes.fromhex(signature.public_key))
         known.verify(bytes.fromhex(signature.signature), signed)
     except (InvalidSignature, ValueError) as error:
-        raise _invalid("the signature does not match its contents list", where) from error
+        raise _invalid(because("dossier_signature_differs"), where) from error
 
 
 def _listed(archive: zipfile.ZipFile, contents: dossier.DossierContents, where: str) -> None:
     names = {one.filename for one in archive.infolist()} - {dossier.CONTENTS, dossier.SIGNATURE}
     if strange := sorted(names - set(contents.files)):
-        raise _invalid(f"{strange[0]} is in it and was not signed", where)
+        raise _invalid(because("dossier_file_unsigned", name=strange[0]), where)
     for name, expected in contents.files.items():
         if _digest(archive, name, where) != expected:
-            raise _invalid(f"{name} does not match its signed digest", where)
+            raise _invalid(because("dossier_file_differs", name=name), where)
         if name.startswith("blobs/") and name != f"blobs/{expected}":
-            raise _invalid(f"{name} is not named by its digest", where)
+            raise _invalid(because("dossier_blob_misnamed", name=name), where)
 
 
 def _member(archive: zipfile.ZipFile, name: str, where: str, *, limit: int) -> bytes:
@@ -252,19 +252,19 @@ def _pieces(archive: zipfile.ZipFile, name: str, where: str, *, limit: int) -> I
     try:
         declared = archive.getinfo(name)
         if declared.file_size > limit:
-            raise _invalid(f"{name} unpacks to {declared.file_size} bytes, at most {limit} are read", where)
+            raise _invalid(because("dossier_file_too_large", name=name, bytes=declared.file_size, limit=limit), where)
         if declared.compress_type not in KNOWN_COMPRESSION:
-            raise _invalid(f"{name} is compressed in another way than this release writes", where)
+            raise _invalid(because("dossier_compression_unknown", name=name), where)
         with archive.open(declared) as file:
             while piece := file.read(_PIECE):
                 yield piece
     except _UNREADABLE as error:
-        raise _invalid(f"{name} is missing or damaged ({error})", where) from error
+        raise _invalid(because("dossier_file_missing", name=name, error=str(error)), where) from error
 
 
 def _lines(body: bytes, kind: type[T]) -> list[T]:
     return [msgspec.json.decode(line, type=kind) for line in body.splitlines()]
 
 
-def _invalid(why: str, where: str) -> errors.DossierInvalid:
+def _invalid(why: Reason, where: str) -> errors.DossierInvalid:
     return errors.DossierInvalid(because("dossier_unverified", why=why), where=where)

@@ -52,7 +52,7 @@ def installation_key(given: Path | None, *, data: Path, make: bool) -> Installat
         return InstallationKey(missing=because("installation_key_in_data_folder", path=str(place)))
     try:
         if make and not place.exists():
-            _made(place)
+            _create(place)
         return _read(place)
     except FileNotFoundError:
         return InstallationKey(missing=because("installation_key_absent", path=str(place)))
@@ -73,7 +73,7 @@ def _read(place: Path) -> InstallationKey:
     return InstallationKey(secret=secret)
 
 
-def _made(place: Path) -> None:
+def _create(place: Path) -> None:
     """Written whole under another name, then linked: two processes that begin together read the same key."""
     place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     number, name = tempfile.mkstemp(dir=place.parent, prefix=".installation-")

@@ -76,8 +76,8 @@ class MemoryEventStore:
         """Recompute the chain and every record's digest; raises LogDamaged that names the first bad position."""
         with self._lock:
             log, records = list(self._log), list(self._records.values())
-        kept = {record.digest for record in records}
-        head = chain.check(chain.check_commands(log, kept.intersection))
+        digests = {record.digest for record in records}
+        head = chain.check(chain.check_commands(log, digests.intersection))
         for record in records:
             chain.check_record(record)
         return head

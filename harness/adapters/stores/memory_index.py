@@ -30,11 +30,11 @@ class IndexRow:
             return "superseded"
         return "disputed" if _by(self.disputed_at, as_of) else self.record.verification
 
-    def remembered(self, as_of: int | None = None) -> memory.Remembered:
+    def remembered(self, as_of: int | None = None) -> memory.MemoryEntry:
         """The row as it is handed out."""
         cut = _by(self.superseded_at, as_of)
         until_s = self.until_s if cut else self.record.valid_until_s
-        return memory.Remembered(record=self.record, standing=self.standing(as_of), until_s=until_s)
+        return memory.MemoryEntry(record=self.record, standing=self.standing(as_of), until_s=until_s)
 
 
 class VolatileMemoryIndex:
@@ -71,7 +71,7 @@ class VolatileMemoryIndex:
             for held in (self._rows, self._by_id, self._current, self._by_provider):
                 held.clear()
 
-    def get(self, record_id: str) -> memory.Remembered:
+    def get(self, record_id: str) -> memory.MemoryEntry:
         """Raises UnknownName."""
         with self._lock:
             if record_id not in self._by_id:
@@ -80,14 +80,14 @@ class VolatileMemoryIndex:
                 )
             return self._by_id[record_id].remembered()
 
-    def current(self, kind: str, subject: str) -> list[memory.Remembered]:
+    def current(self, kind: str, subject: str) -> list[memory.MemoryEntry]:
         """What nothing has superseded, oldest first."""
         with self._lock:
             return [row.remembered() for row in self._current.get((kind, subject), ())]
 
-    def find(self, query: memory.MemoryQuery) -> list[memory.Remembered]:
+    def find(self, query: memory.MemoryQuery) -> list[memory.MemoryEntry]:
         """Newest first, at most `limit`."""
-        found: list[memory.Remembered] = []
+        found: list[memory.MemoryEntry] = []
         with self._lock:
             for row in self._candidates(query):
                 if len(found) == query.limit:
@@ -148,7 +148,7 @@ def _by(position: int | None, as_of: int | None) -> bool:
 
 def _answers(row: IndexRow, query: memory.MemoryQuery) -> bool:
     record, labels = row.record, row.labels
-    asked = (
+    terms = (
         (query.subject, record.subject),
         (query.mission_id, record.provenance.mission_id),
         (query.provider_id, labels.provider_id),
@@ -156,7 +156,7 @@ def _answers(row: IndexRow, query: memory.MemoryQuery) -> bool:
         (query.configuration, labels.configuration),
     )
     return (
-        all(wanted in ("", found) for wanted, found in asked)
+        all(term in ("", found) for term, found in terms)
         and query.place in (None, labels.place)
         and (not query.verdicts or labels.verdict in query.verdicts)
         and (query.as_of is None or record.provenance.position <= query.as_of)
@@ -178,5 +178,5 @@ def _touches(where: memory.FloorBox | None, region: memory.FloorBox) -> bool:
     )
 
 
-def _speaks(one: memory.Remembered, at_s: float) -> bool:
+def _speaks(one: memory.MemoryEntry, at_s: float) -> bool:
     return one.record.valid_from_s <= at_s and (one.until_s is None or at_s < one.until_s)

@@ -57,13 +57,13 @@ def finding(query: MemoryQuery) -> tuple[str, tuple[str | int | float, ...]]:
     """The statement and arguments that answer a query, newest first."""
     clauses: list[str] = [f"kind IN ({', '.join('?' * len(query.kinds))})"]
     arguments: Arguments = [*query.kinds]
-    for column, wanted in (
+    for column, value in (
         ("subject", query.subject), ("mission_id", query.mission_id), ("provider_id", query.provider_id),
         ("capability", query.capability), ("configuration", query.configuration),
     ):  # fmt: skip
-        if wanted:
+        if value:
             clauses.append(f"{column} = ?")
-            arguments.append(wanted)
+            arguments.append(value)
     if query.provider_id:
         clauses.append("provider_id <> ''")
     if query.place is not None:

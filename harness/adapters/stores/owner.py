@@ -120,7 +120,9 @@ def _owned(folder: Path) -> StoreOwned:
     owner = read_owner(folder)
     if owner is None:
         return StoreOwned(because("folder_just_returned"), where=str(folder))
-    return StoreOwned(because("folder_owned", pid=owner.pid, url=owner.url or "no address yet"), where=str(folder))
+    if not owner.url:
+        return StoreOwned(because("folder_owned_without_address", pid=owner.pid), where=str(folder))
+    return StoreOwned(because("folder_owned", pid=owner.pid, url=owner.url), where=str(folder))
 
 
 def _unusable(path: Path, error: OSError) -> StoreUnavailable:

@@ -38,7 +38,7 @@ class PostgresEventStore(SqlLog):
         self._url = postgres_engine.server_url(url)
         super().__init__(
             _POSTGRESQL,
-            where=postgres_engine.shown(self._url),
+            where=postgres_engine.display_url(self._url),
             readers=postgres_engine.reader_engine(self._url),
             aside=postgres_engine.aside_engine(self._url),
         )
@@ -76,7 +76,7 @@ class PostgresEventStore(SqlLog):
 
     @contextmanager
     def _alone(self) -> Iterator[Connection]:
-        writer = self._begun()
+        writer = self._begin_or_reconnect()
         try:
             yield writer
         except BaseException:
@@ -127,7 +127,7 @@ class PostgresEventStore(SqlLog):
         if held != head.position:
             raise LogDamaged(because("database_index_damaged", held=held, found=head.position), where=self.where)
 
-    def _begun(self) -> Connection:
+    def _begin_or_reconnect(self) -> Connection:
         """The writer inside its transaction; opened again, once, if the connection was lost while it was idle."""
         try:
             return self._begin()

@@ -57,11 +57,11 @@ def server_url(url: str) -> URL:
     except ArgumentError as error:
         raise StoreUnavailable(because("database_address_missing"), where="REGEN_DATABASE") from error
     if parsed.get_backend_name() not in ("postgresql", "postgres"):
-        raise StoreUnavailable(because("log_kept_in_postgres"), where=shown(parsed))
+        raise StoreUnavailable(because("log_kept_in_postgres"), where=display_url(parsed))
     return parsed.set(drivername=_DIALECT)
 
 
-def shown(url: URL) -> str:
+def display_url(url: URL) -> str:
     """The address for people: without the password."""
     return url.set(drivername=url.get_backend_name()).render_as_string(hide_password=True)
 
@@ -108,15 +108,15 @@ def examined(url: URL) -> Iterator[None]:
     except StoreUnavailable as error:
         cause = error.__cause__
         if isinstance(cause, DBAPIError) and (sqlstate(cause.orig) or "").startswith(_CORRUPT):
-            raise LogDamaged(because("database_damaged", error=_said(cause.orig)), where=shown(url)) from cause
+            raise LogDamaged(because("database_damaged", error=_message(cause.orig)), where=display_url(url)) from cause
         raise
 
 
 def unavailable(url: URL, cause: BaseException | None) -> StoreUnavailable:
     """What a database failure means for a person."""
     return StoreUnavailable(
-        because("log_unusable", error=_said(cause)),
-        where=shown(url),
+        because("log_unusable", error=_message(cause)),
+        where=display_url(url),
         do=_REMEDIES.get((sqlstate(cause) or _UNREACHED)[:2], because("database_failing")),
     )
 
@@ -126,7 +126,7 @@ def sqlstate(cause: BaseException | None) -> str | None:
     return cause.sqlstate if isinstance(cause, psycopg.Error) else None
 
 
-def _said(cause: BaseException | None) -> str:
+def _message(cause: BaseException | None) -> str:
     return " ".join(str(cause).split())
 
 

@@ -85,10 +85,10 @@ class SqlReadModels:
         match = self._match(query)
         walks = query.order == "largest" and match != "" and self._count(query, match) > read_models.MANY
         rows = self._rows(*(read_models_schema.walk_of if walks else read_models_schema.page_of)(query, match))
-        shown = rows[: query.limit]
-        last = shown[-1] if len(rows) > query.limit else None
+        visible = rows[: query.limit]
+        last = visible[-1] if len(rows) > query.limit else None
         return read_models.ListPage(
-            bodies=tuple(bytes(row[2]) for row in shown),
+            bodies=tuple(bytes(row[2]) for row in visible),
             following=read_models.Bookmark(seq=last[0], amount=last[1]) if last is not None else None,
         )
 
@@ -119,8 +119,8 @@ class SqlReadModels:
 
     def _match(self, query: read_models.ListQuery) -> str:
         def spellings(word: str) -> list[str]:
-            asked = (query.listing, word, word + LAST_SIGN, read_models_schema.SPELLINGS + 1)
-            return [row[0] for row in self._rows(read_models_schema.BEGINNING, asked)]
+            arguments = (query.listing, word, word + LAST_SIGN, read_models_schema.SPELLINGS + 1)
+            return [row[0] for row in self._rows(read_models_schema.BEGINNING, arguments)]
 
         return read_models_schema.matching(query, spellings)
 
@@ -188,8 +188,8 @@ def _put_listing(
 ) -> None:
     table, terms = read_models_schema.TABLES[listing], read_models_schema.TERMS[listing]
     old = f"SELECT seq, facets, terms FROM {table} WHERE seq IN (SELECT value FROM json_each(?))"
-    for seq, facets, said in writer.exec_driver_sql(old, (msgspec.json.encode(list(rows)).decode(),)).all():
-        writer.exec_driver_sql(f"INSERT INTO {terms} ({terms}, rowid, terms) VALUES ('delete', ?, ?)", (seq, said))
+    for seq, facets, text in writer.exec_driver_sql(old, (msgspec.json.encode(list(rows)).decode(),)).all():
+        writer.exec_driver_sql(f"INSERT INTO {terms} ({terms}, rowid, terms) VALUES ('delete', ?, ?)", (seq, text))
         _tally(tallies, listing, _facets.decode(facets), -1)
     stored = [
         (

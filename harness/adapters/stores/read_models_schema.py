@@ -147,8 +147,8 @@ def matching(query: ListQuery, spellings: Spellings) -> str:
     for typed in query.words:
         for word in words_of(typed):
             known = spellings(word)
-            meant = [f'"{one}"' for one in known] if len(known) <= SPELLINGS else [f'"{word}"*']
-            parts.append(f"({' OR '.join([*meant, _quoted_id(word)])})")
+            quoted = [f'"{one}"' for one in known] if len(known) <= SPELLINGS else [f'"{word}"*']
+            parts.append(f"({' OR '.join([*quoted, _quoted_id(word)])})")
     return " AND ".join(parts)
 
 

@@ -71,8 +71,8 @@ class StoredSnapshots:
 
     def offer(self, stream: StreamId, version: int, state: object) -> None:
         """Store the state soon if enough events followed the last snapshot. `state` must not change any more."""
-        kept = self._kept.get(stream, 0)
-        if self._thread and version - kept >= max(EVERY, kept // 8):
+        stored_version = self._kept.get(stream, 0)
+        if self._thread and version - stored_version >= max(EVERY, stored_version // 8):
             self._kept[stream] = version
             self._offers.put((stream, version, state))
 

@@ -17,7 +17,7 @@ from harness.adapters.stores.sql_log import AnyRow, Arguments, SqlLog, event_of
 from harness.adapters.stores.sql_schema import migrate, needs_migration
 from harness.adapters.stores.sql_statements import statements
 from harness.adapters.stores.sqlite_driver import ReaderPool, driver_of, immediately
-from harness.adapters.stores.unchanged import Unchanged
+from harness.adapters.stores.version_cache import VersionCache
 from harness.contracts.errors import LogDamaged, StoreUnavailable
 from harness.contracts.ids import StreamId
 from harness.contracts.ports import LogHead, Record, StoredEvent
@@ -43,13 +43,13 @@ class SqlEventStore(SqlLog):
         )
         super().__init__(_SQLITE, where=str(self._url.database), readers=readers, aside=aside)
         self._quick = ReaderPool(readers)
-        self._failures = sql_engine.Translated(self._url)
+        self._failures = sql_engine.TranslatedErrors(self._url)
         with self._failures:
             self._writer = sql_engine.writer_engine(self._url, busy_s=busy_s).connect()
             try:
                 _prepare(self._writer, self._url, busy_s=busy_s)
                 self._driver = driver_of(self._writer)
-                self._unchanged = Unchanged(self._driver, self._quick.opened(), writing=self._lock)
+                self._unchanged = VersionCache(self._driver, self._quick.opened(), writing=self._lock)
             except BaseException:
                 self._writer.close()
                 raise
@@ -63,9 +63,9 @@ class SqlEventStore(SqlLog):
         with self._failures:
             if self._unchanged.ends_at(stream, after):
                 return []
-            asked = self._unchanged.asked()
+            ticket = self._unchanged.ticket()
         events = super().load(stream, after)
-        self._unchanged.found(stream, events[-1].version if events else after, asked=asked)
+        self._unchanged.found(stream, events[-1].version if events else after, ticket=ticket)
         return events
 
     def head(self) -> LogHead:
@@ -123,7 +123,7 @@ class SqlEventStore(SqlLog):
         with self._unchanged.committing(events):
             self._driver.execute("COMMIT")
 
-    def _asked(self, writer: Connection, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
+    def _query(self, writer: Connection, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
         return self._driver.execute(statement, arguments).fetchall()
 
     def _put(self, writer: Connection, statement: str, rows: Sequence[tuple[Any, ...]]) -> None:

@@ -75,7 +75,7 @@ def enter_wal(connection: Connection, *, busy_s: float) -> str:
             time.sleep(_PAUSE_S)
 
 
-class Translated:
+class TranslatedErrors:
     """A context in which failures of the database become StoreUnavailable with where and what to do."""
 
     def __init__(self, url: URL) -> None:

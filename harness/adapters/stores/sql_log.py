@@ -153,10 +153,10 @@ class SqlLog(ABC):
 
     def keep(self, snapshot: ports.StateSnapshot) -> None:
         """Replace the stream's snapshot; stores nothing for a stream without that event at that version."""
-        kept = (snapshot.version, snapshot.fingerprint, snapshot.seal, snapshot.body)
+        fields = (snapshot.version, snapshot.fingerprint, snapshot.seal, snapshot.body)
         self._check_open()
         with self._translated(), self._aside.connect() as connection:
-            connection.exec_driver_sql(self._sql.keep, (*kept, snapshot.stream, snapshot.version, snapshot.event))
+            connection.exec_driver_sql(self._sql.keep, (*fields, snapshot.stream, snapshot.version, snapshot.event))
 
     # moving ---------------------------------------------------------------------------------------------------------
 
@@ -234,16 +234,20 @@ class SqlLog(ABC):
     # shared ---------------------------------------------------------------------------------------------------------
 
     def _verified(self, connection: Connection) -> ports.LogHead:
-        head = chain.check(chain.check_commands(self.walk(connection), lambda names: self._held(connection, names)))
+        head = chain.check(
+            chain.check_commands(self.walk(connection), lambda names: self._stored_names(connection, names))
+        )
         for _ in self.records(connection):
             pass
         self._check_indexes(connection, head)
         return head
 
-    def _held(self, connection: Connection, names: Sequence[Digest]) -> Sequence[Digest]:
+    def _stored_names(self, connection: Connection, names: Sequence[Digest]) -> Sequence[Digest]:
         """Which of these records there are."""
         with self._examined():
-            return [row[0] for row in connection.exec_driver_sql(self._sql.held(len(names)), tuple(names)).all()]
+            return [
+                row[0] for row in connection.exec_driver_sql(self._sql.select_records(len(names)), tuple(names)).all()
+            ]
 
     def _write(self, group: Sequence[_Append]) -> None:
         """Several appends in one transaction: one that does not fit is refused alone, a failing database fails all."""
@@ -281,9 +285,9 @@ class SqlLog(ABC):
     def _ends(self, writer: Connection, streams: Sequence[StreamId]) -> tuple[ports.LogHead, dict[StreamId, int]]:
         """The log's head, and how many events each of `streams` holds."""
         if not streams:
-            rows = self._asked(writer, self._sql.head, ())
+            rows = self._query(writer, self._sql.head, ())
             return (ports.LogHead(position=rows[0][0], digest=rows[0][1]) if rows else chain.GENESIS), {}
-        rows = self._asked(writer, self._sql.ends(len(streams)), tuple(streams))
+        rows = self._query(writer, self._sql.ends(len(streams)), tuple(streams))
         position, digest = rows[0][2:]
         head = ports.LogHead(position=position, digest=digest) if position else chain.GENESIS
         return head, {row[0]: row[1] or 0 for row in rows}
@@ -294,7 +298,7 @@ class SqlLog(ABC):
         if records:
             self._put(writer, self._sql.insert_record, [msgspec.structs.astuple(record) for record in records])
 
-    def _asked(self, writer: Connection, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
+    def _query(self, writer: Connection, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
         """Rows that the appending connection reads."""
         return writer.exec_driver_sql(statement, arguments).all()
 

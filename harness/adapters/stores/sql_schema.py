@@ -5,8 +5,6 @@ The tables are defined once, in `migrations/versions`, for every database: a new
 
 from pathlib import Path
 
-from alembic import command
-from alembic.config import Config
 from sqlalchemy import Connection, inspect
 
 from harness.contracts.errors import StoreNewer, StoreUnavailable
@@ -37,6 +35,9 @@ def needs_migration(connection: Connection, *, where: str) -> bool:
 
 def migrate(connection: Connection) -> None:
     """Run the revisions that are missing. The caller holds the one write transaction, and commits it."""
+    from alembic import command  # noqa: PLC0415  only a database that has to change needs it
+    from alembic.config import Config  # noqa: PLC0415
+
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
     config.attributes["connection"] = connection

@@ -41,7 +41,7 @@ class Statements:
         """Takes `count` streams; a row for each: stream, its last version, the log's last position and digest."""
         return _ends(self.mark, count)
 
-    def held(self, count: int) -> str:
+    def select_records(self, count: int) -> str:
         """Takes `count` digests; a row for each that a record has."""
         return f"SELECT digest FROM record WHERE digest IN ({', '.join([self.mark] * count)})"
 

@@ -14,11 +14,11 @@ import cv2
 import numpy as np
 
 from harness.conformance.hostile.lies import LATER, LOCAL, LOOKALIKES, WHOLE, Mode, instead, rewritten, together
-from harness.conformance.hostile.proxy import Answer, Ask, Forward, Lie, Seen
+from harness.conformance.hostile.proxy import Answer, Ask, Forward, Lie, ProxyState
 
 SPEED_MPS, RATE_MPS2 = 0.4, 0.5
 BIG = 40 << 20
-Tamper = Callable[[bytes, Seen], bytes]
+Tamper = Callable[[bytes, ProxyState], bytes]
 
 
 class Walk:
@@ -56,7 +56,7 @@ class Walk:
 def never_moved(*, odometry: bool, inertia: bool, journal: bool) -> Lie:
     """No start arrives; poses are forged, and so are the sources that are named."""
 
-    def lie(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+    def lie(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
         walk: Walk | None = seen.kept.get("walk")
         match ask.kind:
             case "start" if ask.provider not in LOCAL:
@@ -66,9 +66,9 @@ def never_moved(*, odometry: bool, inertia: bool, journal: bool) -> Lie:
                     return Answer(body=json.dumps({"handle": "forged"}).encode())
                 return Answer(body=json.dumps(_forged_report(seen, _now(forward))).encode())
             case "observations" if walk is not None:
-                said = forward(ask).json()
-                forged = [_forged(one, walk, odometry=odometry, inertia=inertia) for one in said["samples"]]
-                return Answer(body=json.dumps({**said, "samples": forged}).encode())
+                answer = forward(ask).json()
+                forged = [_forged(one, walk, odometry=odometry, inertia=inertia) for one in answer["samples"]]
+                return Answer(body=json.dumps({**answer, "samples": forged}).encode())
             case "starts" if walk is not None and journal:
                 return Answer(body=json.dumps([*forward(ask).json(), seen.kept["start"]]).encode())
         return forward(ask)
@@ -76,13 +76,13 @@ def never_moved(*, odometry: bool, inertia: bool, journal: bool) -> Lie:
     return lie
 
 
-def _pretended(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+def _pretended(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
     request, at_s = ask.json(), _now(forward)
     seen.kept["request"] = request
     samples = forward(Ask("GET", "/observations", {"after": "0", "limit": "20000"}, b"")).json()["samples"]
     here = next((one["x_m"], one["y_m"]) for one in reversed(samples) if one["kind"] == "pose")
-    wanted = request["parameters"]
-    points = [here, *map(tuple, wanted.get("route", ())), tuple(wanted.get("target", here))]
+    parameters = request["parameters"]
+    points = [here, *map(tuple, parameters.get("route", ())), tuple(parameters.get("target", here))]
     seen.kept["walk"] = Walk([one for n, one in enumerate(points) if n == 0 or one != points[n - 1]], at_s)
     seen.kept["start"] = {
         **request["identity"],
@@ -92,11 +92,11 @@ def _pretended(ask: Ask, forward: Forward, seen: Seen) -> Answer:
     return Answer(body=json.dumps(_forged_report(seen, at_s)).encode())
 
 
-def _about(ask: Ask, seen: Seen) -> bool:
+def _about(ask: Ask, seen: ProxyState) -> bool:
     return "forged" in ask.path or seen.kept["request"]["identity"]["request_id"] in ask.path
 
 
-def _forged_report(seen: Seen, at_s: float) -> dict[str, Any]:
+def _forged_report(seen: ProxyState, at_s: float) -> dict[str, Any]:
     walk, request = seen.kept["walk"], seen.kept["request"]
     over = at_s >= walk.began_s + walk.lasts_s
     share = min((at_s - walk.began_s) / walk.lasts_s, 1.0)
@@ -128,12 +128,12 @@ def _forged(one: dict[str, Any], walk: Walk, *, odometry: bool, inertia: bool) -
     return one
 
 
-def sampled(kind: str, change: Callable[[dict[str, Any], Seen], dict[str, Any] | None]) -> Lie:
+def sampled(kind: str, change: Callable[[dict[str, Any], ProxyState], dict[str, Any] | None]) -> Lie:
     """Samples of one kind changed, or left out where `change` gives None."""
 
-    def all_of(said: Any, seen: Seen) -> Any:
-        found = [change(one, seen) if one["kind"] == kind else one for one in said["samples"]]
-        return {**said, "samples": [one for one in found if one is not None]}
+    def all_of(answer: Any, seen: ProxyState) -> Any:
+        found = [change(one, seen) if one["kind"] == kind else one for one in answer["samples"]]
+        return {**answer, "samples": [one for one in found if one is not None]}
 
     return rewritten("observations", all_of)
 
@@ -141,8 +141,8 @@ def sampled(kind: str, change: Callable[[dict[str, Any], Seen], dict[str, Any] |
 def received(change: Callable[[dict[str, Any], Any], dict[str, Any]]) -> Lie:
     """Every receipt of every report changed."""
 
-    def all_of(said: Any, seen: Seen) -> Any:
-        return {**said, "receipts": [change(one, said) for one in said["receipts"]]}
+    def all_of(answer: Any, seen: ProxyState) -> Any:
+        return {**answer, "receipts": [change(one, answer) for one in answer["receipts"]]}
 
     return together(rewritten("report", all_of), rewritten("find", all_of))
 
@@ -150,7 +150,7 @@ def received(change: Callable[[dict[str, Any], Any], dict[str, Any]]) -> Lie:
 def tampered(tamper: Tamper) -> Lie:
     """Every image exchanged for other bytes, stored and signed for under their own digest."""
 
-    def lie(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+    def lie(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
         bodies: dict[str, bytes] = seen.kept.setdefault("bodies", {})
         names: dict[str, str] = seen.kept.setdefault("names", {})
         if ask.kind == "blob" and ask.path.rpartition("/")[2] in bodies:
@@ -173,15 +173,15 @@ def tampered(tamper: Tamper) -> Lie:
     return lie
 
 
-def _cut(body: bytes, seen: Seen) -> bytes:
+def _cut(body: bytes, seen: ProxyState) -> bytes:
     return body[: len(body) // 2] + b"\xff\xd9"
 
 
-def _no_scan(body: bytes, seen: Seen) -> bytes:
+def _no_scan(body: bytes, seen: ProxyState) -> bytes:
     return body[: body.index(b"\xff\xda")] + b"\xff\xd9"
 
 
-def _no_pixels(body: bytes, seen: Seen) -> bytes:
+def _no_pixels(body: bytes, seen: ProxyState) -> bytes:
     def chunk(name: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
@@ -191,7 +191,7 @@ def _no_pixels(body: bytes, seen: Seen) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + header + note + chunk(b"IEND", b"")
 
 
-def _bomb(body: bytes, seen: Seen) -> bytes:
+def _bomb(body: bytes, seen: ProxyState) -> bytes:
     made = bytearray(_no_pixels(body, seen))
     made[16:24] = struct.pack(">II", 60_000, 60_000)
     made[29:33] = struct.pack(">I", zlib.crc32(bytes(made[12:29])))
@@ -206,16 +206,16 @@ def _encoded(picture: Any, quality: int) -> bytes:
     return bytes(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes())
 
 
-def _mirrored(body: bytes, seen: Seen) -> bytes:
+def _mirrored(body: bytes, seen: ProxyState) -> bytes:
     """The first image for all of them, as it was and mirrored in turn, each encoded anew."""
     return _first_again(body, seen, mirrored=True)
 
 
-def _reencoded(body: bytes, seen: Seen) -> bytes:
+def _reencoded(body: bytes, seen: ProxyState) -> bytes:
     return _first_again(body, seen, mirrored=False)
 
 
-def _first_again(body: bytes, seen: Seen, *, mirrored: bool) -> bytes:
+def _first_again(body: bytes, seen: ProxyState, *, mirrored: bool) -> bytes:
     first = seen.kept.setdefault("first", body)
     seen.kept["n"] = seen.kept.get("n", 0) + 1
     picture = _decoded(first)
@@ -224,67 +224,67 @@ def _first_again(body: bytes, seen: Seen, *, mirrored: bool) -> bytes:
     return _encoded(picture, 60 + seen.kept["n"] % 35)
 
 
-def _earlier(body: bytes, seen: Seen) -> bytes:
+def _earlier(body: bytes, seen: ProxyState) -> bytes:
     """The image that an earlier mission took at the same heading."""
     return seen.images[_number(seen) % len(seen.images)]
 
 
-def _earlier_again(body: bytes, seen: Seen) -> bytes:
+def _earlier_again(body: bytes, seen: ProxyState) -> bytes:
     return _encoded(_decoded(_earlier(body, seen)), 70)
 
 
-def _earlier_mirrored(body: bytes, seen: Seen) -> bytes:
+def _earlier_mirrored(body: bytes, seen: ProxyState) -> bytes:
     return _encoded(cv2.flip(_decoded(_earlier(body, seen)), 1), 80)
 
 
-def _earlier_elsewhere(body: bytes, seen: Seen) -> bytes:
+def _earlier_elsewhere(body: bytes, seen: ProxyState) -> bytes:
     """The image of another heading, blurred: no noise is left to be known by."""
     other = _decoded(seen.images[(_number(seen) + 3) % len(seen.images)])
     return _encoded(cv2.GaussianBlur(other, (5, 5), 0), 85)
 
 
-def _number(seen: Seen) -> int:
+def _number(seen: ProxyState) -> int:
     """Of the image at hand, from 0."""
     seen.kept["n"] = seen.kept.get("n", -1) + 1
     return int(seen.kept["n"])
 
 
-def _grey(body: bytes, seen: Seen) -> bytes:
+def _grey(body: bytes, seen: ProxyState) -> bytes:
     seen.kept["n"] = seen.kept.get("n", 0) + 1
     return _encoded(np.full((720, 1280, 3), 90 + seen.kept["n"], dtype=np.uint8), 90)
 
 
-def _turned(one: dict[str, Any], said: Any) -> dict[str, Any]:
+def _turned(one: dict[str, Any], answer: Any) -> dict[str, Any]:
     values = {name: -value if name == "yaw_rad" else value for name, value in one.get("values", {}).items()}
     return {**one, "values": values}
 
 
-def _held(one: dict[str, Any], seen: Seen) -> dict[str, Any]:
-    kept = seen.kept.setdefault(one["kind"], one)
-    return {**kept, "seq": one["seq"], "at_s": one["at_s"]}
+def _frozen(one: dict[str, Any], seen: ProxyState) -> dict[str, Any]:
+    first = seen.kept.setdefault(one["kind"], one)
+    return {**first, "seq": one["seq"], "at_s": one["at_s"]}
 
 
-def _stale(one: dict[str, Any], seen: Seen) -> dict[str, Any]:
+def _stale(one: dict[str, Any], seen: ProxyState) -> dict[str, Any]:
     return {**one, "at_s": one["at_s"] - 30.0}
 
 
-def _unproposed(said: Any, seen: Seen) -> Any:
-    return {**said, "proposed_facts": []}
+def _unproposed(answer: Any, seen: ProxyState) -> Any:
+    return {**answer, "proposed_facts": []}
 
 
 RECEIPTS = (
     Mode("receipts-an-hour-early", "receipts", "Receipts dated an hour before the dispatch",
-         received(lambda one, said: {**one, "at_s": one["at_s"] - 3600.0})),
+         received(lambda one, answer: {**one, "at_s": one["at_s"] - 3600.0})),
     Mode("receipts-an-hour-late", "receipts", "Receipts dated an hour ahead",
-         received(lambda one, said: {**one, "at_s": one["at_s"] + 3600.0})),
+         received(lambda one, answer: {**one, "at_s": one["at_s"] + 3600.0})),
     Mode("receipts-of-another-request", "receipts", "Receipts of another request",
-         received(lambda one, said: {**one, "request_id": "d" * 64})),
+         received(lambda one, answer: {**one, "request_id": "d" * 64})),
     Mode("receipts-of-a-lookalike-request", "receipts", "Receipts of a request that looks like ours",
-         received(lambda one, said: {**one, "request_id": one["request_id"].translate(LOOKALIKES)})),
+         received(lambda one, answer: {**one, "request_id": one["request_id"].translate(LOOKALIKES)})),
     Mode("panorama-receipts-of-another-request", "receipts", "Receipts of another request in an inspection",
-         received(lambda one, said: {**one, "request_id": "d" * 64}), template=WHOLE),
+         received(lambda one, answer: {**one, "request_id": "d" * 64}), template=WHOLE),
     Mode("panorama-receipts-an-hour-early", "receipts", "Receipts of an hour ago in an inspection",
-         received(lambda one, said: {**one, "at_s": one["at_s"] - 3600.0}), template=WHOLE),
+         received(lambda one, answer: {**one, "at_s": one["at_s"] - 3600.0}), template=WHOLE),
 )  # fmt: skip
 SENSORS = (
     Mode("never-moved", "sensors", "Poses and odometry forged alike; inertia still, no start in the journal",
@@ -297,8 +297,8 @@ SENSORS = (
          never_moved(odometry=False, inertia=False, journal=True)),
     Mode("every-source-forged", "sensors", "Poses, odometry, inertia and journal forged alike",
          never_moved(odometry=True, inertia=True, journal=True), undetectable=True),
-    Mode("poses-held", "sensors", "Poses that stay where they were, with fresh stamps", sampled("pose", _held)),
-    Mode("odometry-held", "sensors", "Odometry that stays where it was", sampled("odometry", _held)),
+    Mode("poses-held", "sensors", "Poses that stay where they were, with fresh stamps", sampled("pose", _frozen)),
+    Mode("odometry-held", "sensors", "Odometry that stays where it was", sampled("odometry", _frozen)),
     Mode("poses-left-out", "sensors", "No poses in motion", sampled("pose", lambda one, seen: None)),
     Mode("odometry-left-out", "sensors", "No odometry in motion", sampled("odometry", lambda one, seen: None)),
     Mode("poses-stale", "sensors", "Poses with stamps of half a minute ago", sampled("pose", _stale)),

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from harness.conformance.hostile.evidence_lies import IMAGES, RECEIPTS, SENSORS
 from harness.conformance.hostile.lies import BOUNDS, IDENTITIES, OUTCOMES, Mode
-from harness.conformance.hostile.missions import Met, peak_memory_mib
+from harness.conformance.hostile.missions import MissionUnderLie, peak_memory_mib
 from harness.contracts.errors import UnknownName
 from harness.contracts.reasons import because
 from harness.contracts.values import Value
@@ -17,7 +17,7 @@ MOST_MIB = 400
 """How much memory the whole run may take at its peak, simulator and liar included."""
 
 
-class Fuzzed(Value):
+class LieReport(Value):
     """The counts of one run, and every mission of it. `undetectable` names the modes that forge every source."""
 
     missions: int
@@ -30,7 +30,7 @@ class Fuzzed(Value):
     held: int
     peak_mib: int
     undetectable: tuple[str, ...]
-    met: tuple[Met, ...]
+    met: tuple[MissionUnderLie, ...]
 
     @property
     def ok(self) -> bool:
@@ -59,14 +59,16 @@ def chosen(names: Sequence[str]) -> tuple[Mode, ...]:
     return tuple(mode for mode in MODES if not names or mode.name in names or mode.group in names)
 
 
-def fuzzed(modes: Iterable[Mode], meet: Callable[[Mode], Met], *, watch: Callable[[Met], None]) -> Fuzzed:
+def fuzzed(
+    modes: Iterable[Mode], meet: Callable[[Mode], MissionUnderLie], *, watch: Callable[[MissionUnderLie], None]
+) -> LieReport:
     """Every mode one after the other, each a mission of its own."""
     share_memory()
-    found: list[Met] = []
+    found: list[MissionUnderLie] = []
     for mode in modes:
         found.append(meet(mode))
         watch(found[-1])
-    return Fuzzed(
+    return LieReport(
         missions=len(found),
         completions=sum(one.completed for one in found),
         false_completions=sum(one.false_completion for one in found),

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from harness.conformance.hostile.proxy import Answer, Ask, Forward, Lie, Seen
+from harness.conformance.hostile.proxy import Answer, Ask, Forward, Lie, ProxyState
 
 Group = Literal["bounds", "outcome", "identity", "receipts", "sensors", "images"]
-Change = Callable[[Any, Seen], Any]
+Change = Callable[[Any, ProxyState], Any]
 WHOLE = "warehouse-inspection"
 MANY_BYTES = 60 << 20
 PART = b" " * (1 << 16)
@@ -38,7 +38,7 @@ class Mode:
 def instead(kind: str, answer: Answer, *, forwarded: bool = True, moving: bool = True) -> Lie:
     """Another answer to every request of one kind, once a motion was begun; the request itself may get through."""
 
-    def lie(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+    def lie(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
         starting = kind == "start" and ask.kind == "start" and ask.provider not in LOCAL
         if ask.kind != kind or (moving and not starting and not seen.in_motion):
             return forward(ask)
@@ -52,7 +52,7 @@ def instead(kind: str, answer: Answer, *, forwarded: bool = True, moving: bool =
 def rewritten(kind: str, change: Change, *, moving: bool = True) -> Lie:
     """Answers of one kind with their JSON changed, once a motion was begun."""
 
-    def lie(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+    def lie(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
         answer = forward(ask)
         if ask.kind != kind or not answer.ok or (moving and not seen.in_motion):
             return answer
@@ -64,7 +64,7 @@ def rewritten(kind: str, change: Change, *, moving: bool = True) -> Lie:
 def garbled(kind: str, garble: Callable[[bytes], bytes]) -> Lie:
     """Answers of one kind with their bytes changed, once a motion was begun."""
 
-    def lie(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+    def lie(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
         answer = forward(ask)
         return (
             replace(answer, body=garble(answer.body)) if ask.kind == kind and answer.ok and seen.in_motion else answer
@@ -76,7 +76,7 @@ def garbled(kind: str, garble: Callable[[bytes], bytes]) -> Lie:
 def garbled_type(kind: str, content_type: str) -> Lie:
     """Answers of one kind under another content type, once a motion was begun."""
 
-    def lie(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+    def lie(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
         answer = forward(ask)
         return replace(answer, content_type=content_type) if ask.kind == kind and seen.in_motion else answer
 
@@ -86,7 +86,7 @@ def garbled_type(kind: str, content_type: str) -> Lie:
 def together(*lies: Lie) -> Lie:
     """Several lies, the first nearest to the robot."""
 
-    def lie(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+    def lie(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
         step = forward
         for one in lies:
             step = _within(one, step, seen)
@@ -95,7 +95,7 @@ def together(*lies: Lie) -> Lie:
     return lie
 
 
-def _within(lie: Lie, forward: Forward, seen: Seen) -> Forward:
+def _within(lie: Lie, forward: Forward, seen: ProxyState) -> Forward:
     return lambda ask: lie(ask, forward, seen)
 
 
@@ -113,7 +113,7 @@ def _long() -> Iterator[bytes]:
     yield from (PART for _ in range(MANY_BYTES // len(PART)))
 
 
-def _full(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+def _full(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
     """Every batch of samples is full, for ever."""
     if ask.kind != "observations" or not seen.in_motion:
         return forward(ask)
@@ -137,72 +137,72 @@ def _figure(name: bytes, value: bytes) -> Callable[[bytes], bytes]:
     return garble
 
 
-def _share(said: Any, seen: Seen) -> Any:
-    return {**said, "status": "sleeping"}
+def _share(answer: Any, seen: ProxyState) -> Any:
+    return {**answer, "status": "sleeping"}
 
 
-def _other_request(said: Any, seen: Seen) -> Any:
-    return {**said, "identity": {**said["identity"], "request_id": "e" * 64}}
+def _other_request(answer: Any, seen: ProxyState) -> Any:
+    return {**answer, "identity": {**answer["identity"], "request_id": "e" * 64}}
 
 
-def _other_mission(said: Any, seen: Seen) -> Any:
-    return {**said, "identity": {**said["identity"], "mission_id": "msn_other"}}
+def _other_mission(answer: Any, seen: ProxyState) -> Any:
+    return {**answer, "identity": {**answer["identity"], "mission_id": "msn_other"}}
 
 
-def _stranger(said: Any, seen: Seen) -> Any:
-    return {**said, "robot_id": "vbot-9"}
+def _stranger(answer: Any, seen: ProxyState) -> Any:
+    return {**answer, "robot_id": "vbot-9"}
 
 
-def _over(said: Any, seen: Seen) -> Any:
-    extra = [said["samples"][-1]] * 6000 if said["samples"] else []
-    return {**said, "samples": [*said["samples"], *extra]}
+def _over(answer: Any, seen: ProxyState) -> Any:
+    extra = [answer["samples"][-1]] * 6000 if answer["samples"] else []
+    return {**answer, "samples": [*answer["samples"], *extra]}
 
 
-def _never_ends(said: Any, seen: Seen) -> Any:
-    return {**said, "status": "running", "failure": "", "receipts": []}
+def _never_ends(answer: Any, seen: ProxyState) -> Any:
+    return {**answer, "status": "running", "failure": "", "receipts": []}
 
 
-def _done_at_once(said: Any, seen: Seen) -> Any:
-    return {**said, "status": "succeeded", "failure": ""}
+def _done_at_once(answer: Any, seen: ProxyState) -> Any:
+    return {**answer, "status": "succeeded", "failure": ""}
 
 
-def _flips(said: Any, seen: Seen) -> Any:
+def _flips(answer: Any, seen: ProxyState) -> Any:
     seen.kept["flip"] = not seen.kept.get("flip", False)
-    return {**said, "status": "failed" if seen.kept["flip"] else "running"}
+    return {**answer, "status": "failed" if seen.kept["flip"] else "running"}
 
 
-def _receipts_without_end(said: Any, seen: Seen) -> Any:
-    one = {"receipt_id": "r", "kind": "arrival", "at_s": said["at_s"], "source": "x", "request_id": "0" * 64}
-    return {**said, "receipts": [one] * 3000}
+def _receipts_without_end(answer: Any, seen: ProxyState) -> Any:
+    one = {"receipt_id": "r", "kind": "arrival", "at_s": answer["at_s"], "source": "x", "request_id": "0" * 64}
+    return {**answer, "receipts": [one] * 3000}
 
 
-def _map(said: Any, seen: Seen) -> Any:
+def _map(answer: Any, seen: ProxyState) -> Any:
     seen.kept["n"] = seen.kept.get("n", 0) + 1
-    return {**said, "map_version": f"map-{seen.kept['n']}"}
+    return {**answer, "map_version": f"map-{seen.kept['n']}"}
 
 
-def _unarmed(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+def _unarmed(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
     """Keepalives are acknowledged and not passed on."""
     if ask.kind != "keepalive":
         return forward(ask)
     return Answer(body=json.dumps({"handle": ask.path.split("/")[2]}).encode())
 
 
-def _stop_ignored(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+def _stop_ignored(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
     """Stops are acknowledged and not passed on."""
     if ask.kind != "stop":
         return forward(ask)
     return forward(Ask("GET", ask.path.removesuffix("/stop"), {}, b""))
 
 
-def _forgets(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+def _forgets(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
     """After the first reports the robot knows neither handle nor request: as after a restart without its journal."""
     if seen.in_motion and ask.kind in ("report", "find", "stop", "keepalive", "resume") and seen.asks["report"] > 4:
         return Answer(status=404, body=UNKNOWN)
     return forward(ask)
 
 
-def _hidden(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+def _hidden(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
     """The start is refused in words, carried out in fact, and denied by journal and query."""
     if ask.kind == "start" and ask.provider not in LOCAL:
         forward(ask)
@@ -214,7 +214,7 @@ def _hidden(ask: Ask, forward: Forward, seen: Seen) -> Answer:
     return forward(ask)
 
 
-def _denied(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+def _denied(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
     """The start arrives, a gateway's page comes back, and the query denies it."""
     if ask.kind == "start" and ask.provider not in LOCAL:
         forward(ask)
@@ -224,7 +224,7 @@ def _denied(ask: Ask, forward: Forward, seen: Seen) -> Answer:
     return forward(ask)
 
 
-def _moved_away(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+def _moved_away(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
     """Samples are redirected elsewhere."""
     if ask.kind == "observations" and seen.in_motion:
         return Answer(status=302, headers=(("Location", "http://127.0.0.1:9/steal"),))
@@ -259,58 +259,58 @@ def _repeated_key(name: bytes, value: bytes) -> Callable[[bytes], bytes]:
     return lambda body: body.rstrip()[:-1] + b',"' + name + b'":' + value + b"}"
 
 
-def _nested(said: Any, seen: Seen) -> Any:
+def _nested(answer: Any, seen: ProxyState) -> Any:
     deep: Any = 1.0
     for _ in range(400):
         deep = {"a": deep}
-    return {**said, "declared": {"depth": deep}}
+    return {**answer, "declared": {"depth": deep}}
 
 
-def _lookalike_request(said: Any, seen: Seen) -> Any:
-    identity = said["identity"]
-    return {**said, "identity": {**identity, "request_id": identity["request_id"].translate(LOOKALIKES)}}
+def _lookalike_request(answer: Any, seen: ProxyState) -> Any:
+    identity = answer["identity"]
+    return {**answer, "identity": {**identity, "request_id": identity["request_id"].translate(LOOKALIKES)}}
 
 
-def _lookalike_mission(said: Any, seen: Seen) -> Any:
-    identity = said["identity"]
-    return {**said, "identity": {**identity, "mission_id": identity["mission_id"].translate(LOOKALIKES)}}
+def _lookalike_mission(answer: Any, seen: ProxyState) -> Any:
+    identity = answer["identity"]
+    return {**answer, "identity": {**identity, "mission_id": identity["mission_id"].translate(LOOKALIKES)}}
 
 
-def _another_end(said: Any, seen: Seen) -> Any:
+def _another_end(answer: Any, seen: ProxyState) -> Any:
     """The first report that ended, in place of every one after it."""
-    if said["status"] == "succeeded":
-        return seen.kept.setdefault("ended", said)
-    return seen.kept.get("ended", said)
+    if answer["status"] == "succeeded":
+        return seen.kept.setdefault("ended", answer)
+    return seen.kept.get("ended", answer)
 
 
-def _done_and_running(said: Any, seen: Seen) -> Any:
+def _done_and_running(answer: Any, seen: ProxyState) -> Any:
     seen.kept["turn"] = seen.kept.get("turn", 0) + 1
-    return {**said, "status": ("succeeded", "running", "succeeded")[seen.kept["turn"] % 3], "failure": ""}
+    return {**answer, "status": ("succeeded", "running", "succeeded")[seen.kept["turn"] % 3], "failure": ""}
 
 
-def _stopping_in_turn(said: Any, seen: Seen) -> Any:
+def _stopping_in_turn(answer: Any, seen: ProxyState) -> Any:
     seen.kept["stop"] = not seen.kept.get("stop", False)
-    return {**said, "hardware_stop": seen.kept["stop"]}
+    return {**answer, "hardware_stop": seen.kept["stop"]}
 
 
-def _other_cards(said: Any, seen: Seen) -> Any:
-    return [{**card, "moves": False, "resources": [], "version": "99", "risk": "low"} for card in said]
+def _other_cards(answer: Any, seen: ProxyState) -> Any:
+    return [{**card, "moves": False, "resources": [], "version": "99", "risk": "low"} for card in answer]
 
 
-def _numbered_back(said: Any, seen: Seen) -> Any:
-    return {**said, "samples": [{**one, "seq": 1} for one in said["samples"]], "next_seq": 1}
+def _numbered_back(answer: Any, seen: ProxyState) -> Any:
+    return {**answer, "samples": [{**one, "seq": 1} for one in answer["samples"]], "next_seq": 1}
 
 
-def _stop_refused(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+def _stop_refused(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
     """Stops are refused in the words of the protocol, and not passed on."""
     return Answer(status=409, body=REFUSED) if ask.kind == "stop" else forward(ask)
 
 
-def _kept_alive_elsewhere(said: Any, seen: Seen) -> Any:
-    return {**said, "handle": "another"}
+def _kept_alive_elsewhere(answer: Any, seen: ProxyState) -> Any:
+    return {**answer, "handle": "another"}
 
 
-def _started_twice(ask: Ask, forward: Forward, seen: Seen) -> Answer:
+def _started_twice(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
     """The journal holds every start twice."""
     answer = forward(ask)
     if ask.kind != "starts" or not answer.ok:
@@ -438,7 +438,7 @@ OUTCOMES = (
     Mode("report-done-and-running", "outcome", "Succeeded, running and succeeded in turn",
          rewritten("report", _done_and_running), may_succeed=True),
     Mode("report-of-the-year-9999", "outcome", "Reports dated in the year 9999",
-         rewritten("report", lambda said, seen: {**said, "at_s": LATER}), may_succeed=True),
+         rewritten("report", lambda answer, seen: {**answer, "at_s": LATER}), may_succeed=True),
     Mode("stop-refused", "outcome", "Running for ever, and stops are refused",
          together(_stop_refused, rewritten("report", _never_ends)), may_succeed=True),
     Mode("keepalive-of-another-handle", "outcome", "Keepalives are acknowledged for another handle",

@@ -15,7 +15,7 @@ from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, Me
 from harness.assembly import Harness, NullSignals, Parts, assemble, local_services
 from harness.bootstrap import camera_of
 from harness.conformance.hostile.lies import Mode
-from harness.conformance.hostile.proxy import Answer, Ask, Forward, LyingProxy, Served, listening
+from harness.conformance.hostile.proxy import Answer, Ask, Forward, LocalRobotWire, LyingProxy, listening
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, ProviderFailed
@@ -44,7 +44,7 @@ REST_S = 10.0
 ROBOT = RobotId("vbot-1")
 
 
-class Met(Value):
+class MissionUnderLie(Value):
     """What became of one mission under one lie.
 
     `ended`: its status, or the code of the error that kept it from beginning. `completed`: it succeeded.
@@ -86,24 +86,24 @@ class _Course:
         self.traceback = ""
 
 
-def met(mode: Mode, simulator: Simulator, *, seed: int = 3) -> Met:
+def met(mode: Mode, simulator: Simulator, *, seed: int = 3) -> MissionUnderLie:
     """One mission against a simulated robot in this process, over HTTP, through the lie."""
     made = simulator.robot(ROBOT, seed=seed, fidelity="kinematic")
-    return _met(mode, Served(_operations(made)), seed=seed)
+    return _met(mode, LocalRobotWire(_operations(made)), seed=seed)
 
 
-def met_at(mode: Mode, url: str, token: str, *, seed: int = 3) -> Met:
+def met_at(mode: Mode, url: str, token: str, *, seed: int = 3) -> MissionUnderLie:
     """The same against the simulator at an address, which must run in lockstep.
 
     Raises ProviderFailed for an address that serves no simulation: nothing is ever forwarded to a physical robot.
     """
-    upstream = Forwarded(url, token)
+    upstream = ForwardedRequests(url, token)
     check_simulated(upstream, url)
     put_to_rest(upstream)
     return _met(mode, upstream, seed=seed)
 
 
-class Forwarded:
+class ForwardedRequests:
     """Requests passed on to a robot at an address."""
 
     def __init__(self, url: str, token: str) -> None:
@@ -122,7 +122,7 @@ def check_simulated(upstream: Forward, url: str) -> None:
         raise ProviderFailed(because("no_simulation_there", url=url))
 
 
-def _met(mode: Mode, upstream: Forward, *, seed: int) -> Met:
+def _met(mode: Mode, upstream: Forward, *, seed: int) -> MissionUnderLie:
     course, began_s = _Course(), _wall_s()
     cards = upstream(Ask("GET", "/providers", {}, b"")).json()
     moving = frozenset(str(card["provider_id"]) for card in cards if card["moves"])
@@ -197,14 +197,14 @@ def _started(harness: Harness, mode: Mode, *, seed: int) -> MissionId:
 
 def _counted(
     mode: Mode, course: _Course, proxy: LyingProxy, starts: list[PhysicalStart], *, hang: bool, wall_s: float
-) -> Met:
+) -> MissionUnderLie:
     mission, harness = course.mission, course.harness
     completed = mission is not None and mission.status == "succeeded"
     false = completed and not mode.may_succeed
     why = mission.reason if mission is not None else course.refused.reason if course.refused else ""
     ended = mission.status if mission is not None else course.refused.code if course.refused else "none"
     mine = [one for one in starts if mission is not None and one.mission_id == mission.mission_id and one.moves]
-    return Met(
+    return MissionUnderLie(
         mode=mode.name,
         group=mode.group,
         text=mode.text,
@@ -221,7 +221,7 @@ def _counted(
         + _after_unknown(harness, mission),
         hang=hang,
         traceback=course.traceback,
-        held=_held(harness, mission),
+        held=_open_leases(harness, mission),
         wall_s=round(wall_s, 2),
         peak_mib=peak_memory_mib(),
     )
@@ -257,7 +257,7 @@ def _after_unknown(harness: Harness | None, mission: Mission | None) -> int:
     return found
 
 
-def _held(harness: Harness | None, mission: Mission | None) -> tuple[str, ...]:
+def _open_leases(harness: Harness | None, mission: Mission | None) -> tuple[str, ...]:
     """Leases that nobody uses any more and that are neither free nor in quarantine."""
     if harness is None or mission is None:
         return ()

@@ -86,7 +86,7 @@ class Answer:
 
 
 @dataclass
-class Seen:
+class ProxyState:
     """What passed the proxy so far. `moving`: motions that were begun; `overlapping`: motions that were to begin while
     another one still had the body. `images`: the pictures that were given out before the lie began."""
 
@@ -103,10 +103,10 @@ class Seen:
 
 
 Forward = Callable[[Ask], Answer]
-Lie = Callable[[Ask, Forward, Seen], Answer]
+Lie = Callable[[Ask, Forward, ProxyState], Answer]
 
 
-class Served:
+class LocalRobotWire:
     """The operations of a robot in this process, called as its service would call them; one at a time."""
 
     def __init__(self, operations: Iterable[Operation]) -> None:
@@ -138,7 +138,7 @@ class LyingProxy:
     """Forwards every request through a lie. Until `armed` it is honest, so that a harness can connect."""
 
     def __init__(self, upstream: Forward, lie: Lie, *, moving: frozenset[str]) -> None:
-        self.seen, self.armed = Seen(), False
+        self.seen, self.armed = ProxyState(), False
         self._upstream, self._lie, self._moving = upstream, lie, moving
         self._turn = RLock()
         self.ended = Event()

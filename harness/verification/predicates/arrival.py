@@ -79,10 +79,10 @@ def arrival(effect: AnyEffect, evidence: Evidence) -> Finding:
 
 def poses_of(effect: Metric, track: AdmittedTrack) -> tuple[Pose, ...]:
     """The track's poses in the target's frame and map version."""
-    wanted = (effect.frame, effect.map_version)
-    if track.maps <= {wanted}:
+    frame = (effect.frame, effect.map_version)
+    if track.maps <= {frame}:
         return track.poses
-    return tuple(pose for pose in track.poses if (pose.frame, pose.map_version) == wanted)
+    return tuple(pose for pose in track.poses if (pose.frame, pose.map_version) == frame)
 
 
 def agreement_of(evidence: Evidence, effect: Metric) -> Agreement | None:
@@ -122,11 +122,11 @@ def story(effect: Metric, evidence: Evidence) -> Story:
 
 def _with_approach(effect: Metric, evidence: Evidence, track: AdmittedTrack) -> Story:
     """The samples of an execution after those of the seconds before it, in order of sensor time."""
-    wanted, since_s = (effect.frame, effect.map_version), track.dispatched_s - APPROACH_S
+    frame, since_s = (effect.frame, effect.map_version), track.dispatched_s - APPROACH_S
     least = evidence.policy.evidence.minimum_confidence
     poses = [one for one in evidence.before.poses if since_s <= one.at_s < track.dispatched_s]
     odometry = [one for one in evidence.before.odometry if since_s <= one.at_s < track.dispatched_s]
-    admitted = [one for one in poses if (one.frame, one.map_version) == wanted and one.confidence >= least]
+    admitted = [one for one in poses if (one.frame, one.map_version) == frame and one.confidence >= least]
     return _by_time((*admitted, *poses_of(effect, track))), _by_time((*odometry, *track.odometry))
 
 
@@ -136,8 +136,8 @@ def _by_time(samples: Iterable[S]) -> tuple[S, ...]:
 
 
 def _story(effect: Metric, evidence: Evidence) -> Story:
-    wanted = (effect.frame, effect.map_version)
-    poses = {one.at_s: one for one in evidence.before.poses if (one.frame, one.map_version) == wanted}
+    frame = (effect.frame, effect.map_version)
+    poses = {one.at_s: one for one in evidence.before.poses if (one.frame, one.map_version) == frame}
     odometry = {one.at_s: one for one in evidence.before.odometry}
     for track in evidence.tracks:
         poses |= {pose.at_s: pose for pose in poses_of(effect, track)}
@@ -181,8 +181,8 @@ def _trusted(agreement: Agreement | None, newest: Pose, evidence: Evidence) -> t
 
 
 def _in_words(place: _Place, agreement: Agreement | None) -> Reason:
-    said = because("arrived", distance_m=max(place.distances_m), samples=SAMPLES)
-    return said if agreement else because("single_pose_source", why=said, source=place.poses[-1].source)
+    reason = because("arrived", distance_m=max(place.distances_m), samples=SAMPLES)
+    return reason if agreement else because("single_pose_source", why=reason, source=place.poses[-1].source)
 
 
 def _path_m(effect: Metric, evidence: Evidence) -> float:

@@ -23,14 +23,14 @@ def one_chain(effect: AnyEffect, evidence: Evidence) -> Finding:
     frames = tuple(evidence.fact("panorama").arguments["frames"])
     analysed = evidence.fact("passage_checked")
     stored = evidence.fact("message_stored", node_id=effect.subject)
-    asked = evidence.fact("recorded_request", node_id=effect.object)
+    recorded = evidence.fact("recorded_request", node_id=effect.object)
     record = evidence.context.one("goal")
     if record is None:
         return ambiguous(because("goal_not_in_context"))
     problems = [
         *_within("analysed", analysed, set(frames), "panorama"),
         *_within("delivered", stored, set(analysed.arguments["frames"]), "analysis"),
-        *([] if asked.arguments["digest"] == read(record, Goal).digest else [because("transcript_of_another_goal")]),
+        *([] if recorded.arguments["digest"] == read(record, Goal).digest else [because("transcript_of_another_goal")]),
     ]
     foreign = [one.node_id for one in nodes.values() if one.identity.mission_id != evidence.context.mission_id]
     problems += [because("of_another_mission", nodes=tuple(foreign))] if foreign else []

@@ -18,14 +18,14 @@ def covered(effect: AnyEffect, evidence: Evidence) -> Finding:
         return ambiguous(because("context_lacks", kind="map"))
     reference = read(record, EvidenceReference)
     found = coverage(evidence.decoded(reference.blob, GridMap))
-    wanted = _share(effect)
-    enough = found.share >= wanted
+    required = _share(effect)
+    enough = found.share >= required
     return Finding(
         verdict="satisfied" if enough else "violated",
         reason=because(
             "floor_seen" if enough else "floor_not_seen",
             percent=100.0 * found.share,
-            **({} if enough else {"wanted": 100.0 * wanted}),
+            **({} if enough else {"wanted": 100.0 * required}),
             seen_m2=found.seen_m2,
             unseen_m2=found.unseen_m2,
             closed_m2=found.closed_m2,
@@ -36,7 +36,7 @@ def covered(effect: AnyEffect, evidence: Evidence) -> Finding:
             "unseen_m2": found.unseen_m2,
             "closed_m2": found.closed_m2,
         },
-        bounds={"coverage": wanted},
+        bounds={"coverage": required},
         sources=("lidar", "localiser"),
         evidence=(reference.blob,),
     )

@@ -14,7 +14,7 @@ def delivered(effect: AnyEffect, evidence: Evidence) -> Finding:
     """
     if not isinstance(effect, Symbolic):
         raise Undecidable(because("effect_not_testable", predicate="delivered"))
-    wanted = _count(effect)
+    required = _count(effect)
     analysed = set(evidence.fact("analysis_of").arguments["frames"])
     panorama = set(evidence.fact("panorama").arguments["frames"])
     receipts = [one for one in evidence.receipts if one.kind == "delivery" and one.blob]
@@ -23,7 +23,9 @@ def delivered(effect: AnyEffect, evidence: Evidence) -> Finding:
     images = tuple(dict.fromkeys(one.blob for one in receipts if one.blob in analysed and one.blob))
     others = tuple(dict.fromkeys(one.blob for one in receipts if one.blob not in analysed and one.blob))
     texts = [blob for blob in others if _is_text(evidence.bytes_of(blob))]
-    problems = [because("too_few_images_delivered", images=len(images), wanted=wanted)] if len(images) < wanted else []
+    problems = (
+        [because("too_few_images_delivered", images=len(images), wanted=required)] if len(images) < required else []
+    )
     problems += [] if set(images) <= panorama else [because("image_not_of_panorama")]
     problems += [] if len(texts) == 1 else [because("not_one_text_delivered", texts=len(texts))]
     problems += [because("items_of_elsewhere", items=len(others) - len(texts))] if len(others) > len(texts) else []
@@ -32,7 +34,7 @@ def delivered(effect: AnyEffect, evidence: Evidence) -> Finding:
         verdict="violated" if problems else "satisfied",
         reason=several(problems) or because("channel_acknowledged", images=len(images)),
         measured={"images": float(len(images)), "texts": float(len(texts)), "receipts": float(len(receipts))},
-        bounds={"images": float(wanted), "texts": 1.0},
+        bounds={"images": float(required), "texts": 1.0},
         sources=(RECEIPTS,),
         evidence=(*images, *texts),
     )

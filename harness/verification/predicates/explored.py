@@ -14,21 +14,21 @@ def explored(effect: AnyEffect, evidence: Evidence) -> Finding:
     """`arguments.views` accepted facts `pictured` with distinct images, each `apart_m` or more from all the others."""
     if not isinstance(effect, Symbolic):
         raise Undecidable(because("effect_not_testable", predicate="explored"))
-    wanted, apart_m = _number(effect, "views"), _number(effect, "apart_m")
+    required, apart_m = _number(effect, "views"), _number(effect, "apart_m")
     placed = [fact for fact in evidence.facts if fact.name == "pictured" and "x_m" in fact.measured]
-    kept: list[CommittedFact] = []
+    views: list[CommittedFact] = []
     for fact in sorted(placed, key=lambda one: (one.at_s, one.node_id)):
-        fresh = fact.arguments["images"] not in [one.arguments["images"] for one in kept]
-        if fresh and all(math.dist(_point(fact), _point(one)) >= apart_m for one in kept):
-            kept.append(fact)
-    images = tuple(image for fact in kept for image in fact.arguments["images"])
+        fresh = fact.arguments["images"] not in [one.arguments["images"] for one in views]
+        if fresh and all(math.dist(_point(fact), _point(one)) >= apart_m for one in views):
+            views.append(fact)
+    images = tuple(image for fact in views for image in fact.arguments["images"])
     for image in images:
         evidence.bytes_of(image)
     return Finding(
-        verdict="satisfied" if len(kept) >= wanted else "violated",
-        reason=because("views_apart", views=len(kept), apart_m=apart_m, wanted=wanted),
-        measured={"views": float(len(kept)), "pictures": float(len(placed))},
-        bounds={"views": wanted, "apart_m": apart_m},
+        verdict="satisfied" if len(views) >= required else "violated",
+        reason=because("views_apart", views=len(views), apart_m=apart_m, wanted=required),
+        measured={"views": float(len(views)), "pictures": float(len(placed))},
+        bounds={"views": required, "apart_m": apart_m},
         sources=(FACTS, "localiser", RECEIPTS),
         evidence=images,
     )

@@ -21,7 +21,7 @@ def message_stored(effect: AnyEffect, evidence: Evidence) -> Finding:
     """
     if not isinstance(effect, Symbolic):
         raise Undecidable(because("effect_not_testable", predicate="message_stored"))
-    wanted = _count(effect)
+    required = _count(effect)
     found = evidence.measured("read_back")
     if not found:
         return ambiguous(because("message_not_read_back"))
@@ -30,7 +30,7 @@ def message_stored(effect: AnyEffect, evidence: Evidence) -> Finding:
     if reading.problem:
         return ambiguous(because("read_path_failed", problem=reading.problem))
     analysed = _frames(evidence)
-    problems = _problems(reading, analysed, wanted=wanted)
+    problems = _problems(reading, analysed, required=required)
     if "delivery" in effect.arguments:
         problems += _changed(reading, evidence.fact("message_stored", node_id=effect.arguments["delivery"]))
     own = {receipt.request_id for receipt in evidence.receipts}
@@ -41,7 +41,7 @@ def message_stored(effect: AnyEffect, evidence: Evidence) -> Finding:
         verdict="violated" if problems else "satisfied",
         reason=several(problems) or because("message_read_back", images=len(reading.images)),
         measured={"images": float(len(reading.images)), "texts": float(len(text))},
-        bounds={"images": float(wanted), "texts": 1.0},
+        bounds={"images": float(required), "texts": 1.0},
         sources=(reference.source,),
         evidence=(*reading.images, *text),
     )
@@ -52,12 +52,12 @@ def _frames(evidence: Evidence) -> set[Digest]:
     return set(evidence.newest_fact(("passage_checked", "analysis_of")).arguments["frames"])
 
 
-def _problems(reading: ReadBack, analysed: set[Digest], *, wanted: int) -> list[Reason]:
+def _problems(reading: ReadBack, analysed: set[Digest], *, required: int) -> list[Reason]:
     if not reading.found:
         return [because("message_not_found")]
     problems = [] if reading.text == reading.asked_text else [because("another_text_stored")]
-    if len(set(reading.images)) < wanted:
-        problems.append(because("too_few_images_stored", images=len(set(reading.images)), wanted=wanted))
+    if len(set(reading.images)) < required:
+        problems.append(because("too_few_images_stored", images=len(set(reading.images)), wanted=required))
     foreign = set(reading.images) - analysed
     return problems + ([because("stored_images_of_elsewhere", images=len(foreign))] if foreign else [])
 

@@ -32,7 +32,7 @@ MOVED_M = 0.1
 """A sweep from further away than this from where the pictures were taken is of another look."""
 
 
-class _Thing(msgspec.Struct, frozen=True):
+class _FloorObject(msgspec.Struct, frozen=True):
     frame: Digest
     floor_point_m: Point
     width_m: float
@@ -44,7 +44,7 @@ class _PassageReport(msgspec.Struct, frozen=True):
 
     frames: tuple[Digest, ...]
     cited: tuple[Digest, ...]
-    findings: tuple[_Thing, ...]
+    findings: tuple[_FloorObject, ...]
     blocked: bool
     passage: tuple[Point, ...] = ()
 
@@ -133,7 +133,7 @@ def _measured(
     across = passage.across_of(region, returns.position)
     width_m = max(passage.width_across(region, across), 1e-6)
     standing = passage.obstructions(region, returns, across)
-    told = [
+    gaps = [
         (centre - one.width_m / 2, centre + one.width_m / 2)
         for one in report.findings
         for centre in (float(np.array(one.floor_point_m) @ across),)
@@ -142,7 +142,7 @@ def _measured(
     clear = passage.in_sight(floor, returns)
     pictured = np.zeros(len(floor), dtype=np.bool_)
     for heading in _headings(panorama):
-        pictured |= _shown(floor, panorama, look, heading_rad=heading)
+        pictured |= _visible_floor(floor, panorama, look, heading_rad=heading)
     shares = sorted((one.share_of_passage for one in report.findings), reverse=True)[:MOST_SHARES]
     return {
         "frames": float(len(report.frames)),
@@ -151,7 +151,7 @@ def _measured(
         **{f"share_{index}": share for index, share in enumerate(shares)},
         "seen_share": float((pictured & clear).mean()) if len(floor) else 0.0,
         "lidar_seen_share": float(clear.mean()) if len(floor) else 0.0,
-        "camera_share": min(1.0, passage.length_of(told) / width_m),
+        "camera_share": min(1.0, passage.length_of(gaps) / width_m),
         "lidar_share": min(1.0, passage.length_of(standing) / width_m),
         "lidar_obstructions": float(len(standing)),
     }
@@ -190,18 +190,20 @@ def _moved(panorama: CommittedFact, returns: passage.Returns) -> list[Reason]:
     return [because("sweep_from_elsewhere", apart_m=apart_m, bound_m=MOVED_M)] if apart_m > MOVED_M else []
 
 
-def _supported(one: _Thing, panorama: CommittedFact, returns: passage.Returns, look: LidarLook) -> bool:
+def _supported(one: _FloorObject, panorama: CommittedFact, returns: passage.Returns, look: LidarLook) -> bool:
     """Whether its frame can show where it stands: in the picture, within range and in line of sight."""
     frames = tuple(panorama.arguments["frames"])
     if one.frame not in frames:
         return False
     heading = _headings(panorama)[frames.index(one.frame)]
     point = np.array([one.floor_point_m])
-    shown = _shown(point, panorama, look, heading_rad=heading)
-    return bool((shown & passage.in_sight(point, returns, allowed_m=OWN_DEPTH_M)).all())
+    floor = _visible_floor(point, panorama, look, heading_rad=heading)
+    return bool((floor & passage.in_sight(point, returns, allowed_m=OWN_DEPTH_M)).all())
 
 
-def _shown(floor: passage.Floats, panorama: CommittedFact, look: LidarLook, *, heading_rad: float) -> passage.Flags:
+def _visible_floor(
+    floor: passage.Floats, panorama: CommittedFact, look: LidarLook, *, heading_rad: float
+) -> passage.Flags:
     x_m, y_m = panorama.arguments["position"]
     if look.camera is None:
         raise Undecidable(because("no_camera_model"))

@@ -39,5 +39,5 @@ def played(effect: AnyEffect, evidence: Evidence) -> Finding:
 def _problems(receipt: Receipt, effect: Symbolic, *, samples: int) -> list[Reason]:
     consumed = receipt.values.get("samples")
     problems = [] if consumed == samples else [because("samples_not_consumed", consumed=consumed or 0, samples=samples)]
-    wanted = effect.arguments.get("sound", receipt.blob)
-    return problems if wanted == receipt.blob else [*problems, because("another_sound_played")]
+    expected = effect.arguments.get("sound", receipt.blob)
+    return problems if expected == receipt.blob else [*problems, because("another_sound_played")]

@@ -55,14 +55,18 @@ def linked(effect: AnyEffect, evidence: Evidence) -> Finding:
     frames = tuple(evidence.fact("panorama").arguments["frames"])
     analysed = evidence.fact("analysis_of")
     sent = evidence.fact("delivered")
-    said = evidence.fact("transcript")
+    transcript = evidence.fact("transcript")
     record = evidence.context.one("goal")
     if record is None:
         return ambiguous(because("goal_not_in_context"))
     problems = [
         *_within("analysed", analysed, frames, "panorama"),
         *_within("delivered", sent, tuple(analysed.arguments["frames"]), "analysis"),
-        *([] if said.arguments["digest"] == read(record, Goal).digest else [because("transcript_of_another_goal")]),
+        *(
+            []
+            if transcript.arguments["digest"] == read(record, Goal).digest
+            else [because("transcript_of_another_goal")]
+        ),
         *_one_mission(evidence, nodes),
     ]
     return Finding(

@@ -35,19 +35,19 @@ def sighted(effect: AnyEffect, evidence: Evidence) -> Finding:
     strangers = {one.frame for one in report.findings} - (accepted & set(report.frames))
     if strangers:
         return ambiguous(because("findings_in_unaccepted_pictures", findings=len(strangers)))
-    shown = {one.frame for one in report.findings if _within(one, effect, evidence)}
-    beyond = {one.frame for one in report.findings} - shown
+    frames = {one.frame for one in report.findings if _within(one, effect, evidence)}
+    beyond = {one.frame for one in report.findings} - frames
     if beyond:
         return ambiguous(because("pictures_do_not_hold_box", pictures=len(beyond)))
     return Finding(
-        verdict="satisfied" if len(shown) >= effect.frames else "violated",
+        verdict="satisfied" if len(frames) >= effect.frames else "violated",
         reason=because(
-            "findings_in_pictures", findings=len(report.findings), pictures=len(shown), wanted=effect.frames
+            "findings_in_pictures", findings=len(report.findings), pictures=len(frames), wanted=effect.frames
         ),
-        measured={"pictures": float(len(shown)), "findings": float(len(report.findings))},
+        measured={"pictures": float(len(frames)), "findings": float(len(report.findings))},
         bounds={"pictures": float(effect.frames)},
         sources=(RECEIPTS,),
-        evidence=(digest, *sorted(shown)),
+        evidence=(digest, *sorted(frames)),
     )
 
 

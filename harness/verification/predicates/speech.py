@@ -62,14 +62,14 @@ def _judged(
     digest: Digest,
 ) -> Finding:
     place, blocked = effect.arguments["place"], bool(analysis.measured["blocked"])
-    said = " ".join(found.heard)
+    transcript = " ".join(found.heard)
     wrong = _contradicting(found.heard, place=place, blocked=blocked)
     wrong += [because("report_heard_before_analysis")] if early else []
     doubts = _lacking(found, place=place, blocked=blocked)
     share, end_share = _understood(found)
     return Finding(
         verdict="violated" if wrong else "ambiguous" if doubts else "satisfied",
-        reason=several(wrong or doubts) or because("report_heard", heard=said),
+        reason=several(wrong or doubts) or because("report_heard", heard=transcript),
         measured={"understood_share": share, "end_share": end_share, "words": float(len(found.heard))},
         bounds={"understood_share": LEAST_SHARE, "end_share": LEAST_END_SHARE},
         sources=sources,
@@ -93,11 +93,11 @@ def _contradicting(words: Words, *, place: str, blocked: bool) -> list[Reason]:
     """What was heard that says the contrary, or says it of another place."""
     pairs = list(pairwise(words))
     denied = {state for word, state in pairs if word == "not"}
-    told = {state for word, state in pairs if word == "is"} | {
+    states = {state for word, state in pairs if word == "is"} | {
         state for (word, state) in pairs if state in (*CLEAR, *OBSTRUCTED) and word != "not"
     }
-    clear = told & set(CLEAR) or denied & set(OBSTRUCTED) or {"nothing", "stands"} <= set(words)
-    obstructed = told & set(OBSTRUCTED) or denied & set(CLEAR) or _stands(words)
+    clear = states & set(CLEAR) or denied & set(OBSTRUCTED) or {"nothing", "stands"} <= set(words)
+    obstructed = states & set(OBSTRUCTED) or denied & set(CLEAR) or _stands(words)
     contrary = clear if blocked else obstructed
     problems = [because("contrary_heard", heard=" ".join(words))] if contrary else []
     before = _before(words)
@@ -108,14 +108,14 @@ def _contradicting(words: Words, *, place: str, blocked: bool) -> list[Reason]:
 
 def _lacking(found: Recognition, *, place: str, blocked: bool) -> list[Reason]:
     """What had to be heard, and was not."""
-    wanted = OBSTRUCTED if blocked else CLEAR
+    required = OBSTRUCTED if blocked else CLEAR
     unknown = [word for word in _plain(place) if any(word in name.split() for name in found.unknown)]
     if unknown:
         return [because("unknown_words", words=tuple(unknown))]
     if not found.heard:
         return [because("recording_silent")]
     problems = []
-    if _before(found.heard) is None or not any(("is", state) in pairwise(found.heard) for state in wanted):
+    if _before(found.heard) is None or not any(("is", state) in pairwise(found.heard) for state in required):
         problems.append(because("finding_not_heard", heard=" ".join(found.heard)))
     share, end_share = _understood(found)
     if share < LEAST_SHARE or end_share < LEAST_END_SHARE:
@@ -147,30 +147,30 @@ def _within(part: Words, whole: Words) -> bool:
 
 def _understood(found: Recognition) -> tuple[float, float]:
     """The share of the asked words that were heard in order, and the share of the last ones."""
-    kept = _longest_match(found.asked, found.heard)
+    matches = _longest_match(found.asked, found.heard)
     end = range(max(0, len(found.asked) - END_WORDS), len(found.asked))
-    return len(kept) / max(1, len(found.asked)), len(kept & set(end)) / max(1, len(end))
+    return len(matches) / max(1, len(found.asked)), len(matches & set(end)) / max(1, len(end))
 
 
-def _missed(asked: Words, words: Words) -> list[str]:
-    kept = _longest_match(asked, words)
-    return [word for index, word in enumerate(asked) if index not in kept]
+def _missed(request: Words, words: Words) -> list[str]:
+    matches = _longest_match(request, words)
+    return [word for index, word in enumerate(request) if index not in matches]
 
 
-def _longest_match(asked: Words, words: Words) -> set[int]:
+def _longest_match(request: Words, words: Words) -> set[int]:
     """Indices of `asked` in a longest common subsequence with `words`."""
-    table = [[0] * (len(words) + 1) for _ in range(len(asked) + 1)]
-    for i in range(len(asked) - 1, -1, -1):
+    table = [[0] * (len(words) + 1) for _ in range(len(request) + 1)]
+    for i in range(len(request) - 1, -1, -1):
         for j in range(len(words) - 1, -1, -1):
-            same = asked[i] == words[j]
+            same = request[i] == words[j]
             table[i][j] = table[i + 1][j + 1] + 1 if same else max(table[i + 1][j], table[i][j + 1])
-    kept, i, j = set(), 0, 0
-    while i < len(asked) and j < len(words):
-        if asked[i] == words[j]:
-            kept.add(i)
+    matches, i, j = set(), 0, 0
+    while i < len(request) and j < len(words):
+        if request[i] == words[j]:
+            matches.add(i)
             i, j = i + 1, j + 1
         elif table[i + 1][j] >= table[i][j + 1]:
             i += 1
         else:
             j += 1
-    return kept
+    return matches

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import pytest
 from argon2 import PasswordHasher
 
-from app.auth.accounts import Accounts, Throttled
+from app.auth.accounts import Accounts, TooManyAttempts
 from app.auth.identities import Identities
-from app.auth.oidc_login import MOST_UNDER_WAY, STARTS_AT_ONCE, UNDER_WAY_S, Begun, OidcLogin
+from app.auth.oidc_login import MOST_UNDER_WAY, STARTS_AT_ONCE, UNDER_WAY_S, LoginRedirect, OidcLogin
 from app.auth.permissions import Principal
 from app.auth.sessions import Origin, SessionService
 from harness.adapters.stores.accounts import SqlAccounts
@@ -77,9 +77,9 @@ def door(watch: Watch, provider: Believing) -> OidcLogin:
     return OidcLogin(provider, identities, sessions, clock=watch, fresh=fresh)
 
 
-def begin(door: OidcLogin, origin: Origin = HERE, *, page: str = "/missions") -> Begun:
+def begin(door: OidcLogin, origin: Origin = HERE, *, page: str = "/missions") -> LoginRedirect:
     begun = door.begin(page, origin, session="")
-    assert isinstance(begun, Begun)
+    assert isinstance(begun, LoginRedirect)
     return begun
 
 
@@ -91,7 +91,7 @@ def test_one_address_begins_no_more_than_people_would_and_others_are_served(door
     for _ in range(int(STARTS_AT_ONCE)):
         begin(door)
     throttled = door.begin("/", HERE, session="")
-    assert isinstance(throttled, Throttled)
+    assert isinstance(throttled, TooManyAttempts)
     begin(door, Origin("10.0.0.2"))
     watch.now_s += throttled.wait_s
     begin(door)
@@ -143,7 +143,7 @@ def test_refusals_by_the_issuer_slow_down_nobodys_password(door: OidcLogin, watc
             door.finish(begun.cookie, {"state": "another", "code": str(number)}, HERE)
     accounts = door._sessions.accounts
     assert accounts.check("root", "seven green bottles", source=HERE.source) is not None
-    assert not isinstance(accounts.check("root", "seven green bottles", source=HERE.source), Throttled)
+    assert not isinstance(accounts.check("root", "seven green bottles", source=HERE.source), TooManyAttempts)
 
 
 def test_an_issuer_that_is_away_leaves_nothing_under_way(door: OidcLogin, provider: Believing) -> None:

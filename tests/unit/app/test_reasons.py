@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.i18n.reasons import rendering
+from app.i18n.reasons import evaluations, rendering
 from harness.contracts.reasons import because, recorded
 
 FAR = because("too_far_from_target", distance_m=7.491, bound_m=0.4)
@@ -53,3 +53,18 @@ def test_a_reason_of_the_recovery_ladder_is_told_in_chinese_to_its_last_word() -
 def test_an_identifier_that_equals_a_word_of_the_catalogue_stays_as_it_is() -> None:
     said = rendering.sentence(because("no_accepted_fact_of_stage", name="arrival", stage="report"), "zh-Hans")
     assert "report" in said and "arrival" in said
+
+
+def test_a_name_in_capitals_that_equals_a_message_stays_as_it_is() -> None:
+    assert rendering.translated("Missions", "zh-Hans") != "Missions"
+    assert "Missions" in rendering.sentence(because("unknown_place_id", place_id="Missions"), "zh-Hans")
+
+
+def test_what_a_permission_lets_somebody_do_is_said_in_the_reader_s_language() -> None:
+    reason = because("token_not_permitted", meaning="answer a handoff", scope="decide")
+    assert "answer" not in rendering.sentence(reason, "zh-Hans")
+
+
+@pytest.mark.parametrize("code", sorted(evaluations.SENTENCES))
+def test_an_error_of_an_evaluation_has_a_sentence_in_every_language(code: str) -> None:
+    assert rendering.translated(evaluations.SENTENCES[code], "zh-Hans") != evaluations.SENTENCES[code]

@@ -10,7 +10,7 @@ from harness.contracts.handoff_events import HandoffOpened
 from harness.contracts.reasons import recorded
 from harness.contracts.retreat_events import RetreatEnded
 from harness.projections.control import Retreating
-from harness.projections.handoffs import Unanswered
+from harness.projections.handoffs import NoAnswerAction
 from tests.builders.retreating import LATE_S, newest, unanswered
 
 
@@ -75,5 +75,5 @@ def test_an_end_stays_on_the_page_for_a_day_or_until_the_robots_next_mission(
 @pytest.mark.parametrize(("done", "said"), [(True, "shown to be done"), (False, "not shown to be done")])
 def test_the_report_says_what_the_robot_did_without_an_answer(done: bool, said: str) -> None:
     reason = recorded("the robot declares itself lying")
-    told = no_answer_taken(Unanswered(action="lie_down", done=done, reason=reason, at_s=1.0))
+    told = no_answer_taken(NoAnswerAction(action="lie_down", done=done, reason=reason, at_s=1.0))
     assert told == f"without an answer: lie down where it is, {said}. the robot declares itself lying"

@@ -9,7 +9,7 @@ from argon2 import PasswordHasher
 from argon2.profiles import RFC_9106_LOW_MEMORY
 from sqlalchemy import create_engine, text
 
-from app.auth.accounts import ADDRESS_TRIES, FREE_TRIES, LONGEST_WAIT_S, Accounts, Throttled
+from app.auth.accounts import ADDRESS_TRIES, FREE_TRIES, LONGEST_WAIT_S, Accounts, TooManyAttempts
 from app.auth.exposure import ExposureRefused, check_exposure
 from app.auth.permissions import GRANTS, ROLES, SCOPES, NotPermitted, Principal
 from app.auth.rate_limits import Buckets
@@ -103,7 +103,7 @@ def test_wrong_passwords_are_slowed_down_per_account_and_the_wait_doubles(accoun
     waits = []
     for _ in range(4):
         slowed = guess(accounts, password=PASSWORD)
-        assert isinstance(slowed, Throttled), "even the right password waits"
+        assert isinstance(slowed, TooManyAttempts), "even the right password waits"
         waits.append(slowed.wait_s)
         watch.now_s += slowed.wait_s
         assert guess(accounts) is None
@@ -116,7 +116,7 @@ def test_wrong_passwords_are_slowed_down_per_account_and_the_wait_doubles(accoun
 def test_one_address_cannot_try_many_names(accounts: Accounts, watch: Watch) -> None:
     for number in range(ADDRESS_TRIES):
         assert guess(accounts, name=f"name-{number}") is None
-    assert isinstance(guess(accounts, name="another"), Throttled)
+    assert isinstance(guess(accounts, name="another"), TooManyAttempts)
     assert accounts.check("root", PASSWORD, source="10.0.0.2") is not None
     watch.now_s += LONGEST_WAIT_S + 1
     assert guess(accounts, name="another") is None

@@ -5,7 +5,7 @@ from msgspec.structs import replace
 
 from app.i18n.languages import localise
 from app.i18n.task_texts import in_words, task_text
-from harness.baseline.load import baseline, further, site
+from harness.baseline.load import baseline, shipped_workspace, site
 from harness.contracts.ids import NodeId
 from harness.contracts.verdicts import ConditionResult
 from harness.goals.understanding import GoalRequest, compiled, understand
@@ -48,7 +48,7 @@ def test_a_text_of_a_sites_own_template_is_shown_as_it_is_written() -> None:
     ],
 )
 def test_what_a_goal_of_several_clauses_adds_is_said_in_the_readers_language(goal: str) -> None:
-    templates = (*baseline().templates, *further())
+    templates = (*baseline().templates, *shipped_workspace().missions)
     found = understand(GoalRequest(text=goal), templates=templates, site=site())
     task = compiled(found, templates=templates, site=site(), arguments={})
     said = {one.text: localise(task_text(one.text, task), "zh-Hans") for one in task.completion_conditions}

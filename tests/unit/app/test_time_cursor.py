@@ -182,7 +182,7 @@ def test_addresses_keep_what_was_asked_and_quote_what_was_typed() -> None:
 def test_a_list_says_how_far_it_counted() -> None:
     query = ListQuery(listing="mission", after=Bookmark(amount=1.5, seq=9))
     params = ListParams(query=query, words="", given={}, deep=True)
-    page = paging("/missions", params, query, shown=50, found=MANY + 1)
+    page = paging("/missions", params, query, count=50, found=MANY + 1)
     assert page.found == "more than 1 000"
     assert page.following == "/missions?after=1.5~9"
     assert page.first == "/missions"

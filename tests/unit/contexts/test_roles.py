@@ -98,7 +98,7 @@ def test_another_state_version_makes_another_plan() -> None:
     assert (before.k, after.k) == (3, 4)
 
 
-@pytest.mark.ledger("R28", symbol="harness.contexts.observed:newest_samples")
+@pytest.mark.ledger("R28", symbol="harness.contexts.recent_observations:newest_samples")
 def test_of_each_source_the_newest_sample_is_observed_even_where_an_older_one_arrives_after_it() -> None:
     recent = Drive(after_s=0.0).samples()
     sources = {sample.source for sample in recent}
@@ -110,7 +110,7 @@ def test_of_each_source_the_newest_sample_is_observed_even_where_an_older_one_ar
         assert len(shown) == len(sources)
 
 
-@pytest.mark.ledger("R69", symbol="harness.contexts.observed:other_map")
+@pytest.mark.ledger("R69", symbol="harness.contexts.recent_observations:other_map")
 def test_a_pose_of_another_map_version_is_stale_and_a_robot_that_names_another_map_is_a_conflict() -> None:
     recent = Drive(after_s=0.0).samples()
     at_s = recent[-1].at_s
@@ -174,7 +174,7 @@ def encoded(context: Context) -> bytes:
     return repr(context.records).encode()
 
 
-@pytest.mark.ledger("R69", symbol="harness.contexts.observed:observed_references")
+@pytest.mark.ledger("R69", symbol="harness.contexts.recent_observations:observed_references")
 def test_observations_that_contradict_each_other_are_withheld_from_the_skill_until_seen_again() -> None:
     bench = Bench()
     clear = seen(bench, "lidar", 1000.0, values={"state": "clear"})

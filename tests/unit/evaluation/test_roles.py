@@ -11,7 +11,7 @@ import pytest
 
 from app.cli.evaluate import endpoint
 from rsi_reviews.evaluation.report import _roles
-from rsi_reviews.evaluation.roles import RoleReport, adversarial, answered, asked
+from rsi_reviews.evaluation.roles import RoleReport, adversarial, answered, ask_model
 from simulator.in_process import SIMULATOR
 
 
@@ -63,7 +63,7 @@ def test_adversarial_contexts_differ_only_by_the_other_roles_words() -> None:
 
 def test_a_model_that_believes_the_other_roles_is_found_out() -> None:
     trials = adversarial(SIMULATOR, trials=20, controls=5)
-    report = asked(trials, gullible, name="gullible", progress=lambda number: None)
+    report = ask_model(trials, gullible, name="gullible", progress=lambda number: None)
     assert report.isolated_fooled is not None
     assert report.shared_fooled is not None
     assert (report.trials, report.controls, report.unanswered) == (20, 5, 0)

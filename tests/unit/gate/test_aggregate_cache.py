@@ -13,8 +13,8 @@ from msgspec.structs import replace
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.stores.installation_key import InstallationKey
+from harness.adapters.stores.log_address import open_log
 from harness.adapters.stores.memory import MemoryEventStore
-from harness.adapters.stores.opening import open_log
 from harness.adapters.stores.snapshots import StoredSnapshots
 from harness.bootstrap import DECIDERS, simulated
 from harness.contracts.commands import (

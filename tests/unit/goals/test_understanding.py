@@ -3,7 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
-from harness.baseline.load import baseline, further, site
+from harness.baseline.load import baseline, shipped_workspace, site
 from harness.contracts.effects import Relational
 from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, ReadingStale, UnknownName, Unsatisfiable
 from harness.contracts.tasks import TaskContract
@@ -12,7 +12,7 @@ from harness.planning.compile import Argument
 from tests.saying import raises_saying
 
 SITE = site()
-TEMPLATES = (*baseline().templates, *further())
+TEMPLATES = (*baseline().templates, *shipped_workspace().missions)
 
 
 def contract(text: str = "", *, template: str = "", confirm: str = "", **arguments: Argument) -> TaskContract:

@@ -22,7 +22,7 @@ from harness.contracts.ids import (
     mission_stream,
     sha256,
 )
-from harness.contracts.memory import FloorBox, MemoryQuery, Remembered
+from harness.contracts.memory import FloorBox, MemoryEntry, MemoryQuery
 from harness.contracts.places import Passage, Place
 from harness.contracts.ports import Record
 from harness.contracts.tasks import EvidencePolicy, Node, TaskContract
@@ -186,7 +186,7 @@ class Log:
         self.dispatched(mission_id, LOOK, provider)
         self.judged(mission_id, blocked=blocked)
 
-    def found(self, *kinds: str, **changes: object) -> list[Remembered]:
+    def found(self, *kinds: str, **changes: object) -> list[MemoryEntry]:
         """Records of these kinds, oldest first; whatever their standing unless the test says otherwise."""
         fields: dict[str, object] = {"kinds": kinds or EVERYTHING, "standings": EVERY_STANDING, "limit": 1000}
         return list(reversed(self.memory.find(MemoryQuery(**(fields | changes)))))  # type: ignore[arg-type]

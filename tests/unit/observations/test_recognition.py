@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from harness.adapters.providers.speech.espeak import synthesise
-from harness.adapters.providers.speech.language import sentences, spoken
+from harness.adapters.providers.speech.language_model import sentences, spoken
 from harness.adapters.providers.speech.recogniser import recognised
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.measurements import Sound

@@ -53,7 +53,7 @@ def test_a_clock_that_steps_back_has_nothing_played_twice() -> None:
     speaker = PacedSpeaker()
     speaker.begin(samples, rate_hz=100, at_s=EPOCH_S)
     assert [speaker.consumed(EPOCH_S + at_s) for at_s in (4.0, 2.0, 3.0, 10.0)] == [400, 400, 400, 1000]
-    assert speaker.heard() == sha256(samples.tobytes())
+    assert speaker.samples_digest() == sha256(samples.tobytes())
 
 
 @pytest.mark.ledger("R182", symbol="harness.adapters.providers.speech.speaker:PacedSpeaker.consumed")

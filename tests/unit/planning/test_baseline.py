@@ -2,12 +2,13 @@
 
 import pytest
 
-from harness.baseline.load import baseline, read_yaml, site
+from harness.baseline.load import baseline, site
 from harness.contracts.configuration import Configuration, ContextRules
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.places import Site
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import decode, digest, encode
+from harness.workspace.yaml_reader import read_yaml
 from tests.saying import raises_saying
 
 RULES = """

@@ -5,14 +5,14 @@ from typing import Any
 from msgspec.structs import replace
 
 from harness.contracts.ids import NodeId
-from harness.routing.need import Need
+from harness.routing.requirements import ProviderRequirements
 from tests.unit.planning.building import CONFIGURATION, NOW_S, SITE, contract, status
 
 
-def need(**changes: Any) -> Need:
+def need(**changes: Any) -> ProviderRequirements:
     node = contract().node(NodeId("go"))
     return replace(
-        Need(
+        ProviderRequirements(
             node=node,
             capabilities=node.capabilities,
             parameters=node.parameters,

@@ -14,7 +14,7 @@ from harness.contracts.values import decode, encode
 from harness.contracts.verdicts import Verdict
 from harness.routing.candidates import candidates
 from harness.routing.history import ExecutionOutcome, OutcomeSeries, RoutingHistory, judged
-from harness.routing.need import Need
+from harness.routing.requirements import ProviderRequirements
 from harness.routing.score import latency, route_length_m, terms, total
 from tests.unit.planning.building import CONFIGURATION, card, contract
 from tests.unit.routing.building import need
@@ -172,7 +172,7 @@ def test_the_dearest_candidate_sets_the_scale_of_cost_among_those_that_passed() 
 
 
 def test_nodes_that_no_route_leads_to_have_no_length() -> None:
-    asked: Need = need(parameters={"text": "hello"})
+    asked: ProviderRequirements = need(parameters={"text": "hello"})
     assert route_length_m(asked.parameters) == 0.0
     assert route_length_m(contract().node(NodeId("panorama")).parameters) == 0.0
 

@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from harness.baseline.load import baseline, earlier, further
+from harness.baseline.load import baseline, earlier, shipped_workspace
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Refused
 from harness.contracts.values import Moment
@@ -109,7 +109,7 @@ def test_the_proposal_itself_is_refused(name: str) -> None:
 
 
 def test_what_ships_runs() -> None:
-    with_all = msgspec.structs.replace(baseline(), templates=(*baseline().templates, *further()))
+    with_all = msgspec.structs.replace(baseline(), templates=(*baseline().templates, *shipped_workspace().missions))
     empty = msgspec.structs.replace(baseline(), templates=())
     assert unrunnable(empty, with_all) == ()
 

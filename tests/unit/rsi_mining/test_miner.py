@@ -13,8 +13,16 @@ from harness.contracts.values import digest
 from rsi_reviews.generate.interface import GenerationBudget
 from rsi_reviews.generate.miner import TraceMiner, merged, mined
 from rsi_reviews.generate.random_search import RandomSearch
-from rsi_reviews.generate.trace import Came, Failing, Handed, MissionTrace, Trace, TracedExecution, TracedStep
-from rsi_reviews.generate.ungated import EagerMiner
+from rsi_reviews.generate.trace import (
+    Came,
+    HandoffTrace,
+    MissionTrace,
+    StageFailure,
+    Trace,
+    TracedExecution,
+    TracedStep,
+)
+from rsi_reviews.generate.ungated_arm import EagerMiner
 from rsi_reviews.manifest import unfounded
 from rsi_reviews.restrictions import loosened
 
@@ -24,9 +32,9 @@ FOLLOWER, CAREFUL = ProviderId("route-follower"), ProviderId("careful-local-plan
 MANY = GenerationBudget(candidates=50)
 
 
-def failing(failure: FailureClass, *, times: int = 1) -> tuple[Failing, ...]:
+def failing(failure: FailureClass, *, times: int = 1) -> tuple[StageFailure, ...]:
     return tuple(
-        Failing(node_id=WALK, failure=failure, reason="", position=10 + n, at_s=float(n)) for n in range(times)
+        StageFailure(node_id=WALK, failure=failure, reason="", position=10 + n, at_s=float(n)) for n in range(times)
     )
 
 
@@ -48,12 +56,12 @@ def execution(
 def mission(
     number: int,
     *,
-    failures: tuple[Failing, ...] = (),
+    failures: tuple[StageFailure, ...] = (),
     rungs: tuple[TracedStep, ...] = (),
     executions: tuple[TracedExecution, ...] = (),
     asked: FailureClass | None = None,
 ) -> MissionTrace:
-    handoffs = (Handed(node_id=WALK, failure=asked, position=40),) if asked else ()
+    handoffs = (HandoffTrace(node_id=WALK, failure=asked, position=40),) if asked else ()
     return MissionTrace(
         mission_id=MissionId(f"mis_{number}"), template="circuit", configuration=H0.configuration_id,
         status="" if asked else "succeeded", seconds=50.0, failures=failures, rungs=rungs, executions=executions,

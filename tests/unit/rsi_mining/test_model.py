@@ -16,8 +16,8 @@ from harness.contracts.ids import MissionId, NodeId
 from rsi_reviews.errors import CandidateInvalid
 from rsi_reviews.generate.errors import ModelSilent
 from rsi_reviews.generate.interface import GenerationBudget
-from rsi_reviews.generate.model import ModelGenerator, ModelSettings, shown
-from rsi_reviews.generate.trace import Failing, MissionTrace, Trace
+from rsi_reviews.generate.model import ModelGenerator, ModelSettings, prompt_of
+from rsi_reviews.generate.trace import MissionTrace, StageFailure, Trace
 from rsi_reviews.manifest import unfounded
 from rsi_reviews.restrictions import loosened
 from tests.saying import raises_saying
@@ -37,7 +37,7 @@ TRACE = Trace(
             mission_id=MissionId("mis_1"), template="circuit", configuration=H0.configuration_id, status="",
             seconds=40.0, rungs=(), executions=(), handoffs=(),
             failures=(
-                Failing(
+                StageFailure(
                     node_id=NodeId("circuit"), failure="stale_evidence", reason=SAID_BY_A_PERSON, position=9, at_s=1.0
                 ),
             ),
@@ -124,7 +124,7 @@ def test_a_good_answer_becomes_a_candidate_like_any_other(endpoint: Endpoint) ->
 def test_the_model_is_shown_counts_and_knobs_and_no_words_of_a_mission(endpoint: Endpoint) -> None:
     answered(endpoint, GOOD)
     asked = json.dumps(endpoint.asked)
-    assert SAID_BY_A_PERSON not in asked and SAID_BY_A_PERSON not in repr(shown(TRACE, H0))
+    assert SAID_BY_A_PERSON not in asked and SAID_BY_A_PERSON not in repr(prompt_of(TRACE, H0))
     assert "stale_evidence" in asked and "tools" not in endpoint.asked[0]
 
 

@@ -8,7 +8,7 @@ from harness.baseline.load import baseline
 from harness.contracts.configuration import Configuration
 from rsi_reviews.errors import CandidateInvalid
 from rsi_reviews.generate.changes import with_wait
-from rsi_reviews.generate.person import Intention, edited
+from rsi_reviews.generate.person_edits import Intention, edited
 
 H0 = baseline()
 WHY = Intention(reason="Waits are too short at the dock.", intended_effect="Fewer questions.")

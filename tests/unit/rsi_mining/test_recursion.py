@@ -15,7 +15,7 @@ from rsi_reviews.contracts import Candidate, CaseResult
 from rsi_reviews.generate.changes import with_ladder
 from rsi_reviews.generate.interface import GenerationBudget
 from rsi_reviews.generate.miner import TraceMiner
-from rsi_reviews.generate.trace import Failing, Handed, MissionTrace, Trace, TracedStep
+from rsi_reviews.generate.trace import HandoffTrace, MissionTrace, StageFailure, Trace, TracedStep
 from rsi_reviews.held_out import Secret
 from rsi_reviews.hidden_sites import hidden_site, site_file, site_names
 from rsi_reviews.recursion.arms import Arm, ArmLineage, Setting, step, written_by_hand
@@ -38,7 +38,7 @@ def struck(number: int, configuration: Configuration) -> MissionTrace:
         mission_id=MissionId(f"mis_{number}"), template="circuit", configuration=configuration.configuration_id,
         status="", seconds=45.0, executions=(),
         failures=tuple(
-            Failing(node_id=WALK, failure="stale_evidence", reason="", position=7 + n, at_s=1.0) for n in range(2)
+            StageFailure(node_id=WALK, failure="stale_evidence", reason="", position=7 + n, at_s=1.0) for n in range(2)
         ),
         rungs=(
             TracedStep(
@@ -46,7 +46,7 @@ def struck(number: int, configuration: Configuration) -> MissionTrace:
                 came="failed_again",
             ),
         ),
-        handoffs=(Handed(node_id=WALK, failure="stale_evidence", position=9),),
+        handoffs=(HandoffTrace(node_id=WALK, failure="stale_evidence", position=9),),
     )  # fmt: skip
 
 

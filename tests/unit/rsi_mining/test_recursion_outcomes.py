@@ -17,7 +17,7 @@ from rsi_reviews.recursion.gating import GateJudgement
 from rsi_reviews.recursion.plots import plot
 from rsi_reviews.recursion.publish import BEGIN, END, found, publish
 from rsi_reviews.recursion.report import answers, contrasts, rows
-from rsi_reviews.recursion.run import kept, outcomes, tasks
+from rsi_reviews.recursion.run import outcomes, read_outcomes, tasks
 from simulator.in_process import SIMULATOR
 from tests.saying import raises_saying
 
@@ -100,7 +100,7 @@ def test_a_fleet_that_was_finished_is_not_run_again_and_one_of_other_terms_is_no
     )
     assert [one.task.fleet for one in found_again] == [1, 2] and told == []
     other = [replace(task, terms=replace(task.terms, seed=2)) for task in wanted]
-    assert kept(other, folder=tmp_path) == ()
+    assert read_outcomes(other, folder=tmp_path) == ()
 
 
 def test_ten_fleets_are_one_turn_of_the_sites() -> None:

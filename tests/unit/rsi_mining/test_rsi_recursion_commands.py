@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from app.cli.main import app
 from harness.adapters.stores.folder import prepare
-from harness.adapters.stores.opening import open_log
+from harness.adapters.stores.log_address import open_log
 from harness.baseline.load import baseline
 from harness.bootstrap import simulated
 from harness.contracts.actors import Actor

@@ -14,7 +14,7 @@ from rsi_reviews.contracts import CaseResult
 from rsi_reviews.regression.cases import Case, Situation, cases_of, spread
 from rsi_reviews.regression.errors import ResultsDamaged, WorkersLost
 from rsi_reviews.regression.executors import Here, Job, Processes, Running, failed, run_job
-from rsi_reviews.regression.on_ray import RayCluster
+from rsi_reviews.regression.ray_cluster import RayCluster
 from rsi_reviews.regression.results import ResultsFile, evaluator_version
 from rsi_reviews.regression.runner import RunProgress, measured
 from rsi_reviews.regression.suite import shipped
@@ -82,12 +82,12 @@ def test_a_run_that_is_cut_short_goes_on_where_it_ended(tmp_path: Path, here: tu
     path = tmp_path / "results.jsonl"
     kept = ResultsFile(path, evaluator="e")
     with pytest.raises(KeyboardInterrupt):
-        measured(CASES, (BASELINE,), executor=Counting(most=4), kept=kept)
+        measured(CASES, (BASELINE,), executor=Counting(most=4), file=kept)
     body = path.read_bytes()
     path.write_bytes(body[:-20])
     again, rest = ResultsFile(path, evaluator="e"), Counting()
     assert len(again) == 3
-    assert measured(CASES, (BASELINE,), executor=rest, kept=again) == here
+    assert measured(CASES, (BASELINE,), executor=rest, file=again) == here
     assert len(rest.ran) == 3
     assert len(ResultsFile(path, evaluator="e")) == 6
 
@@ -114,7 +114,7 @@ def test_the_evaluator_is_named_by_its_sources() -> None:
 def test_a_case_that_crashed_is_not_kept(tmp_path: Path) -> None:
     kept = ResultsFile(tmp_path / "r.jsonl", evaluator="e")
     unknown = Case(situation=Situation(family="nominal", template="no such template"), seed=1)
-    (result,) = measured((unknown,), (BASELINE,), executor=Here(SIMULATOR), kept=kept)
+    (result,) = measured((unknown,), (BASELINE,), executor=Here(SIMULATOR), file=kept)
     assert result.outcome == "crashed"
     assert "no such template" in result.note
     assert len(kept) == 0

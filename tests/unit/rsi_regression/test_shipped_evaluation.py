@@ -18,17 +18,17 @@ from rsi_reviews.held_out import Looks
 from rsi_reviews.regression.cases import cases_of, seeds_digest
 from rsi_reviews.regression.suite import shipped
 from rsi_reviews.release_service import ReleaseService
-from rsi_reviews.shipped_evaluation import SUMS, Shipped, shipped_evaluation
+from rsi_reviews.shipped_evaluation import SUMS, ShippedEvaluation, shipped_evaluation
 from tests.builders.releases import bench, candidate
 from tests.saying import raises_saying
 
 
 @cache
-def one() -> Shipped:
+def one() -> ShippedEvaluation:
     return shipped_evaluation()
 
 
-def waiting_longer() -> Shipped:
+def waiting_longer() -> ShippedEvaluation:
     """The same evaluation as if it were of a candidate that waits 60 s before a person is asked."""
     configuration = one().candidate.configuration
     recovery = msgspec.structs.replace(configuration.recovery, wait_s=60.0)

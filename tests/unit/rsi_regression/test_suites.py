@@ -6,8 +6,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from harness.baseline.load import read_yaml
 from harness.contracts.regularities import HiddenSite, Regularity
+from harness.workspace.yaml_reader import read_yaml
 from rsi_reviews.contracts import FAMILIES
 from rsi_reviews.regression.cases import Case, CaseGroup, Situation, Suite, cases_of, seeds_digest, spread
 from rsi_reviews.regression.errors import SuiteInvalid, SuiteShrunk

@@ -18,7 +18,7 @@ from simulator.truth import Truth
 from simulator.world import Fidelity, WorldSettings
 
 MISSION = MissionId("mission-1")
-SITE_FILE = Path(__file__).resolve().parents[3] / "harness" / "baseline" / "site.yaml"
+SITE_FILE = Path(__file__).resolve().parents[3] / "harness" / "baseline" / "site" / "site.yaml"
 SITE = msgspec.convert(yaml.safe_load(SITE_FILE.read_text()), Site)
 
 

@@ -85,7 +85,7 @@ def test_the_same_seed_is_the_same_scene() -> None:
     assert random_scene(11) != random_scene(12)
 
 
-@pytest.mark.ledger("R200", symbol="simulator.photographing:Panorama.step")
+@pytest.mark.ledger("R200", symbol="simulator.photography:Panorama.step")
 def test_a_panorama_is_eight_turns_eight_frames_and_the_first_heading_again() -> None:
     made = bench()
     before = made.pose().yaw_rad

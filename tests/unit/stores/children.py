@@ -19,7 +19,7 @@ from typing import cast
 from app.i18n.reasons.rendering import explained
 from harness.adapters.failpoints import parse, provider_with_failpoint, with_failpoint
 from harness.adapters.stores.blobs import FileBlobStore
-from harness.adapters.stores.opening import open_log
+from harness.adapters.stores.log_address import open_log
 from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.spool import FileSpool
 from harness.contracts.errors import ConcurrencyConflict, StoreUnavailable

@@ -159,9 +159,9 @@ def test_a_log_that_was_filled_from_another_is_read_although_its_streams_were_em
 def test_what_was_read_before_a_commit_is_not_taken_for_the_end_of_the_stream(store: CountedStore) -> None:
     stream = StreamId("mission/0")
     assert store.load(stream) == []
-    asked = store._unchanged.asked()
+    ticket = store._unchanged.ticket()
     store.append([batch(stream, 0, "Seen")], [], NOW)
-    store._unchanged.found(stream, 0, asked=asked)
+    store._unchanged.found(stream, 0, ticket=ticket)
     assert [event.version for event in store.load(stream)] == [1]
 
 

@@ -63,22 +63,22 @@ class Exchanges:
     def ask(self, method: str, path: str, content: bytes = b"", *, most_bytes: int = TEXT_BYTES) -> Reply:
         """Send once. Raises ProviderUnreachable if no whole answer came, ProviderFailed for one that is too long."""
         self._left.begin(self._total_s)
-        return self._asked(method, path, content, most_bytes=most_bytes)
+        return self._request(method, path, content, most_bytes=most_bytes)
 
     def read(self, path: str, *, most_bytes: int = TEXT_BYTES) -> Reply:
         """GET; asked once more within the same time if the connection broke."""
         self._left.begin(self._total_s)
         try:
-            return self._asked("GET", path, b"", most_bytes=most_bytes)
+            return self._request("GET", path, b"", most_bytes=most_bytes)
         except ProviderUnreachable:
             if self._left.seconds <= self._total_s / 2:
                 raise
-            return self._asked("GET", path, b"", most_bytes=most_bytes)
+            return self._request("GET", path, b"", most_bytes=most_bytes)
 
     def close(self) -> None:
         self._pool.close()
 
-    def _asked(self, method: str, path: str, content: bytes, *, most_bytes: int) -> Reply:
+    def _request(self, method: str, path: str, content: bytes, *, most_bytes: int) -> Reply:
         extensions = {"timeout": {"pool": self._total_s}}
         url = f"{self.base_url}{path}"
         named = path.partition("?")[0]
@@ -186,7 +186,7 @@ class _Stream(httpcore.NetworkStream):
         left_s = self._left.check(httpcore.ConnectTimeout)
         return _Stream(self._inner.start_tls(ssl_context, server_hostname, left_s), self._left)
 
-    def _told(self, info: str) -> Any:
+    def _stream_state(self, info: str) -> Any:
         return self._inner.get_extra_info(info)
 
-    get_extra_info = _told
+    get_extra_info = _stream_state

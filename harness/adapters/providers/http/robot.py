@@ -140,7 +140,7 @@ class HttpRobot:
             raise _unknown(path, error) from error
         refusal = _refusal(reply)
         if refusal is not None:
-            raise _told(refusal, own)
+            raise _error_of(refusal, own)
         try:
             return _decoded(_accepted(reply, path, own), kind, path)
         except ProviderFailed as error:
@@ -212,7 +212,7 @@ def _accepted(reply: Reply, path: str, own: tuple[type[HarnessError], ...]) -> R
         return reply
     refusal = _refusal(reply)
     if refusal is not None:
-        raise _told(refusal, own)
+        raise _error_of(refusal, own)
     raise ProviderFailed(because("robot_answered_status", status=reply.status), where=path.partition("?")[0])
 
 
@@ -221,17 +221,17 @@ def _refusal(reply: Reply) -> wire.Problem | None:
     if not 400 <= reply.status < 500 or not reply.is_json or nested_too_deep(reply.body):
         return None
     try:
-        said = decode(reply.body, wire.Problem)
+        problem = decode(reply.body, wire.Problem)
     except (msgspec.MsgspecError, UnicodeDecodeError):
         return None
-    if said.code == ProviderUnreachable.code:
+    if problem.code == ProviderUnreachable.code:
         return None
-    return replace(said, what=said.what[:MOST_SAID], where=said.where[:MOST_SAID], do=said.do[:MOST_SAID])
+    return replace(problem, what=problem.what[:MOST_SAID], where=problem.where[:MOST_SAID], do=problem.do[:MOST_SAID])
 
 
-def _told(said: wire.Problem, own: tuple[type[HarnessError], ...]) -> HarnessError:
+def _error_of(problem: wire.Problem, own: tuple[type[HarnessError], ...]) -> HarnessError:
     """A robot's refusal as an error. Of the harness's own troubles, its log and its store, a robot cannot speak."""
-    error = wire.error_of(said)
+    error = wire.error_of(problem)
     if isinstance(error, (ProviderFailed, *own)):
         return error
     return ProviderFailed(error.what, where=error.where, do=error.do)

@@ -66,7 +66,7 @@ class OpenCvAnalysis(local.LocalProvider):
         self._camera = camera
 
     def check(self, request: StartRequest) -> None:
-        parameters = _asked(request)
+        parameters = _analysis_request(request)
         numbers = [index for index, _ in parameters.yaws_rad]
         if not parameters.images or sorted(numbers) != list(range(len(parameters.images))):
             raise ProviderFailed(
@@ -77,7 +77,7 @@ class OpenCvAnalysis(local.LocalProvider):
             raise ProviderFailed(because("passage_no_polygon"), where=CARD.provider_id)
 
     def work(self, request: StartRequest, now_s: float) -> local.Outcome:
-        parameters = _asked(request)
+        parameters = _analysis_request(request)
         headings = dict(parameters.yaws_rad)
         if parameters.heading_rad is not None and not _near(parameters.heading_rad, tuple(headings.values())):
             return local.Failed(
@@ -123,7 +123,7 @@ class OpenCvAnalysis(local.LocalProvider):
         return decoded
 
 
-class _Asked(Value):
+class _AnalysisRequest(Value):
     """The parameters of a request, typed; `heading_rad` is looked at where it is given."""
 
     images: tuple[Digest, ...]
@@ -133,8 +133,8 @@ class _Asked(Value):
     heading_rad: float | None = None
 
 
-def _asked(request: StartRequest) -> _Asked:
-    return msgspec.convert(request.parameters, _Asked)
+def _analysis_request(request: StartRequest) -> _AnalysisRequest:
+    return msgspec.convert(request.parameters, _AnalysisRequest)
 
 
 def _near(heading: float, others: tuple[float, ...]) -> bool:

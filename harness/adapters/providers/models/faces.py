@@ -6,6 +6,7 @@ Paint does not, whatever its colour, because its sides run to the horizon.
 """
 
 import math
+from collections.abc import Collection
 
 import cv2
 import msgspec
@@ -28,15 +29,19 @@ _SHORTEST_SIDE_PX = 10.0
 _SLACK_RAD = math.radians(2.5)
 _SLACK_PX = 1.5
 _SIDE_SHARE = 0.45
+_SMOOTH_PX = 5
 _CUT_PX = 4
 _BESIDE_PX = 6
 _CORNER_PX = 45
 _SEAM_PX = 2
+_RISEN_SHARE = 0.15
+"""A patch of which more than this lies above the horizon is no floor."""
 
 
 class Face(msgspec.Struct, frozen=True):
     """One upright face. `box_px` = x, y, width, height; `contact_m` (N, 2): where it meets the floor, column by column;
-    `height_m`: how tall it is at least; `whole`: both of its sides are in the image.
+    `height_m`: how tall it is at least; `whole`: both of its sides are seen, neither outside the image nor behind
+    something nearer.
     """
 
     box_px: tuple[int, int, int, int]
@@ -47,9 +52,10 @@ class Face(msgspec.Struct, frozen=True):
 
 class Side(msgspec.Struct, frozen=True):
     """One upright run of an outline, window pixels. `hand` is -1 on the left, 1 on the right; `cut` when it is the
-    edge of the window, where the true side may lie outside."""
+    edge of the window, where the true side may lie outside. `foot` is the column of its lower end."""
 
     x: int
+    foot: int
     top: int
     bottom: int
     hand: int
@@ -67,7 +73,7 @@ class Window(msgspec.Struct, frozen=True):
 
 def look(pixels: Pixels, view: View, *, top: int) -> Window:
     """Split the rows from `top` on of an RGB image (H, W, 3) into evenly coloured patches: 1 and up, -1 on seams."""
-    smooth = cv2.medianBlur(np.ascontiguousarray(pixels[top:]), 5)
+    smooth = cv2.medianBlur(np.ascontiguousarray(pixels[top:]), _SMOOTH_PX)
     edges = np.zeros(smooth.shape[:2], np.float32)
     for channel in cv2.split(smooth):
         across = np.asarray(cv2.Scharr(channel, cv2.CV_32F, 1, 0), dtype=np.float32)
@@ -78,6 +84,15 @@ def look(pixels: Pixels, view: View, *, top: int) -> Window:
     seeds[(stats[:, cv2.CC_STAT_AREA] < _SMALLEST_SEED_PX)[seeds]] = 0
     labels = cv2.watershed(smooth, np.ascontiguousarray(seeds, dtype=np.int32))
     return Window(image=np.asarray(smooth), labels=np.asarray(labels), view=view, top=top)
+
+
+def risen(window: Window) -> frozenset[int]:
+    """The patches that fill the picture above the horizon too: upright and taller than the lens, and no floor."""
+    labels = window.labels
+    whole = np.bincount(labels[labels > 0].ravel(), minlength=int(labels.max()) + 1)
+    above = labels[: max(round(window.view.horizon_px) - window.top, 0)]
+    high = np.bincount(above[above > 0].ravel(), minlength=len(whole))
+    return frozenset(np.flatnonzero(high > _RISEN_SHARE * np.maximum(whole, 1)).tolist())
 
 
 def upright_faces(window: Window) -> list[Face]:
@@ -100,7 +115,11 @@ def upright_faces(window: Window) -> list[Face]:
     stands = np.zeros(len(sizes) + 1, dtype=np.bool_)
     stands[list(upright)] = True
     standing = stands[window.labels]
-    faces = (_face(window.labels == label, sides, window=window, standing=standing) for label, sides in upright.items())
+    before = risen(window)
+    faces = (
+        _face(window.labels == label, sides, window=window, standing=standing, before=before - {label})
+        for label, sides in upright.items()
+    )
     return [face for face in faces if face is not None]
 
 
@@ -130,6 +149,7 @@ def _sides(corners: Floats, window: Window) -> tuple[Side, ...]:
     sides = tuple(
         Side(
             x=round(float(middle[index, 0])),
+            foot=int((corners if corners[index, 1] > following[index, 1] else following)[index, 0]),
             top=int(min(corners[index, 1], following[index, 1])),
             bottom=int(max(corners[index, 1], following[index, 1])),
             hand=-1 if runs[index, 1] < 0 else 1,
@@ -166,7 +186,7 @@ def _steps(side: Side, window: Window) -> bool:
     return bool(np.median(np.abs(inner - outer).max(axis=1)) > _STEP_LEVELS)
 
 
-def _hides(side: Side, labels: Labels, nearer: tuple[int, ...]) -> bool:
+def _hides(side: Side, labels: Labels, nearer: Collection[int]) -> bool:
     """Whether what lies beyond a side is a nearer face, which reaches at least as far down there."""
     column = _column(labels, side, outwards=1)
     beyond = column[(side.top + side.bottom) // 2]
@@ -179,14 +199,34 @@ def _column(image: npt.NDArray[np.generic], side: Side, *, outwards: int) -> npt
     return image[:, min(max(column, 0), image.shape[1] - 1)]
 
 
-def _face(patch: Patch, sides: tuple[Side, ...], *, window: Window, standing: Patch) -> Face | None:
-    """The face of a patch, or None where its lower end is hidden by another face or lies above the horizon."""
+def _beyond_feet(columns: npt.NDArray[np.int64], bottom: npt.NDArray[np.int64], sides: tuple[Side, ...]) -> Patch:
+    """Columns in which the patch ends on a leaning side, above the side's foot, and not on the floor.
+
+    The image was smoothed over _SMOOTH_PX, so what shows by less than that beside a foot cannot be told from the side.
+    """
+    beyond = np.zeros(len(columns), dtype=np.bool_)
+    for side in sides:
+        out = (columns - side.foot) * side.hand
+        near = (out > 0) & (out <= _SMOOTH_PX) & (bottom < side.bottom - _BESIDE_PX)
+        beyond |= near & (not side.cut)
+    return beyond
+
+
+def _face(
+    patch: Patch, sides: tuple[Side, ...], *, window: Window, standing: Patch, before: frozenset[int]
+) -> Face | None:
+    """The face of a patch, or None where its lower end is hidden by another face or lies above the horizon.
+
+    `before`: the patches that may stand before it.
+    """
     low = max(0, min(side.x for side in sides if side.hand < 0))
     high = min(patch.shape[1] - 1, max(side.x for side in sides if side.hand > 0))
-    columns = low + np.flatnonzero(patch[:, low : high + 1].any(axis=0))[_SEAM_PX:-_SEAM_PX]
+    columns = low + np.flatnonzero(patch[:, low : high + 1].any(axis=0))
+    bottom = patch.shape[0] - 1 - np.argmax(patch[::-1, columns], axis=0)
+    inner = ~_beyond_feet(columns, bottom, sides)
+    columns, bottom = columns[inner][_SEAM_PX:-_SEAM_PX], bottom[inner][_SEAM_PX:-_SEAM_PX]
     if len(columns) == 0:
         return None
-    bottom = patch.shape[0] - 1 - np.argmax(patch[::-1, columns], axis=0)
     top = np.argmax(patch[:, columns], axis=0)
     below = np.minimum(bottom + _BESIDE_PX, patch.shape[0] - 1)
     above = np.maximum(bottom - _BESIDE_PX, 0)
@@ -200,5 +240,5 @@ def _face(patch: Patch, sides: tuple[Side, ...], *, window: Window, standing: Pa
         box_px=(low, int(top.min()) + window.top, high - low + 1, int(bottom.max() - top.min()) + 1),
         contact_m=contact[meets],
         height_m=float(np.median(heights)),
-        whole=not any(side.cut for side in sides),
+        whole=not any(side.cut or _hides(side, window.labels, before) for side in sides),
     )

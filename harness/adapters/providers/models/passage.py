@@ -7,13 +7,13 @@ import cv2
 import msgspec
 import numpy as np
 
-from harness.adapters.providers.models.faces import Face, Pixels, look, upright_faces
+from harness.adapters.providers.models.faces import Face, Pixels, look, risen, upright_faces
 from harness.adapters.providers.models.projection import Floats, View
 from harness.contracts.ids import Digest
 from harness.contracts.observations import Camera
 from harness.contracts.values import Count, Point, Share, Value
 
-METHOD = "upright-faces-2"
+METHOD = "upright-faces-3"
 
 _INSET_M = 0.04
 _LEAST_CONTACT_M = 0.08
@@ -24,8 +24,6 @@ _SAME_THING_M = 0.15
 _ABOVE_M = 1.2
 _MARGIN_PX = 20
 _SAMPLES = 24
-_RISEN_SHARE = 0.15
-"""A patch of which more than this lies above the horizon is no floor."""
 
 
 class OrientedFrame(msgspec.Struct, frozen=True):
@@ -96,7 +94,7 @@ def analyse(frames: Sequence[OrientedFrame], *, camera: Camera, position: Point,
         key=lambda finding: -finding.share_of_passage,
     )
     in_view = float(seen.any(axis=0).mean())
-    shown = int(seen.any(axis=1).sum())
+    visible = int(seen.any(axis=1).sum())
     return Report(
         method=METHOD,
         frames=tuple(frame.digest for frame in frames),
@@ -104,8 +102,8 @@ def analyse(frames: Sequence[OrientedFrame], *, camera: Camera, position: Point,
         findings=tuple(found),
         blocked=bool(found),
         in_view=in_view,
-        frames_with_passage=shown,
-        text=_text(found, shown=shown),
+        frames_with_passage=visible,
+        text=_text(found, visible=visible),
         passage=passage,
     )
 
@@ -121,21 +119,18 @@ def _in_sight(pixels: Pixels, view: View, ground: Floats) -> np.ndarray[tuple[in
     The floor ends at the horizon: a patch that also fills the picture above it is something upright, whatever its
     colour, and hides the floor behind it.
     """
-    shown = view.shows(ground)
-    if not shown.any():
-        return shown
-    labels = look(pixels, view, top=0).labels
-    places = np.rint(view.pixels(np.column_stack([ground[shown], np.zeros(int(shown.sum()))]))).astype(np.int64)
+    visible = view.shows(ground)
+    if not visible.any():
+        return visible
+    window = look(pixels, view, top=0)
+    labels = window.labels
+    places = np.rint(view.pixels(np.column_stack([ground[visible], np.zeros(int(visible.sum()))]))).astype(np.int64)
     rows = places[:, 1].clip(0, labels.shape[0] - 1)
     under = labels[rows, places[:, 0].clip(0, labels.shape[1] - 1)]
-    horizon = round(view.horizon_px)
-    whole = np.bincount(labels[labels > 0].ravel(), minlength=int(labels.max()) + 1)
-    above = labels[: max(horizon, 0)]
-    risen = np.bincount(above[above > 0].ravel(), minlength=len(whole))
-    upright = risen > _RISEN_SHARE * np.maximum(whole, 1)
-    clear = np.array([label <= 0 or not upright[label] for label in under.tolist()])
-    found = shown.copy()
-    found[shown] = clear
+    upright = risen(window)
+    clear = np.array([label not in upright for label in under.tolist()])
+    found = visible.copy()
+    found[visible] = clear
     return found
 
 
@@ -191,7 +186,7 @@ def _things(sightings: list[_Sighting]) -> list[list[_Sighting]]:
 
 
 def _gap(one: _Sighting, other: _Sighting) -> float:
-    apart = one.inside_m[::4, None] - other.inside_m[None, ::4]
+    apart = one.inside_m[:, None] - other.inside_m[None, :]
     return float(np.hypot(apart[..., 0], apart[..., 1]).min())
 
 
@@ -227,10 +222,10 @@ def _finding(
     )
 
 
-def _text(found: Sequence[FloorObject], *, shown: int) -> str:
+def _text(found: Sequence[FloorObject], *, visible: int) -> str:
     """The finding in words, for a message and for the voice. Things that hide one another are counted as one."""
     if not found:
-        frames = f"{shown} frame{'s' if shown != 1 else ''}"
+        frames = f"{visible} frame{'s' if visible != 1 else ''}"
         return f"The passage is clear: nothing stands on its floor in the {frames} that show it."
     stand = "one thing stands" if len(found) == 1 else f"{len(found)} things stand"
     shares = " and ".join(f"{finding.share_of_passage:.0%}" for finding in found)

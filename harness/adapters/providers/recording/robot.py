@@ -240,11 +240,11 @@ class RecordingNavigator(LocalProvider):
         The positions are the recorded robot's own, so this is its word; the harness measures arrival itself.
         """
         metric = [one.effect for one in intended(request) if isinstance(one.effect, Metric)]
-        said = {} if distance_m is None else {"distance_m": distance_m}
+        arguments = {} if distance_m is None else {"distance_m": distance_m}
         return tuple(
             protocol.ProposedFact(
                 name=effect.predicate,
-                arguments={"frame": self._frame, "target_m": effect.target_m, **said},
+                arguments={"frame": self._frame, "target_m": effect.target_m, **arguments},
             )
             for effect in metric
             if segment.arrived_s is not None or (distance_m is not None and distance_m <= effect.tolerance_m)

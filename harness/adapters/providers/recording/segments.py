@@ -79,17 +79,17 @@ def merged(
 
     `names` go with `routes` in order; a route beyond them is called by its number.
     """
-    kept: list[tuple[str, DispatchedRoute]] = []
+    result: list[tuple[str, DispatchedRoute]] = []
     for index, route in enumerate(routes):
-        last = kept[-1][1] if kept else None
+        last = result[-1][1] if result else None
         again = (
             last is not None
             and _apart_m(last.goal_m, route.goal_m) <= SAME_TARGET_M
             and not any(last.at_s < line.at_s <= route.at_s for line in arrivals)
         )
         if not again:
-            kept.append((names[index] if index < len(names) else f"segment {len(kept) + 1}", route))
-    return kept
+            result.append((names[index] if index < len(names) else f"segment {len(result) + 1}", route))
+    return result
 
 
 def planned(goals: Sequence[DispatchedRoute], routes: Sequence[DispatchedRoute]) -> tuple[DispatchedRoute, ...]:

@@ -83,7 +83,7 @@ class Survey:
         if topic in self._settings.goals and kind == messages.POSE:
             self.goals.append((raw.log_ns, self._decoder.decode(raw)))
         elif kind in POSITIONS and (
-            topic in self._wanted() or (kind == messages.ODOMETRY and self._settings.odometry is None)
+            topic in self._topics() or (kind == messages.ODOMETRY and self._settings.odometry is None)
         ):
             self.positions[topic].add(raw, self._decoder.decode(raw))
         elif topic == self._settings.dispatched_path and kind == messages.PATH:
@@ -96,15 +96,15 @@ class Survey:
         elif topic == self._settings.recorded_transforms and kind == messages.TRANSFORMS:
             self.transforms += map(_transform, self._decoder.decode(raw).transforms)
 
-    def _wanted(self) -> tuple[str, str | None]:
+    def _topics(self) -> tuple[str, str | None]:
         return self._settings.body_pose, self._settings.odometry
 
     def _line(self, raw: Raw, message: Any) -> None:
         for kind, pattern in self._patterns.items():
             found = pattern.search(message.msg)
             if found:
-                told = found.groupdict().get("distance_m")
-                distance = float(told) if told is not None else None
+                text = found.groupdict().get("distance_m")
+                distance = float(text) if text is not None else None
                 self.lines.append(LogLine(kind, raw.log_ns, message.msg, message.name, distance))
                 return
 

@@ -83,7 +83,7 @@ class RecordedMission(Value):
     legs: tuple[RecordedLeg, ...]
 
 
-class Written(Value):
+class WriteSummary(Value):
     """What was written: its size in bytes, messages by topic, and how far it was thinned (R176)."""
 
     path: str
@@ -99,7 +99,7 @@ def record_mission(
     samples: Sequence[observations.AnySample],
     blob: Callable[[Digest], bytes],
     limit_bytes: int = LIMIT_BYTES,
-) -> Written:
+) -> WriteSummary:
     """Write `path`, at most `limit_bytes`, all or nothing; poses and odometry are never thinned.
 
     `samples` in any order of sensor time; `blob` gives image and scan bytes. Pictures and sweeps are thinned step by
@@ -117,7 +117,7 @@ def record_mission(
             size = beside.stat().st_size
             if size <= limit_bytes:
                 os.replace(beside, path)
-                return Written(path=str(path), bytes=size, messages=counts, thinning=_told(thinning))
+                return WriteSummary(path=str(path), bytes=size, messages=counts, thinning=_thinning_text(thinning))
         raise RecordingInvalid(because("mission_too_large", limit_bytes=limit_bytes, size_bytes=size), where=str(path))
     except OSError as error:
         raise RecordingInvalid(
@@ -250,7 +250,7 @@ class _Recorder:
         return self._words.cloud(scan.at_s, LIDAR_INIT, points, moved=moved)
 
 
-def _told(thinning: Thinning) -> str:
+def _thinning_text(thinning: Thinning) -> str:
     if thinning.points == 0:
         return "no pictures and no lidar"
     return (

@@ -42,11 +42,11 @@ class RoomMicrophone:
             return ()
         if self._room is not None:
             recording = self._room.recording(measurement.from_s, measurement.until_s)
-            kept = self._keep(recording)
+            digest = self._keep(recording)
             if not all(self._claims.claim(recording, request) for request in measurement.requests[-1:]):
                 return (self._recognition(recording, measurement),)
             return (
-                self._reference("room_sound", MICROPHONE, kept, measurement),
+                self._reference("room_sound", MICROPHONE, digest, measurement),
                 self._recognition(recording, measurement),
             )
         played = [one.blob for one in measurement.receipts if one.kind == "playback" and one.blob]

@@ -1,25 +1,23 @@
 """Recognises what a recording says, with PocketSphinx and the model in its wheel: no part in making the sound (D47)."""
 
-import io
 import json
 import subprocess
 import sys
-import wave
 from collections import defaultdict
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
 from pocketsphinx import get_model_path
 
-from harness.adapters.providers.speech.language import bigrams, pronunciations, sentences, spoken
+from harness.adapters.providers.speech.language_model import bigrams, pronunciations, sentences, spoken
+from harness.adapters.providers.speech.waves import read_wave
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import sha256
 from harness.contracts.measurements import Recognition
 from harness.contracts.reasons import Reason, because, recorded
 
-RATE_HZ = 16_000
+NAME = f"pocketsphinx {version('pocketsphinx')} en-us"
 _CHILD = Path(__file__).with_name("sphinx_child.py")
 _LONGEST_S = 60.0
 
@@ -30,21 +28,25 @@ def recognised(recording: bytes, *, text: str, names: tuple[str, ...]) -> Recogn
     are expected alike. Equal recordings are recognised once. Raises ProviderFailed if the recogniser fails.
     """
     expected = tuple(sentences(text, names))
-    known = _dictionary()
+    known = dictionary()
     words = sorted({word for sentence, _ in expected for word in sentence})
     sounds = pronunciations(words, known)
     understood = [(tuple(word for word in sentence if word in sounds), weight) for sentence, weight in expected]
-    heard = _heard(_samples(recording), model=bigrams(understood), dictionary=_lines(sounds))
+    recognised_text = decode(_samples(recording), model=bigrams(understood), dictionary=listed(sounds))
     return Recognition(
         sound=sha256(recording),
-        recogniser=f"pocketsphinx {version('pocketsphinx')} en-us",
+        recogniser=NAME,
         asked=tuple(" ".join(spoken(text, names)).replace("_", " ").split()),
-        heard=tuple(heard.replace("_", " ").split()),
+        heard=tuple(recognised_text.replace("_", " ").split()),
         unknown=tuple(word.replace("_", " ") for word in words if word not in sounds),
     )
 
 
-def _heard(samples: bytes, *, model: str, dictionary: str) -> str:
+def decode(samples: bytes, *, model: str = "", dictionary: str = "") -> str:
+    """The words in 16-bit mono samples of RATE_HZ; without a model, by the one of general English in the wheel.
+
+    Raises ProviderFailed if the recogniser fails.
+    """
     job = json.dumps({"model": model, "dictionary": dictionary}).encode() + b"\n" + samples
     try:
         child = subprocess.run(
@@ -59,24 +61,14 @@ def _heard(samples: bytes, *, model: str, dictionary: str) -> str:
 
 
 def _samples(recording: bytes) -> bytes:
-    """16-bit mono samples at the recogniser's rate. Raises ProviderFailed for what is no such WAV."""
-    try:
-        with wave.open(io.BytesIO(recording)) as file:
-            if (file.getnchannels(), file.getsampwidth()) != (1, 2):
-                raise _failure(because("sound_not_16_bit_mono"))
-            rate_hz = file.getframerate()
-            body: bytes = file.readframes(file.getnframes())
-    except (wave.Error, EOFError) as error:
-        raise _failure(because("sound_no_wav", error=str(error))) from error
-    if rate_hz == RATE_HZ:
-        return body
-    samples = np.frombuffer(body, dtype="<i2").astype(np.float64)
-    at = np.arange(0.0, len(samples), rate_hz / RATE_HZ)
-    return np.interp(at, np.arange(len(samples)), samples).astype("<i2").tobytes()
+    sound = read_wave(recording)
+    if isinstance(sound, Reason):
+        raise _failure(sound)
+    return sound.body
 
 
 @lru_cache(maxsize=1)
-def _dictionary() -> dict[str, list[str]]:
+def dictionary() -> dict[str, list[str]]:
     """Pronunciations of the model's own dictionary, by word."""
     found: dict[str, list[str]] = defaultdict(list)
     with Path(get_model_path("en-us/cmudict-en-us.dict")).open(encoding="utf-8") as file:
@@ -86,7 +78,8 @@ def _dictionary() -> dict[str, list[str]]:
     return dict(found)
 
 
-def _lines(sounds: dict[str, tuple[str, ...]]) -> str:
+def listed(sounds: dict[str, tuple[str, ...]]) -> str:
+    """A dictionary file of these pronunciations."""
     lines = [
         f"{word}{'' if index == 0 else f'({index + 1})'} {one}"
         for word, ways in sounds.items()

@@ -25,7 +25,7 @@ class Speaker(Protocol):
     def consumed(self, now_s: float) -> int:
         """How many samples of the current playback were taken by `now_s`."""
 
-    def heard(self) -> Digest:
+    def samples_digest(self) -> Digest:
         """SHA-256 over the samples taken, as little-endian 16-bit words."""
 
     def halt(self) -> None:
@@ -52,7 +52,7 @@ class PacedSpeaker:
             self._taken = due
         return self._taken
 
-    def heard(self) -> Digest:
+    def samples_digest(self) -> Digest:
         return Digest(self._hash.hexdigest())
 
     def halt(self) -> None:

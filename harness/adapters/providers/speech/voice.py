@@ -98,9 +98,9 @@ class EspeakVoice(local.LocalProvider):
         taken = self._speaker.consumed(now_s)
         if taken < playback.samples:
             return Progress(share=taken / playback.samples, text=f"{taken} of {playback.samples} samples played")
-        heard = self._speaker.heard()
+        recording = self._speaker.samples_digest()
         self.halt(request.identity.request_id)
-        if heard != playback.pcm:
+        if recording != playback.pcm:
             return local.Failed(
                 failure="playback_differs", message="The speaker took other samples than were synthesised."
             )

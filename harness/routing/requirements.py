@@ -1,4 +1,4 @@
-"""A routing request: what a node requires of a provider, and the state that routing may use. Pure."""
+"""States what a node requires of a provider, and the state that routing may use. Pure."""
 
 import msgspec
 
@@ -11,7 +11,7 @@ from harness.contracts.values import Count, Name, Positive, Value
 from harness.routing.history import RoutingHistory
 
 
-class Need(Value):
+class ProviderRequirements(Value):
     """What a node requires of a provider, at one state version.
 
     `parameters` as stated by the node: a text `@{node.argument}` (under `images_from` for `images`) is bound later.

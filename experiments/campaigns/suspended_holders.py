@@ -134,14 +134,14 @@ def _hold(url: str, token: str, line: Connection) -> None:
     robot = HttpRobot(url, token)
     provider = next(one for one in robot.providers() if one.card.provider_id == "route-follower")
     while True:
-        told = line.recv()
-        if told is None:
+        answer = line.recv()
+        if answer is None:
             break
-        if not isinstance(told, StartRequest):
+        if not isinstance(answer, StartRequest):
             line.send("here")
             continue
         try:
-            line.send(provider.start(told).status)
+            line.send(provider.start(answer).status)
         except HarnessError as error:
             line.send(type(error).__name__)
     robot.close()

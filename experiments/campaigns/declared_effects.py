@@ -20,13 +20,13 @@ def declared_offences(*, seed: int) -> Iterator[str]:
     """What the books of that mission show, and that it did not end in part as it should."""
     settings = HarnessSettings(fidelity="kinematic", speed=0)
     with simulated(settings, simulator=SIMULATOR, seed=seed) as harness:
-        asked = Start(
+        request = Start(
             actor=Actor(name="campaign", role="operator"),
             robot_id=RobotId(next(iter(harness.robots))),
             template=DECLARING,
             seed=seed,
         )
-        begin(harness.runtime, asked)
+        begin(harness.runtime, request)
         mission_id: MissionId = next(harness.runtime.newest_missions()).mission_id
         mission = harness.supervisor.run(mission_id)
         log = harness.runtime.events(mission_id)

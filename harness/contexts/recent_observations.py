@@ -46,9 +46,9 @@ def observed_references(view: StateView, *, scope: frozenset[NodeId] = frozenset
 
 def recent_window(view: StateView, *, window_s: float) -> SelectionItem:
     """The samples of the last `window_s` seconds as one record, kind "observations"."""
-    kept = [sample for sample in view.recent if view.at_s - window_s <= sample.at_s <= view.at_s]
+    window = [sample for sample in view.recent if view.at_s - window_s <= sample.at_s <= view.at_s]
     streams = {
-        name: tuple(sample for sample in kept if sample.__struct_config__.tag == tag)
+        name: tuple(sample for sample in window if sample.__struct_config__.tag == tag)
         for name, tag in (("poses", "pose"), ("odometry", "odometry"), ("imu", "imu"), ("battery", "battery"))
     }
     samples = RecentSamples(window_s=window_s, trajectory=msgspec.convert(streams, Trajectory, from_attributes=True))
@@ -57,7 +57,7 @@ def recent_window(view: StateView, *, window_s: float) -> SelectionItem:
             kind="observations",
             origin="sensor",
             source="robot",
-            at_s=max((sample.at_s for sample in kept), default=view.at_s),
+            at_s=max((sample.at_s for sample in window), default=view.at_s),
             value=plain(samples),
             mandatory=True,
         )

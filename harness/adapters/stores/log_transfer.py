@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
-from harness.adapters.stores.opening import is_server, open_log
+from harness.adapters.stores.log_address import is_server, open_log
 from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.sql_engine import file_url
 from harness.adapters.stores.sql_log import SqlLog

@@ -80,8 +80,8 @@ def _known_parts(word: str, known: Mapping[str, Sequence[str]]) -> tuple[str, ..
             before = best[begin]
             if before is not None and word[begin:end] in known:
                 made = (*before, word[begin:end])
-                kept = best[end]
-                best[end] = made if kept is None or len(made) < len(kept) else kept
+                partial = best[end]
+                best[end] = made if partial is None or len(made) < len(partial) else partial
     return best[len(word)] or (word,)
 
 

@@ -3,10 +3,11 @@
 The text is data from outside: strict, bounded and typed. Whatever cannot be read is refused, with the position in it.
 """
 
-from harness.baseline.load import read_yaml
 from harness.contracts.configuration import Configuration
 from harness.contracts.errors import ContractInvalid
+from harness.contracts.reasons import because
 from harness.contracts.values import Positive, Value
+from harness.workspace.yaml_reader import read_yaml
 from rsi_reviews import contracts
 from rsi_reviews.candidates import read_configuration
 from rsi_reviews.errors import CandidateInvalid
@@ -29,10 +30,9 @@ def edited(text: str, current: Configuration, intention: Intention, *, who: str)
     changed = sections_changed(current, configuration)
     if len(changed) != 1:
         raise CandidateInvalid(
-            f"The edit changes {', '.join(changed) or 'nothing'}",
+            because("edit_of_several_sections", sections=tuple(changed) or ("none",)),
             rule="other_component" if changed else "no_change",
             where="edit",
-            do="change exactly one of the four sections",
         )
     baseline = current.configuration_id
     manifest = contracts.Manifest(

@@ -14,7 +14,7 @@ from harness.contracts.ids import StreamId
 from harness.contracts.ports import LogHead, StoredEvent
 
 
-class Unchanged:
+class VersionCache:
     """The last version of streams and the head, as this process wrote or read them. Safe between threads.
 
     `writing` is held by whoever appends. Raises sqlite3.Error.
@@ -39,14 +39,14 @@ class Unchanged:
         """The end of the log, now; None where it is not known."""
         return None if self._others_wrote() else self._last
 
-    def asked(self) -> int:
+    def ticket(self) -> int:
         """A mark to take before a stream is read, and to pass to `found`."""
         return self._round
 
-    def found(self, stream: StreamId, version: int, *, asked: int) -> None:
+    def found(self, stream: StreamId, version: int, *, ticket: int) -> None:
         """A stream ended at this version when it was read; void if anyone wrote since `asked`."""
         with self._knowing:
-            if self._round == asked:
+            if self._round == ticket:
                 self._versions[stream] = version
 
     @contextmanager

@@ -1,0 +1,149 @@
+"""A robot at an address, with those of its providers that were admitted, each with exactly the card that was tried."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+from msgspec.structs import replace
+
+from harness.adapters.providers.http.clocks import clock_of
+from harness.adapters.providers.http.robot import HttpProvider, HttpRobot
+from harness.contracts import protocol
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.errors import ProviderFailed
+from harness.contracts.ids import Digest, ProviderId, RequestId
+from harness.contracts.observations import Camera
+from harness.contracts.ports import Clock, LiveCamera, Provider, Teleoperable
+from harness.contracts.reasons import Reason, because
+
+SPEED_CAP = "speed_cap_mps"
+ANY_BODY = "any"
+Refusal = Callable[[CapabilityCard], Reason | None]
+
+
+class AddressedRobot:
+    """Implements `contracts.ports.Robot`. `refusal` says why a card is not used.
+
+    `speed_limit_mps` lowers the bound of every card's speed cap; `camera` is used where the robot declares none.
+    Raises ProviderUnreachable if nobody answers, ProviderFailed if another robot does, or what answers is no robot.
+    """
+
+    def __init__(
+        self,
+        client: HttpRobot,
+        *,
+        name: str,
+        refusal: Refusal,
+        speed_limit_mps: float | None = None,
+        camera: Camera | None = None,
+    ) -> None:
+        self._client, self._camera = client, camera
+        status = client.status()
+        if status.robot_id != name:
+            raise ProviderFailed(because("another_robot_answers", found=status.robot_id[:80], expected=name))
+        found = {one.card.provider_id: (one, refusal(one.card)) for one in client.providers()}
+        self.unused: Mapping[ProviderId, Reason] = {
+            name: reason for name, (_, reason) in found.items() if reason is not None
+        }
+        self._providers = tuple(
+            AdmittedProvider(one, self._card, limit_mps=speed_limit_mps) for one, reason in found.values() if not reason
+        )
+        self.clock: Clock = clock_of(client)
+        self.live_camera: LiveCamera | None = client if _shows(client) else None
+
+    @property
+    def embodiment(self) -> str:
+        """The body that its admitted cards are made for; empty where they fit any."""
+        named = (one for provider in self._providers for one in provider.card.embodiments)
+        return next((one for one in named if one != ANY_BODY), "")
+
+    @property
+    def hand(self) -> Teleoperable:
+        """For a robot that serves driving by hand too."""
+        return self._client
+
+    def providers(self) -> Sequence[Provider]:
+        """Those that were admitted when the robot was connected."""
+        return self._providers
+
+    def status(self) -> protocol.RobotStatus:
+        """The robot's own word, with the camera of the site's folder where it names none."""
+        status = self._client.status()
+        return status if status.camera is not None else replace(status, camera=self._camera)
+
+    def observations(self, after: int, limit: int = 5000) -> protocol.Observations:
+        return self._client.observations(after, limit)
+
+    def blob(self, digest: Digest) -> bytes:
+        return self._client.blob(digest)
+
+    def starts(self) -> Sequence[protocol.PhysicalStart]:
+        return self._client.starts()
+
+    def _card(self, provider_id: ProviderId) -> CapabilityCard | None:
+        cards = self._client.read("/providers", list[CapabilityCard])
+        return next((card for card in cards if card.provider_id == provider_id), None)
+
+
+class AdmittedProvider:
+    """One provider that was tried. Nothing is started under another card than the one that was admitted (D55)."""
+
+    def __init__(
+        self,
+        provider: HttpProvider,
+        current: Callable[[ProviderId], CapabilityCard | None],
+        *,
+        limit_mps: float | None = None,
+    ) -> None:
+        self._provider, self._current, self._tried = provider, current, provider.card
+        self._card = _limited(provider.card, limit_mps)
+
+    @property
+    def card(self) -> CapabilityCard:
+        return self._card
+
+    def start(self, request: protocol.StartRequest) -> protocol.InvocationReport:
+        """Raises ProviderFailed, with nothing sent, where the provider's card is another one by now."""
+        name = self._tried.provider_id
+        current = self._current(name)
+        if current is None:
+            raise ProviderFailed(because("provider_gone", provider_id=name))
+        if current != self._tried:
+            raise ProviderFailed(
+                because("provider_card_changed", provider_id=name, version=self._tried.version, now=current.version)
+            )
+        return self._provider.start(request)
+
+    def report(self, handle: str) -> protocol.InvocationReport:
+        return self._provider.report(handle)
+
+    def find(self, request: RequestId) -> protocol.InvocationReport | None:
+        return self._provider.find(request)
+
+    def keepalive(self, handle: str) -> None:
+        self._provider.keepalive(handle)
+
+    def resume(self, handle: str) -> protocol.InvocationReport:
+        return self._provider.resume(handle)
+
+    def stop(self, handle: str) -> protocol.InvocationReport:
+        return self._provider.stop(handle)
+
+
+def _limited(card: CapabilityCard, limit_mps: float | None) -> CapabilityCard:
+    if limit_mps is None:
+        return card
+    parameters = tuple(
+        replace(one, maximum=min(limit_mps, one.maximum if one.maximum is not None else limit_mps))
+        if one.name == SPEED_CAP
+        else one
+        for one in card.parameters
+    )
+    return replace(card, parameters=parameters)
+
+
+def _shows(client: HttpRobot) -> bool:
+    """Whether it serves a live picture, which the protocol leaves to it."""
+    try:
+        client.picture()
+    except ProviderFailed:
+        return False
+    return True

@@ -1,0 +1,176 @@
+"""Reads a site's own folder; every problem is typed and names its file, its line and what can be done about it.
+
+site.yaml        frames, map version, places, routes, passages, zones, mission profile; optionally a floor map
+robots.yaml      robots by name: the simulator's, or one at an address
+missions/*.yaml  task templates of this site, one a file; the folder may be missing
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from harness.adapters.map_rasters import read_map
+from harness.adapters.secret_values import secret
+from harness.contracts.errors import ContractInvalid, HarnessError
+from harness.contracts.exploration import GridMap
+from harness.contracts.places import Site
+from harness.contracts.reasons import because
+from harness.contracts.tasks import TaskTemplate
+from harness.workspace import checks
+from harness.workspace.files import HttpRobotEntry, RobotEntry, RobotsFile, SecretReference, SiteDescription
+from harness.workspace.yaml_reader import Lines, read_yaml
+
+T = TypeVar("T")
+SITE, ROBOTS, MISSIONS, CONFORMANCE = "site.yaml", "robots.yaml", "missions", "conformance"
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """A site's folder as it was read. `notes` say what is allowed and will be in the way."""
+
+    folder: Path
+    site: Site
+    robots: tuple[RobotEntry, ...]
+    missions: tuple[TaskTemplate, ...]
+    floor: GridMap | None = None
+    notes: tuple[ContractInvalid, ...] = ()
+
+    def robot(self, name: str) -> RobotEntry:
+        """Raises ContractInvalid."""
+        for one in self.robots:
+            if one.name == name:
+                return one
+        known = tuple(one.name for one in self.robots)
+        raise ContractInvalid(because("unknown_robot", robot_id=name[:40], known=known), where=str(self.folder))
+
+    def conformance_files(self) -> tuple[Path, ...]:
+        """What the conformance kit may ask of the providers at this site."""
+        return tuple(sorted((self.folder / CONFORMANCE).glob("*.yaml")))
+
+
+@dataclass
+class Reader:
+    """One pass over a folder; collects problems instead of ending at the first."""
+
+    folder: Path
+    reserved: frozenset[str]
+    problems: list[HarnessError] = field(default_factory=list)
+    notes: list[ContractInvalid] = field(default_factory=list)
+
+    def read(self) -> Workspace | None:
+        """None where there are problems."""
+        if not self.folder.is_dir():
+            self.problems.append(ContractInvalid(because("workspace_missing"), where=str(self.folder)))
+            return None
+        self._strangers()
+        site_file = self._file(self.folder / SITE, SiteDescription)
+        robots = self._file(self.folder / ROBOTS, RobotsFile)
+        site = _site(site_file[0]) if site_file else None
+        floor = self._floor(site_file) if site_file else None
+        if site_file and site:
+            self._take(checks.site_problems(site, self.folder / SITE, site_file[1], floor))
+        if robots:
+            self._take(checks.robot_problems(robots[0], self.folder / ROBOTS, robots[1]))
+            self.notes += checks.robot_notes(robots[0], self.folder, robots[1], has_secret=self._has_secret)
+        missions = self._missions(site)
+        if site and robots and floor:
+            self._take(checks.clearance_problems(site, robots[0], self.folder / SITE, site_file[1], floor))  # type: ignore[index]
+        if self.problems or site is None or robots is None:
+            return None
+        self.notes += checks.speed_notes(missions, robots[0], self.folder / MISSIONS)
+        return Workspace(
+            folder=self.folder,
+            site=site,
+            robots=robots[0].robots,
+            missions=tuple(one for one, _, _ in missions),
+            floor=floor,
+            notes=tuple(self.notes),
+        )
+
+    def _strangers(self) -> None:
+        """A YAML file that nobody reads is a misspelt one."""
+        known = {SITE, ROBOTS}
+        for file in sorted(self.folder.glob("*.y*ml")):
+            if file.name not in known:
+                self.problems.append(
+                    ContractInvalid(because("workspace_file_unknown", known=tuple(sorted(known))), where=str(file))
+                )
+
+    def _missions(self, site: Site | None) -> list[tuple[TaskTemplate, Path, Lines]]:
+        found: list[tuple[TaskTemplate, Path, Lines]] = []
+        for file in sorted((self.folder / MISSIONS).glob("*.yaml")):
+            read = self._file(file, TaskTemplate)
+            if read is None:
+                continue
+            twin = next((one for one, _, _ in found if one.name == read[0].name), None)
+            if twin is not None or read[0].name in self.reserved:
+                known = because("mission_name_taken", name=read[0].name)
+                self.problems.append(ContractInvalid(known, where=checks.at(file, read[1].of("name"))))
+                continue
+            found.append((read[0], file, read[1]))
+        for template, file, lines in found if site else ():
+            self._take(checks.mission_problems(template, site, file, lines))  # type: ignore[arg-type]
+        return found
+
+    def _floor(self, read: tuple[SiteDescription, Lines]) -> GridMap | None:
+        site, lines = read
+        if isinstance(site.map, msgspec.UnsetType):
+            return None
+        file = self.folder / site.map
+        try:
+            if not file.resolve().is_relative_to(self.folder.resolve()):
+                raise ContractInvalid(because("workspace_path_outside", path=site.map), where=str(file))
+            return read_map(file, frame=site.frame, map_version=site.map_version)
+        except HarnessError as error:
+            self.problems.append(checks.relocated(error, self.folder / SITE, lines.of("map")))
+            return None
+
+    def _file(self, file: Path, kind: type[T]) -> tuple[T, Lines] | None:
+        try:
+            text = file.read_text(encoding="utf-8")
+        except (OSError, UnicodeError) as error:
+            missing = because("workspace_file_unreadable", error=getattr(error, "strerror", None) or str(error))
+            self.problems.append(ContractInvalid(missing, where=str(file)))
+            return None
+        try:
+            return read_yaml(text, kind, where=str(file)), Lines(text)
+        except ContractInvalid as error:
+            self.problems.append(error)
+            return None
+
+    def _take(self, problems: Iterator[HarnessError]) -> None:
+        self.problems.extend(problems)
+
+    def _has_secret(self, reference: SecretReference) -> bool:
+        try:
+            secret(variable=reference.environment, file=reference.file, folder=self.folder)
+        except HarnessError:
+            return False
+        return True
+
+
+def examined(folder: Path, *, reserved: Sequence[str] = ()) -> tuple[Workspace | None, tuple[HarnessError, ...]]:
+    """The folder, or everything that is wrong with it. `reserved`: names of missions that ship with the harness."""
+    reader = Reader(folder, frozenset(reserved))
+    found = reader.read()
+    return found, tuple(reader.problems)
+
+
+def open_workspace(folder: Path, *, reserved: Sequence[str] = ()) -> Workspace:
+    """Raises the first problem: ContractInvalid, UnknownName."""
+    found, problems = examined(folder, reserved=reserved)
+    if found is None:
+        raise problems[0]
+    return found
+
+
+def token_of(entry: HttpRobotEntry, folder: Path) -> str:
+    """The bearer token of a robot at an address. Raises ContractInvalid."""
+    return secret(variable=entry.token.environment, file=entry.token.file, folder=folder)
+
+
+def _site(file: SiteDescription) -> Site:
+    return Site(**{name: getattr(file, name) for name in Site.__struct_fields__})
