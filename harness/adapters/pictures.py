@@ -123,9 +123,9 @@ def _noise(grey: Pixels) -> NDArray[np.int8]:
     return noted
 
 
-def _places(count: int, wanted: int) -> NDArray[np.int64]:
-    """At most `wanted` of so many blocks, evenly spaced and symmetric."""
-    half = np.unique(np.linspace(0, max(count // 2 - 1, 0), min(wanted // 2, max(count // 2, 1))).astype(int))
+def _places(count: int, most: int) -> NDArray[np.int64]:
+    """At most `most` of so many blocks, evenly spaced and symmetric."""
+    half = np.unique(np.linspace(0, max(count // 2 - 1, 0), min(most // 2, max(count // 2, 1))).astype(int))
     return np.concatenate([half, (count - 1 - half)[::-1]]) if count > 1 else half
 
 
