@@ -23,9 +23,9 @@ from app.background.presence import Presence
 from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
 from app.background.trajectories import Measurements
-from app.i18n.messages import reasoned
 from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
+from app.views.evidence import Unsound, unsound
 from app.views.shell import Shell, Surroundings, shell
 from app.web.security import actor_of
 from harness.contracts.actors import Actor
@@ -36,12 +36,14 @@ from harness.contracts.control import CONTROL, Posture
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
-from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId, RobotId
+from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId, ResourceId, RobotId, leased
 from harness.contracts.ports import LogHead
 from harness.contracts.proposals import CandidateSet, RoutingExplanation
 from harness.contracts.protocol import DriveReport, PhysicalStart
 from harness.contracts.reasons import Reason
+from harness.projections.alerts import status
 from harness.projections.control import SiteControl
+from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 from harness.routing.explanation import explained
 from harness.routing.question import RoutingQuestion
@@ -50,8 +52,11 @@ Cards = Callable[[], Iterable[CapabilityCard]]
 Dossier = Callable[[MissionId, Path, str], object]
 """Writes a mission's signed dossier to a file, on behalf of somebody."""
 Starts = Callable[[MissionId], Sequence[PhysicalStart] | None]
+ClearWay = Callable[[RobotId], None]
+"""Simulation only: somebody takes away what stands in a robot's way."""
 T = TypeVar("T")
 SPENT_KEYS = 1024
+BASE = "mobile_base"
 
 
 class TeleoperationPort(Protocol):
@@ -121,6 +126,7 @@ class Console:
     dossier: Dossier | None = None
     absent: Mapping[RobotId, Reason] = field(default_factory=dict)
     unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = field(default_factory=dict)
+    clear_way: ClearWay | None = None
     issuer: OidcLogin | None = None
 
     def head(self) -> LogHead:
@@ -134,6 +140,9 @@ class Console:
             actor=actor,
             position=self.runtime.head().position,
             now_s=self.clock(),
+            control=self.control(),
+            quarantined=self.quarantined(),
+            acknowledged=self._acknowledged(),
             present=self.presence.people(),
             alerts=self.alerts.waiting(self.clock()),
             reviewing=sum(one.status in ("in_review", "authorised") for one in self.releases.reviews()),
@@ -144,6 +153,24 @@ class Console:
         control: SiteControl = self.runtime.fold(CONTROL)
         return control
 
+    def quarantined(self, robot_id: str = "") -> tuple[Lease, ...]:
+        """The resources of one robot, or of every one, that nobody can account for."""
+        bases = (BASE, *(resource for card in self.cards() for resource in card.resources))
+        robots = (robot_id,) if robot_id else (*self.settings.robots, *self.fleet.names)
+        names = dict.fromkeys(leased(RobotId(robot), ResourceId(base)) for robot in robots for base in bases)
+        found = (self.runtime.lease(name) for name in names)
+        return tuple(one for one in found if one.status == "quarantined")
+
+    def _acknowledged(self) -> frozenset[str]:
+        """Robots whose alert about a move to safety somebody has acknowledged."""
+        return frozenset(
+            alert.newest.robot_id
+            for _, alert in self.alerts.all()
+            if alert.newest is not None
+            and alert.newest.kind == "safety_not_reached"
+            and status(alert, self.clock()) not in ("unacknowledged", "returned")
+        )
+
     def shell(self, title: str, section: str, actor: Actor, *, topics: Sequence[str] = ()) -> Shell:
         return shell(title, section, self.surroundings(actor), topics=topics)
 
@@ -151,13 +178,13 @@ class Console:
         """Missions that have not ended, newest first."""
         return self.runtime.open_missions()
 
-    def check(self, digest: Digest) -> str:
-        """Empty if a blob's bytes match its digest at this moment, else why not."""
+    def check(self, digest: Digest) -> Unsound | None:
+        """None if a blob's bytes match its digest at this moment, else why not."""
         try:
             self.runtime.blob(digest)
         except BlobDamaged as error:
-            return reasoned(error.what)
-        return ""
+            return unsound(error)
+        return None
 
     def context(self, digest: Digest) -> Context | None:
         return self._record(digest, Context)

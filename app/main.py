@@ -29,7 +29,7 @@ from app.background.notifications import Notices
 from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
 from app.background.trajectories import Measurements
-from app.console import Cards, Console, Dossier, Starts, TeleoperationPort, no_cards, no_journal
+from app.console import Cards, ClearWay, Console, Dossier, Starts, TeleoperationPort, no_cards, no_journal
 from app.i18n.languages import Languages
 from app.routes import (
     account,
@@ -38,6 +38,7 @@ from app.routes import (
     api_admissions,
     api_alerts,
     api_events,
+    api_evidence,
     api_handoffs,
     api_leases,
     api_maps,
@@ -81,13 +82,14 @@ from app.web.security import SecurityMiddleware, SecurityPolicy
 from app.web.server_errors import ServerErrorMiddleware
 from app.web.static_files import StampedFiles
 from app.web.streams import StreamCounts
-from harness.adapters.notify.services import AppriseNotifier
+from harness.adapters.connection_guard import PublicOr
+from harness.adapters.notify.services import NETWORKS, AppriseNotifier
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId, ProviderId, RobotId
 from harness.contracts.reasons import Reason, because
 from harness.dossiers import export_dossier
-from harness.runtime import AnswerHandoff, FreeResource, Runtime, unobserved, unsupervised
+from harness.runtime import AnswerHandoff, FreeResource, HaltRobot, Runtime, unhalted, unobserved, unsupervised
 
 GRACE_S = 3
 
@@ -101,6 +103,7 @@ def create_app(
     accounts: Accounts,
     answer: AnswerHandoff = unsupervised,
     free: FreeResource = unobserved,
+    halt: HaltRobot = unhalted,
     starts: Starts = no_journal,
     cards: Cards = no_cards,
     folder: Path | None = None,
@@ -108,15 +111,18 @@ def create_app(
     teleoperation: TeleoperationPort | None = None,
     absent: Mapping[RobotId, Reason] = MappingProxyType({}),
     unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = MappingProxyType({}),
+    clear_way: ClearWay | None = None,
 ) -> FastAPI:
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
     The runtime's gate was built with the authority of these `accounts`; the console closes them when it ends. `answer`
-    takes what people answer at handoffs and `free` frees resources in quarantine: a supervisor's.
+    takes what people answer at handoffs, `free` frees resources in quarantine and `halt` stops at once: a supervisor's.
 
     `absent`: robots of the site that could not be connected; `unused`: providers that are not admitted; each with why.
+    `clear_way` takes away what stands in a simulated robot's way.
 
-    `fleet` shows what robots say of themselves, `wheel` lets people drive them; both are ended with the console.
+    `fleet` shows what robots say of themselves, `teleoperation` lets people drive them; both are ended with the
+    console.
 
     Sign-in links come from `app.state.sessions`. Its lists are kept in `folder`, or in memory without one, and have
     caught up with the log on return.
@@ -127,7 +133,10 @@ def create_app(
     inbox = Alerts(runtime)
     release_service = GuardedReleaseService(runtime, accounts.record)
     watched = AlertSources(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
-    services = AppriseNotifier({name: address.get_secret_value() for name, address in settings.notify.items()})
+    services = AppriseNotifier(
+        {name: address.get_secret_value() for name, address in settings.notify.items()},
+        permits=PublicOr(settings.notify_networks, where=NETWORKS),
+    )
     notices = Notices(runtime, services, time.time, settings.address)
     alert_watch = AlertWatch(runtime, inbox, watched, tell=notices.offer)
 
@@ -148,7 +157,7 @@ def create_app(
     app.state.alert_watch = alert_watch
     app.state.notices = notices
     app.state.console = Console(
-        runtime=GuardedRuntime(runtime, answer=answer, free=free, audit_log=accounts.record),
+        runtime=GuardedRuntime(runtime, answer=answer, free=free, halt=halt, audit_log=accounts.record),
         settings=settings,
         broker=broker,
         scenes=scenes,
@@ -166,6 +175,7 @@ def create_app(
         teleoperation=teleoperation,
         absent=absent,
         unused=unused,
+        clear_way=clear_way,
         dossier=_dossiers(runtime, folder),
         issuer=oidc_login(settings, sessions, clock=time.time, fresh=_fresh),
     )
@@ -210,6 +220,7 @@ def create_app(
         api_robots,
         api_people,
         api_events,
+        api_evidence,
     ):
         app.include_router(room.router)
     openapi.install(app)

@@ -44,6 +44,7 @@ from harness.gate.alerts import DECIDER as ALERT
 from harness.gate.commit import Gate
 from harness.gate.control import DECIDER as CONTROL
 from harness.gate.decide import DECIDER as MISSION
+from harness.gate.erasures import DECIDER as ERASURE
 from harness.gate.handoffs import DECIDER as HANDOFF
 from harness.gate.leases import DECIDER as LEASE
 from harness.gate.maps import DECIDER as MAP
@@ -80,6 +81,7 @@ DECIDERS: dict[str, Decider[Any, Any, Any]] = {
     "alert": ALERT,
     "place": PLACE,
     "admission": ADMISSION,
+    "erasure": ERASURE,
 }
 
 

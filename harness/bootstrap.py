@@ -1,6 +1,6 @@
 """Builds the harness: chooses the adapters, passes them to the gate and the supervisor, and closes them again."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
@@ -16,6 +16,7 @@ from harness.adapters.providers.http.addressed import AddressedRobot
 from harness.adapters.providers.http.process import RobotSettings
 from harness.adapters.providers.http.robot import HttpRobot
 from harness.adapters.providers.http.supervised_process import SupervisedProcess
+from harness.adapters.providers.messaging.folder import erase_from_outbox
 from harness.adapters.stores.anchors import anchor_key, anchoring
 from harness.adapters.stores.blobs import FileBlobStore, owned_blobs
 from harness.adapters.stores.folder import DataFolder, existing, prepare
@@ -59,7 +60,10 @@ from harness.contracts.reasons import Reason, because
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.simulation import InProcessRobot, Simulator
+from harness.erasures import finish_erasures
 from harness.gate.admissions import DECIDER as ADMISSION
+from harness.gate.decide import DECIDER as MISSION
+from harness.gate.open_missions import OpenMissions
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
@@ -135,7 +139,8 @@ def open_harness(
         stack.enter_context(_anchored(store, folder, settings))
         if signals and is_server(settings.database):
             stack.enter_context(closing(Listener(settings.database, signals.changed)))
-        processes = _started(stack, folder, settings, simulated_names(settings, workspace))
+        simulated = simulated_names(settings, workspace)
+        processes = _started(stack, folder, settings, simulated, under_way=_under_way(store))
         connected, absent = _connected(stack, store, addressed_entries(settings, workspace), workspace.folder)
         clocks = [*(one.clock for one in processes), *(robot.clock for _, robot in connected)]
         if not clocks:
@@ -143,7 +148,7 @@ def open_harness(
             raise ProviderUnreachable(because("no_robot_connects", robot_id=name, reason=why))
         parts = Parts(
             store=store,
-            blobs=owned_blobs(folder.blobs),
+            blobs=owned_blobs(folder.blobs, copies=partial(erase_from_outbox, folder.outbox)),
             spool=FileSpool(folder.spool),
             ids=ids,
             clock=clocks[0],
@@ -160,7 +165,9 @@ def open_harness(
         members = [_kept_member(parts, one, folder) for one in processes]
         members += [_addressed_member(parts, *one, folder) for one in connected]
         unused = {RobotId(entry.name): robot.unused for entry, robot in connected if robot.unused}
-        yield replace(joined(stack, settings, parts, members), token=token, absent=absent, unused=unused)
+        harness = replace(joined(stack, settings, parts, members), token=token, absent=absent, unused=unused)
+        finish_erasures(harness.runtime)
+        yield harness
 
 
 @contextmanager
@@ -190,6 +197,7 @@ def edit_harness(
             _without_robots(settings, folder, deciders=deciders, select=select, authority=authority) as runtime,
             _anchored(runtime, folder, settings),
         ):
+            finish_erasures(runtime)
             yield runtime
 
 
@@ -207,7 +215,7 @@ def _without_robots(
         key = installation_key(settings.snapshot_key_file, data=folder.root, make=False)
         parts = Parts(
             store=log,
-            blobs=FileBlobStore(folder.blobs),
+            blobs=FileBlobStore(folder.blobs, copies=partial(erase_from_outbox, folder.outbox)),
             spool=MemorySpool(),
             ids=SystemIds(),
             clock=SystemClock(),
@@ -434,10 +442,30 @@ def _anchored(log: HasHead, folder: DataFolder, settings: HarnessSettings) -> It
         yield
 
 
+def _under_way(store: ports.EventStore) -> dict[str, float]:
+    """The newest mission time of each robot's open missions."""
+    found: dict[str, float] = {}
+    for stream in OpenMissions(store).streams():
+        events = store.load(stream)
+        mission = MISSION.fold(MISSION.initial, (MISSION.codec.decode(event) for event in events))
+        if not mission.ended:
+            found[mission.robot_id] = max(found.get(mission.robot_id, 0.0), events[-1].mission_s)
+    return found
+
+
 def _started(
-    stack: ExitStack, folder: DataFolder, settings: HarnessSettings, names: Sequence[str]
+    stack: ExitStack,
+    folder: DataFolder,
+    settings: HarnessSettings,
+    names: Sequence[str],
+    *,
+    under_way: Mapping[str, float],
 ) -> list[SupervisedProcess]:
-    """All robot processes, started side by side. The stack ends those that came up."""
+    """All robot processes, started side by side. The stack ends those that came up.
+
+    A robot with a mission `under_way` goes on at that mission time: how long the machine was down, or takes to start,
+    does not count against the deadline of a stage.
+    """
     if not names:
         return []
 
@@ -450,6 +478,7 @@ def _started(
                 speed=settings.speed,
                 seed=seed,
                 fidelity=settings.fidelity,
+                epoch_s=under_way.get(robot_id, 0.0),
             )
         )
         stack.callback(process.close)

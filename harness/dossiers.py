@@ -61,7 +61,7 @@ def checked(request: bytes) -> bytes:
 def _verdict(file: Path, *, key: str) -> DossierVerdict:
     try:
         archive = zipfile.ZipFile(file)
-    except (OSError, zipfile.BadZipFile, ValueError) as error:
+    except (OSError, zipfile.BadZipFile, RuntimeError, ValueError) as error:
         raise DossierInvalid(because("dossier_unreadable", error=str(error)), where=str(file)) from error
     with archive:
         dossier = open_dossier(archive, where=str(file))

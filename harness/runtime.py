@@ -19,7 +19,15 @@ from harness.contracts.commands import CreateMission, MissionCommand, PauseMissi
 from harness.contracts.configuration import Configuration
 from harness.contracts.control import Autonomy
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
-from harness.contracts.errors import ConfigurationMissing, ContractInvalid, RecordingUnusable, UnknownName
+from harness.contracts.erasure_events import BlobErased, erasure_stream
+from harness.contracts.errors import (
+    BlobDamaged,
+    BlobGone,
+    ConfigurationMissing,
+    ContractInvalid,
+    RecordingUnusable,
+    UnknownName,
+)
 from harness.contracts.ids import (
     Digest,
     HandoffId,
@@ -77,6 +85,14 @@ class FreeResource(Protocol):
 
     def __call__(self, resource: ResourceId, *, actor: Actor, reason: str) -> Decision[AnyEvent]:
         """Raises UnknownName for a resource that was never leased."""
+
+
+HaltRobot = Callable[[RobotId], None]
+"""Tells a robot's providers to stop at once, by a component that knows what they run."""
+
+
+def unhalted(robot_id: RobotId) -> None:
+    """Used where nobody supervises the robot: its stop stands in the log."""
 
 
 def unobserved(resource: ResourceId, *, actor: Actor, reason: str) -> Decision[AnyEvent]:
@@ -454,8 +470,27 @@ class Runtime:
         return self._store.record(digest)
 
     def blob(self, digest: Digest) -> bytes:
-        """Bytes that match their digest; raises BlobDamaged."""
-        return self._blobs.get(digest)
+        """Bytes that match their digest; raises BlobDamaged, BlobGone for what was erased."""
+        try:
+            return self._blobs.get(digest)
+        except BlobDamaged:
+            erased = self.erasure(digest)
+            if erased is None:
+                raise
+        raise BlobGone(
+            because("blob_erased", digest=digest, actor=erased.actor.name, at_s=erased.at_s, reason=erased.reason)
+        )
+
+    def erasure(self, digest: Digest) -> BlobErased | None:
+        """The tombstone of a blob; None for one that was not erased."""
+        erased: BlobErased | None = self._gate.state(erasure_stream(digest)).erased
+        return erased
+
+    def remove_erased(self, digest: Digest) -> None:
+        """Remove the bytes of a blob whose tombstone stands in the log. Raises ContractInvalid for any other."""
+        if self.erasure(digest) is None:
+            raise ContractInvalid(because("blob_not_erased", digest=digest))
+        self._blobs.erase(digest)
 
     def blob_digests(self) -> Iterator[Digest]:
         return self._blobs.digests()

@@ -24,6 +24,7 @@ class HarnessSettings(BaseSettings):
     `snapshot_key_file` seals snapshots and lies outside the data folder; without one, a key is made in the user's
     state folder. While a process owns the folder it adds an anchor to `anchor_file`, outside the data folder, every
     `anchor_every` events, signed with `anchor_key_file` (Ed25519, PEM or 32 bytes) if there is one.
+    `media_days`: voice and photographs of a mission are erased so many days after it ended; never without it.
     `site_folder`: a site's own folder, as `regen init` writes one (REGEN_SITE_FOLDER); without one, the simulated site.
     """
 
@@ -43,6 +44,7 @@ class HarnessSettings(BaseSettings):
     anchor_every: Annotated[int, Field(ge=1)] = 1000
     anchor_key_file: Path | None = None
     site_folder: Path | None = None
+    media_days: Annotated[float, Field(gt=0)] | None = None
 
     @property
     def fleet(self) -> tuple[str, ...]:

@@ -137,8 +137,14 @@ class FaultPlan:
         """Whether something stands between the approach and the passage when the mission begins."""
         return "hidden-passage" in self._faults
 
+    def forget_obstacles(self) -> None:
+        """Somebody took away what stood in the way: it does not come back in this mission."""
+        for name in ("blocked-passage", "hidden-passage"):
+            self._faults.pop(name, None)
+
     def persistent(self, name: FaultName) -> bool:
-        return self._faults[name].persistent
+        fault = self._faults.get(name)
+        return fault is not None and fault.persistent
 
     def _distort(self, name: FaultName, mode: LocaliserMode) -> None:
         self._mode, self._mode_fault, self._terminal_s = mode, self._faults[name], None

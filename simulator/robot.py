@@ -126,6 +126,10 @@ class SimulatedRobot:
         """The red button on the robot: independent of all software, it holds the body still while engaged."""
         self.world.hardware_stop = engaged
 
+    def clear_way(self) -> None:
+        """Somebody takes away what stands in the robot's way."""
+        self.world.clear_way()
+
     def save(self) -> None:
         """Write the world durably."""
         self.world.save(durable=True)

@@ -188,6 +188,10 @@ def simulation_operations(pace: Pace) -> tuple[Operation, ...]:
         robot.press_hardware_stop(engaged=body.engaged)
         return wire.Done(at_s=robot.at_s)
 
+    def clear(names: Names, body: None) -> wire.Done:
+        robot.clear_way()
+        return wire.Done(at_s=robot.at_s)
+
     def play(names: Names, body: Sound) -> wire.Done:
         robot.room.play(body)
         return wire.Done(at_s=robot.at_s)
@@ -208,6 +212,7 @@ def simulation_operations(pace: Pace) -> tuple[Operation, ...]:
         Operation(
             "POST", "/simulation/hardware-stop", "Press the red button", wire.Done, press, body=wire.HardwareStop
         ),
+        Operation("POST", "/simulation/clear-way", "Somebody moves what stands in the way", wire.Done, clear),
         Operation("POST", "/simulation/room/sound", "A loudspeaker plays in the room", wire.Done, play, body=Sound),
         Operation(
             "GET",

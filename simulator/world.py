@@ -109,6 +109,11 @@ class World:
         self.truth.begin(mission_id)
         self.note("mission", text=f"{mission_id} seed {seed}")
 
+    def clear_way(self) -> None:
+        """Somebody took away what a fault had put in the way."""
+        self.faults.forget_obstacles()
+        self._furnish(self._home)
+
     def invocation_starts(self, invocation: RunningSkill, node: str) -> None:
         """A skill was accepted and begins with the next tick."""
         skill = invocation.skill

@@ -9,10 +9,22 @@ from harness.contracts import control, retreat_events
 from harness.contracts.control import Posture
 
 
+class StopRobotAct(base.ActModel):
+    """Stop whatever moves this robot: its mission, a person's hand, its way to safety. The reason may come later."""
+
+    reason: base.Text = ""
+
+
+class ExplainStopAct(base.ActModel):
+    """Say why a robot was stopped, afterwards: the audit log keeps it."""
+
+    reason: base.Reason
+
+
 class StopRobotsAct(base.ActModel):
     """Stop every mission of every robot and end all manual control; `safe`: then send each robot to safety."""
 
-    reason: base.Reason
+    reason: base.Text = ""
     safe: bool = False
 
 

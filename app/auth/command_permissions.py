@@ -9,6 +9,7 @@ from harness.contracts import (
     alert_commands,
     commands,
     control,
+    erasure_events,
     handoff_commands,
     maps,
     place_events,
@@ -68,6 +69,7 @@ ASKED: Mapping[type[Command], Permission] = MappingProxyType(
         review_commands.RetireVersion: "release",
         review_commands.SavePolicy: "policy",
         suite_growth.AddCase: "dispute",
+        erasure_events.EraseBlob: "erase",
     }
 )
 """What a person or an integration asks for directly. Whose own candidate it is, the release service asks."""
@@ -99,6 +101,7 @@ HARNESS_COMMANDS: frozenset[type[Command]] = frozenset(
         commands.RefusePrecondition,
         commands.AcceptInvocation,
         commands.StopInvocation,
+        control.RecordPosture,
         commands.ResumeInvocation,
         commands.EndInvocation,
         commands.CompleteNode,
@@ -131,6 +134,7 @@ HARNESS_COMMANDS: frozenset[type[Command]] = frozenset(
         alert_commands.RaiseAlert,
         alert_commands.ClearAlert,
         alert_commands.NoteNotification,
+        erasure_events.ExpireBlob,
         review_commands.BeginEvaluation,
         review_commands.RecordEvaluation,
         review_commands.ExpireAuthorisation,

@@ -9,12 +9,14 @@ import msgspec
 
 from app.auth.command_permissions import asked_permission
 from app.auth.permissions import NotPermitted, Principal
+from harness import erasures
 from harness.contracts import ids
 from harness.contracts.actors import Actor, Command
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import CreateMission, FreeLease, MissionCommand
+from harness.contracts.commands import CreateMission, FreeLease, MissionCommand, StopMission
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.erasure_events import BlobErased, EraseBlob
 from harness.contracts.events import MissionCreated
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Place, Site
@@ -28,7 +30,7 @@ from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 from harness.projections.places import Places
-from harness.runtime import AnswerHandoff, FreeResource, Live, Runtime, Start, unobserved
+from harness.runtime import AnswerHandoff, FreeResource, HaltRobot, Live, Runtime, Start, unhalted, unobserved
 
 PRINCIPAL: ContextVar[Principal] = ContextVar("principal")
 """The principal of the present request, set by the security middleware only."""
@@ -45,11 +47,18 @@ class GuardedRuntime:
     """
 
     def __init__(
-        self, runtime: Runtime, *, answer: AnswerHandoff, audit_log: AuditLog, free: FreeResource = unobserved
+        self,
+        runtime: Runtime,
+        *,
+        answer: AnswerHandoff,
+        audit_log: AuditLog,
+        free: FreeResource = unobserved,
+        halt: HaltRobot = unhalted,
     ) -> None:
         self._runtime = runtime
         self._answer = answer
         self._free = free
+        self._halt = halt
         self._audit_log = audit_log
 
     # commands -------------------------------------------------------------------------------------------------------
@@ -65,10 +74,13 @@ class GuardedRuntime:
         return decision
 
     def submit(self, mission_id: ids.MissionId, command: MissionCommand) -> Accepted[AnyEvent] | Refused:
-        """One command for one mission. Raises UnknownName for a mission that does not exist."""
-        actor = _acting(type(command))
-        _same_robot(self._runtime.mission(mission_id).robot_id)
+        """One command for one mission; a stop also goes to the robot at once. Raises UnknownName for a mission that
+        does not exist."""
+        actor, robot_id = _acting(type(command)), self._runtime.mission(mission_id).robot_id
+        _same_robot(robot_id)
         decision = self._runtime.submit(mission_id, _signed(command, actor))
+        if isinstance(command, StopMission) and isinstance(decision, Accepted):
+            self._halt(robot_id)
         self._record(actor, type(command), f"mission/{mission_id}", decision)
         return decision
 
@@ -90,6 +102,12 @@ class GuardedRuntime:
         self._record(actor, type(command), f"handoff/{handoff_id}", decision)
         return decision
 
+    def halt(self, robot_id: ids.RobotId) -> None:
+        """Tell a robot whose stop is in the log to stop at once. Raises NotPermitted."""
+        _acting(StopMission)
+        _same_robot(robot_id)
+        self._halt(robot_id)
+
     def free(self, resource: ids.ResourceId, *, reason: str) -> Decision[AnyEvent]:
         """Free a quarantined resource on a new look at its robot. Raises UnknownName for one that was never leased."""
         actor = _acting(FreeLease)
@@ -102,6 +120,17 @@ class GuardedRuntime:
         """What a recording of a goal says, stored for a mission that the principal may start. Raises as the runtime."""
         _acting(CreateMission)
         return self._runtime.hear(recording)
+
+    def erase(self, digest: ids.Digest, *, reason: str) -> Decision[AnyEvent]:
+        """Erase one photograph or voice. Raises BlobDamaged for bytes that are missing or changed."""
+        actor = _acting(EraseBlob)
+        decision = erasures.erase(self._runtime, digest, actor=actor, reason=reason)
+        self._record(actor, EraseBlob, f"blob/{digest}", decision)
+        return decision
+
+    def erasure(self, digest: ids.Digest) -> BlobErased | None:
+        """The tombstone of a blob; None for one that was not erased."""
+        return self._runtime.erasure(digest)
 
     def keep(self, body: bytes) -> ids.Digest:
         """Store bytes that a command or a page refers to; returns their digest."""

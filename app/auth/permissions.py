@@ -12,7 +12,7 @@ from harness.contracts.reasons import because
 Role = Literal["viewer", "operator", "reviewer", "releaser", "admin"]
 Permission = Literal[
     "read", "export", "drive", "stop", "observe", "decide", "dispute", "attest", "alerts", "propose", "review",
-    "release", "policy", "trail", "people",
+    "release", "policy", "trail", "people", "erase",
 ]  # fmt: skip
 ROLES: tuple[str, ...] = get_args(Role)
 GRANTS: Mapping[Permission, tuple[Role, ...]] = {
@@ -31,10 +31,11 @@ GRANTS: Mapping[Permission, tuple[Role, ...]] = {
     "policy": ("admin",),
     "trail": ("reviewer", "releaser", "admin"),
     "people": ("admin",),
+    "erase": ("admin",),
 }
 SCOPES: frozenset[Permission] = frozenset({"read", "drive", "stop", "observe"})
 """The scopes a token may have; answering handoffs, releasing and managing accounts are for people only."""
-OF_ACCOUNTS: frozenset[Permission] = frozenset({"decide", "attest", "review", "release", "policy"})
+OF_ACCOUNTS: frozenset[Permission] = frozenset({"decide", "attest", "review", "release", "policy", "erase"})
 """What counts as a person's decision: it needs an account that somebody signed in to, at a page or a terminal."""
 HOST_PREFIX = "host:"
 """Before the name of a user of this machine; no account's name may have a colon."""
@@ -55,6 +56,7 @@ MEANING: Mapping[Permission, str] = {
     "policy": N_("say who must agree before a release"),
     "trail": N_("read who signed in and who commanded what"),
     "people": N_("change accounts, roles and tokens"),
+    "erase": N_("erase voice and photographs"),
 }
 
 

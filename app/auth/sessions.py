@@ -10,15 +10,16 @@ import hmac
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from threading import Lock
+from threading import Event, Lock
 
 from msgspec.structs import replace
 
 from app.auth.accounts import Accounts, TooManyAttempts
-from app.auth.permissions import HOST_PREFIX, Principal
+from app.auth.permissions import HOST_PREFIX, NotPermitted, Principal
 from harness.adapters.stores.accounts_rows import Session
 from harness.contracts.errors import StoreUnavailable
 from harness.contracts.ids import sha256
+from harness.contracts.reasons import because
 
 INVITATION_S = 3600.0
 ROTATE_S, GRACE_S, SEEN_S = 900.0, 60.0, 30.0
@@ -55,6 +56,7 @@ class SessionService:
         self._idle_s, self._age_s = limits
         self._clock, self._fresh = clock, fresh
         self._invitations: dict[str, float] = {}
+        self.entered = Event()
         self._unwritable_until_s = 0.0
         self._lock = Lock()
 
@@ -99,6 +101,16 @@ class SessionService:
         """The same for a terminal: a token that is good as long as its session; it counts among the person's own."""
         cookie = self.sign_in(name, password, origin)
         return f"{LOGIN_PREFIX}{cookie}" if isinstance(cookie, str) else cookie
+
+    def terminal_token(self, principal: Principal) -> str:
+        """A token for a terminal of whoever is signed in with an account here; its session is one of their own.
+
+        For people without a password: they come by the identity provider. Raises NotPermitted for anybody else.
+        """
+        if not principal.session or principal.invited:
+            raise NotPermitted(because("terminal_needs_account"), where=principal.name)
+        self.accounts.note(principal, "sign_in.terminal_token", subject=principal.name)
+        return f"{LOGIN_PREFIX}{self._open(principal.name, Origin('terminal', 'command line'), invited=False)}"
 
     def admit(self, name: str, origin: Origin) -> str:
         """A fresh cookie for somebody whom the identity provider named."""
@@ -202,6 +214,7 @@ class SessionService:
             agent=origin.agent[:200],
         )
         self.accounts.store.open_session(session)
+        self.entered.set()
         return cookie
 
     def _lasts(self, session: Session, digest: str) -> bool:

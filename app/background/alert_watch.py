@@ -13,9 +13,10 @@ from app.background.alerts import Alerts
 from app.background.robot_reports import Fleet
 from harness.contracts.alert_commands import ClearAlert, RaiseAlert
 from harness.contracts.alert_events import AlertRaised, Occurrence, alert_id, alert_stream
+from harness.contracts.control import ControlEvent
 from harness.contracts.decider import Codec
 from harness.contracts.decisions import Accepted
-from harness.contracts.errors import BlobDamaged, LogDamaged, ProviderUnreachable, UnknownName
+from harness.contracts.errors import BlobDamaged, BlobGone, LogDamaged, ProviderUnreachable, UnknownName
 from harness.contracts.events import MissionEnded, MissionEvent
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
@@ -40,7 +41,8 @@ OLD_S = 86400.0
 QUARANTINED = "ConfigurationQuarantined"
 TELLING = frozenset({
     "VetoRaised", "VetoCleared", "VerdictRecorded", "FailureClassified", "HandoffRequested", "HandoffAnswered",
-    "StopAcknowledged", "CompletionDisputed", "MissionEnded", "HandoffEscalated", QUARANTINED,
+    "StopAcknowledged", "CompletionDisputed", "MissionEnded", "HandoffEscalated", "RetreatEnded",
+    "PostureShown", QUARANTINED,
 })  # fmt: skip
 """The kinds of events that are decoded; no other kind raises or clears an alert."""
 Raised = Callable[[str, Alert], object]
@@ -149,6 +151,9 @@ class AlertWatch:
             if opened is not None:
                 change = causes.of_handoff(HANDOFF.decode(stored), self._about(stored, opened.mission_id), name)
                 self._ask_all(change)
+        elif family == "control":
+            change = causes.of_control(HOUSE.decode(stored), position=stored.position, at_s=stored.recorded_s)
+            self._ask_all(change)
         elif stored.kind == QUARANTINED:
             event = POINTER.decode(stored)
             self._raise(
@@ -262,6 +267,8 @@ class AlertWatch:
             cause = f"blob/{digest}"
             try:
                 self.runtime.blob(digest)
+            except BlobGone:
+                continue
             except BlobDamaged as error:
                 self._keep(
                     causes.of_site(
@@ -284,5 +291,6 @@ class AlertWatch:
 
 
 MISSION: Codec[MissionEvent] = Codec(MissionEvent)
+HOUSE: Codec[ControlEvent] = Codec(ControlEvent)
 HANDOFF: Codec[HandoffEvent] = Codec(HandoffEvent)
 POINTER: Codec[ConfigurationQuarantined] = Codec(ConfigurationQuarantined)

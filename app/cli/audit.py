@@ -132,6 +132,8 @@ def _lines(report: ReplayReport) -> list[str]:
     gate = f"{report.decisions + report.leases + report.handoffs} gate decisions made again"
     if report.reconstructed:
         gate += f", {report.reconstructed} of them with {RECONSTRUCTED}"
+    if report.erased:
+        derived += f", {report.erased} verdicts not: their evidence was erased"
     counted = f"{len(report.differences)} differences" if report.differences else "no difference"
     return [
         f"{report.mission_id}: {report.events} events; {derived}; {gate}; state version {report.k}, "

@@ -14,6 +14,7 @@ from harness.auditing.places import PlaceChange
 from harness.auditing.replay import RECONSTRUCTED
 from harness.bootstrap import read_harness
 from harness.contracts.dossier import JudgedGoal
+from harness.contracts.erasure_events import BlobErased
 from harness.contracts.ids import MissionId
 from harness.contracts.spoken_goals import SpokenGoal
 from harness.dossiers import export_dossier, verify_dossier
@@ -31,6 +32,7 @@ def dossier(
         contents = export_dossier(runtime, MissionId(mission_id), file, data=data, exported_by=acting_name(data))
     lines = [f"{file}: {contents.events} events, {contents.records} records, {len(contents.files) - 2} blobs."]
     lines += [f"Evidence {digest} was missing or damaged and is not in it." for digest in contents.absent]
+    lines += [f"Evidence {digest} was erased; its tombstone is in it." for digest in contents.erased or ()]
     output.show({"file": str(file), **msgspec.to_builtins(contents)}, as_json=as_json, lines=lines)
 
 
@@ -48,6 +50,11 @@ def verify(
 def _place(change: PlaceChange) -> str:
     what = "removed" if change.removed else f"changed, revision {change.revision},"
     return f"{change.place_id} was {what} meanwhile by {change.by}: {change.reason}. The mission kept it as it began."
+
+
+def _erasure(erased: BlobErased) -> str:
+    why = sentence(erased.reason)
+    return f"The {erased.medium} {erased.digest} was erased by {erased.actor.name} before the export: {why}."
 
 
 def _goal(judged: JudgedGoal) -> list[str]:
@@ -78,6 +85,8 @@ def _lines(found: DossierVerdict) -> list[str]:
         *(_goal(found.judged) if found.judged else ()),
         *(_spoken(found.spoken) if found.spoken else ()),
         *(f"Evidence {digest} was already missing when it was exported." for digest in found.absent),
+        *(_erasure(one) for one in found.erased),
+        *([f"{found.unrepeated} verdicts cannot be derived again without it."] if found.unrepeated else []),
         *(_place(one) for one in found.places if one.during),
         *([f"{found.reconstructed} decisions derived again with {RECONSTRUCTED}."] if found.reconstructed else []),
         *(found.differences or ("Every decision derived again; no difference.",)),

@@ -12,7 +12,7 @@ import typer
 
 from app.auth.accounts import Accounts, TooManyAttempts
 from app.auth.permissions import Principal
-from app.auth.sessions import Origin, SessionService
+from app.auth.sessions import LOGIN_PREFIX, Origin, SessionService
 from app.cli import output
 from app.cli.data_folder import opened
 from app.cli.person import here
@@ -40,16 +40,24 @@ def login(
     password_stdin: Annotated[
         bool, typer.Option("--password-stdin", help="Read the password from standard input.")
     ] = False,
+    token_stdin: Annotated[
+        bool, typer.Option("--token-stdin", help="Read a token of your account page from standard input.")
+    ] = False,
     as_json: output.Json = False,
 ) -> None:
     """Sign in to an account of this data folder: what you decide at this terminal is then that person's word.
 
+    Without a password, because you sign in at the identity provider: make a token on your account page.
     The token lies in a file that only you may read; it ends with the session, as in a browser, or by `regen logout`.
     """
     with opened(data) as accounts:
         if not accounts.store.any_account():
             raise ContractInvalid(because("no_account_yet"), where=str(data))
-        token = _sessions(accounts).terminal_sign_in(name, _password(from_stdin=password_stdin), TERMINAL)
+        sessions = _sessions(accounts)
+        if token_stdin:
+            token: str | TooManyAttempts | None = _given_token(sessions, name)
+        else:
+            token = sessions.terminal_sign_in(name, _password(from_stdin=password_stdin), TERMINAL)
         if isinstance(token, TooManyAttempts):
             raise ContractInvalid(because("sign_in_throttled", wait_s=token.wait_s), where=name)
         if token is None:
@@ -114,6 +122,15 @@ def principal(data: Path) -> Principal:
 def acting_name(data: Path) -> str:
     """The name of whoever acts at this terminal on this data folder."""
     return principal(data).name
+
+
+def _given_token(sessions: SessionService, name: str) -> str:
+    """The token on standard input. Raises ContractInvalid unless it is one of a terminal of this person's."""
+    token = sys.stdin.readline().strip()
+    found = sessions.bearer(f"Bearer {token}", source="terminal") if token.startswith(LOGIN_PREFIX) else None
+    if found is None or found.name != name:
+        raise ContractInvalid(because("terminal_token_refused", name=name), where=name)
+    return token
 
 
 def _sessions(accounts: Accounts) -> SessionService:

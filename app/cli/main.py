@@ -25,6 +25,7 @@ GROUPS = {
     "robot": "robots:app",
     "map": "maps:app",
     "audit": "audit:app",
+    "blob": "blobs:app",
     "data": "databases:app",
     "provider": "providers:app",
     "account": "accounts:account",

@@ -46,7 +46,7 @@ def list_providers(as_json: Json = False) -> None:
         cards = installed_cards(Path(folder), SIMULATOR)
     rows = [_listed(card) for card in cards]
     lines = table(
-        [["provider", "version", "capability", "moves", "reattach", "resources", "meets", "exempt"]]
+        [["provider", "version", "capability", "moves", "reattach", "resources", "preconditions", "meets", "exempt"]]
         + [
             [
                 row["provider_id"],
@@ -55,6 +55,7 @@ def list_providers(as_json: Json = False) -> None:
                 "yes" if row["moves"] else "no",
                 row["reattach"],
                 ",".join(row["resources"]) or "-",
+                ",".join(row["preconditions"]) or "-",
                 str(len(row["meets"])),
                 str(len(row["exempt"])),
             ]
@@ -74,6 +75,7 @@ def _listed(card: CapabilityCard) -> dict[str, Any]:
         "reattach": card.reattach,
         "resumable": card.resumable,
         "resources": list(card.resources),
+        "preconditions": list(card.preconditions),
         "meets": list(declared.meets),
         "exempt": declared.exempt,
     }

@@ -5,6 +5,7 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from threading import Event, Thread
 from typing import Annotated, Any
 
 import typer
@@ -15,6 +16,7 @@ from app.auth.exposure import check_exposure
 from app.auth.oidc_settings import identity_provider
 from app.background.evaluations import evaluator_folder
 from app.background.release_watch import ReleaseWatch
+from app.background.retention import Retention
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
 from app.cli import output
@@ -23,16 +25,20 @@ from app.cli.data_folder import duplicate_starts, opened
 from app.cli.identity import examine_issuer
 from app.cli.person import host_user
 from app.cli.shipped_candidate import put_in_review
+from app.console import ClearWay
 from app.i18n.reasons.rendering import explained, sentence
 from app.main import bind, create_app, open_accounts, serve
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.web.starting_page import starting
+from harness.adapters.providers.http.robot import HttpRobot
 from harness.anchors import compared_with_file
 from harness.bootstrap import Harness, open_harness, owner_of, read_harness, robot_names
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
+from harness.contracts.erasure_events import ERASURES
 from harness.contracts.errors import ContractInvalid, HarnessError
+from harness.contracts.ids import RobotId
 from harness.extra_templates import begin
 from harness.runtime import Start
 from rsi_reviews.candidate_queries import on_trial, selected
@@ -53,10 +59,12 @@ def up(
     fault: Annotated[
         list[str] | None, typer.Option(help="ROBOT=NAME[:persistent], for the missions that --start begins.")
     ] = None,
+    start_now: Annotated[bool, typer.Option("--start-now", help="Begin at once, not at the first sign-in.")] = False,
 ) -> None:
     """Start the console and everything behind it; prints one sign-in link.
 
-    With --start, every robot that has no mission under way begins one.
+    With --start, every robot of a new data folder begins a mission when the first person has signed in, so that it is
+    seen from its beginning. A folder that has missions already starts none by itself.
     """
     console = ConsoleSettings() if port is None else ConsoleSettings(port=port)
     named = tuple(name.strip() for name in robots.split(",") if name.strip()) if robots else None
@@ -81,7 +89,8 @@ def up(
         broker = SignalBroker()
         accounts = open_accounts(console, chosen.data_folder)
         stack.callback(accounts.store.close)
-        sys.stderr.write(f"Opening {chosen.data_folder} and starting {', '.join(fleet_names)} ...\n")
+        steps = Steps()
+        steps.begin(f"Opening {chosen.data_folder} and starting {', '.join(fleet_names)}")
         with starting(console, listener, fleet_names):
             harness = stack.enter_context(
                 open_harness(
@@ -103,7 +112,7 @@ def up(
                 "owner": host_user(),
             }
         )
-        _begin(harness, start, seed=seed, faults=faults)
+        steps.begin("Building the console")
         harness.supervisor.serve()
         harness.teleoperation.watch()
         stack.callback(harness.teleoperation.close)
@@ -117,6 +126,7 @@ def up(
             accounts=accounts,
             answer=harness.supervisor.answer,
             free=harness.supervisor.free,
+            halt=harness.supervisor.halt,
             starts=harness.starts,
             cards=lambda: (one.card for robot in harness.robots.values() for one in robot.providers()),
             folder=chosen.data_folder,
@@ -124,15 +134,45 @@ def up(
             teleoperation=harness.teleoperation,
             absent=harness.absent,
             unused=harness.unused,
+            clear_way=_clear_way(harness),
         )
         app.state.alert_watch.watch()
         _watch_releases(stack, harness, evaluator_folder(chosen.data_folder) if start is not None else None)
+        if chosen.media_days is not None:
+            retention = Retention(harness.runtime, days=chosen.media_days, clock=time.time)
+            retention.watch()
+            stack.callback(retention.close)
         app.state.notices.watch()
+        steps.end()
         sessions = app.state.sessions
+        if start is not None and harness.runtime.head().position and harness.runtime.missions():
+            sys.stderr.write(f"{chosen.data_folder} has missions already: none is started by itself.\n")
+        elif start is not None:
+            first = Thread(
+                target=_begin_at,
+                args=(harness, start, None if start_now else sessions.entered),
+                kwargs={"seed": seed, "faults": faults},
+                name="first missions",
+                daemon=True,
+            )
+            first.start()
         link = "" if sessions.has_accounts else f"{console.address}{sessions.invite()}"
         way_in = f"Sign in once: {link}" if link else "Sign in with your account."
         typer.echo(f"RegenHarness is at {console.address}  {way_in}")
+        if link:
+            sys.stderr.write(f"A lost link: regen account link --data {chosen.data_folder} prints a new one.\n")
         serve(app, listener)
+
+
+def _clear_way(harness: Harness) -> ClearWay:
+    """Somebody takes away what stands in a simulated robot's way; another robot has nothing that could be."""
+
+    def clear(robot_id: RobotId) -> None:
+        robot = harness.robots[robot_id]
+        if isinstance(robot, HttpRobot):
+            robot.clear_way()
+
+    return clear
 
 
 def _watch_releases(stack: ExitStack, harness: Harness, evaluator: Path | None) -> None:
@@ -147,6 +187,33 @@ def _watch_releases(stack: ExitStack, harness: Harness, evaluator: Path | None) 
     )
     watch.watch()
     stack.callback(watch.close)
+
+
+class Steps:
+    """Says on standard error what is done, and how long each step took."""
+
+    def __init__(self) -> None:
+        self._began_s = 0.0
+
+    def begin(self, name: str) -> None:
+        """The step before is over; this one begins."""
+        self.end()
+        self._began_s = time.monotonic()
+        sys.stderr.write(f"{name} ... ")
+        sys.stderr.flush()
+
+    def end(self) -> None:
+        """The last step is over."""
+        if self._began_s:
+            sys.stderr.write(f"{time.monotonic() - self._began_s:.1f} s\n")
+        self._began_s = 0.0
+
+
+def _begin_at(harness: Harness, template: str, entered: Event | None, *, seed: int, faults: Mapping[str, str]) -> None:
+    """Begin once somebody has signed in; at once where there is nobody to wait for."""
+    if entered is not None:
+        entered.wait()
+    _begin(harness, template, seed=seed, faults=faults)
 
 
 def _begin(harness: Harness, template: str | None, *, seed: int, faults: Mapping[str, str]) -> None:
@@ -219,6 +286,7 @@ def _examine(data: Path, found: dict[str, Any]) -> None:
         found["problems"] += [
             f"{one.mission_id} is not run here: {sentence(one.reason)}" for one in runtime.unreadable()
         ]
+        found["erased_blobs"] = len(runtime.streams(ERASURES))
         for digest in runtime.blob_digests():
             try:
                 runtime.blob(digest)

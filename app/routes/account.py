@@ -40,6 +40,12 @@ def password(console: ConsoleDep, principal: PrincipalDep, typed: FormDep) -> HT
     return _own(console, principal, done=N_("Your password is changed. Your other browsers are signed out."))
 
 
+@router.post("/terminal")
+def terminal(console: ConsoleDep, principal: PrincipalDep) -> HTMLResponse:
+    """The answer shows a token for `regen login --token-stdin`, once."""
+    return _own(console, principal, token=console.sessions.terminal_token(principal))
+
+
 @router.get("/people")
 def people(console: ConsoleDep, principal: PrincipalDep) -> HTMLResponse:
     principal.acting("people")
@@ -118,12 +124,16 @@ def revoke(console: ConsoleDep, principal: PrincipalDep, token_id: str) -> Respo
     return RedirectResponse("/account/people", status_code=303)
 
 
-def _own(console: Console, principal: Principal, *, errors: Sequence[str] = (), done: str = "") -> HTMLResponse:
+def _own(
+    console: Console, principal: Principal, *, errors: Sequence[str] = (), done: str = "", token: str = ""
+) -> HTMLResponse:
     shell = console.shell(N_("Your account"), "account", principal.actor)
     sessions = console.sessions.accounts.sessions_of(principal)
     elsewhere = any(one.by_groups for one in console.sessions.accounts.store.identities(principal.name))
-    page = account.account_page(shell, principal, sessions, by_password=not elsewhere, errors=errors, done=done)
-    return render("account/index.html", page, status=422 if errors else 200)
+    page = account.account_page(
+        shell, principal, sessions, by_password=not elsewhere, errors=errors, done=done, token=token
+    )
+    return render("account/index.html", page, status=422 if errors else 201 if token else 200)
 
 
 def _people(

@@ -56,6 +56,20 @@ def stop_all(console: ConsoleDep, principal: PrincipalDep, body: acts.StopRobots
     return api_requests.plain(schemas.StopsAsked(asked=tuple(stopping), refused=tuple(refused)))
 
 
+@router.post("/robots/{robot_id}/stop", responses=api_requests.answers(schemas.StopsAsked))
+def stop(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: acts.StopRobotAct) -> Any:
+    """Stop whatever moves this robot: its mission, a person's hand, its way to safety. It always may be asked."""
+    stopping, refused = robot_acts.stopped(console, principal, robot_id, body)
+    return api_requests.plain(schemas.StopsAsked(asked=tuple(stopping), refused=tuple(refused)))
+
+
+@router.post("/robots/{robot_id}/stop/reason", responses=api_requests.answers(schemas.RobotResource))
+def explain(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: acts.ExplainStopAct) -> Any:
+    """Say why it was stopped, afterwards; the audit log keeps it."""
+    robot_acts.explained(console, principal, robot_id, body)
+    return _row(console, robot_id)
+
+
 @router.get("/robots/{robot_id}", responses=api_requests.answers(schemas.RobotResource))
 def robot(console: ConsoleDep, robot_id: RobotPath) -> Any:
     """One robot."""

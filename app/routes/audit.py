@@ -3,10 +3,14 @@
 from dataclasses import replace
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Query, Request
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import UploadFile
 from starlette.responses import HTMLResponse, PlainTextResponse
 
+from app.auth.permissions import Principal
 from app.console import Console, ConsoleDep
+from app.i18n.catalogues import N_
 from app.i18n.languages import explained
 from app.i18n.messages import lazy_gettext, reasoned
 from app.views import audit
@@ -38,6 +42,29 @@ def show(
 ) -> HTMLResponse:
     filters = audit.AuditFilter(actor=actor.strip(), kind=kind.strip(), everything=everything)
     given = audit.GivenAnchor(text=anchor.strip(), key=anchor_key.strip())
+    return _page(console, principal, filters, given, before=before, verify=verify)
+
+
+@router.post("/anchors")
+async def uploaded(request: Request, console: ConsoleDep, principal: PrincipalDep) -> HTMLResponse:
+    """Compare the log with a file of anchors that was kept elsewhere. Nothing is stored."""
+    async with request.form(max_files=1, max_fields=4) as form:
+        file, key = form.get("anchors"), form.get("anchor_key")
+        body = await file.read() if isinstance(file, UploadFile) else b""
+    text = body.decode(errors="replace").strip()
+    given = audit.GivenAnchor(text=text, key=key.strip() if isinstance(key, str) else "", file=True)
+    return await run_in_threadpool(_page, console, principal, audit.AuditFilter(), given, before=0, verify=False)
+
+
+def _page(
+    console: Console,
+    principal: Principal,
+    filters: audit.AuditFilter,
+    given: audit.GivenAnchor,
+    *,
+    before: int,
+    verify: bool,
+) -> HTMLResponse:
     decisions, scanned_from = newest_first(console, filters, before=before)
     shell = console.shell("Audit", "audit", principal.actor)
     page = audit.AuditPage(
@@ -123,14 +150,20 @@ def _log_sum(console: Console) -> audit.Sum:
 
 
 def _compared(console: Console, given: audit.GivenAnchor) -> audit.GivenAnchor:
-    """The anchors that were pasted, compared with the log; unchanged where nothing was given."""
+    """The anchors that were given, compared with the log; unchanged where nothing was given.
+
+    Of many, those that do not fit and the newest that does are shown.
+    """
     if not given.text:
-        return given
+        return replace(given, problem=N_("The file is empty.")) if given.file else given
     try:
         found = compared_with_text(console.runtime, given.text, key=given.key)
     except ContractInvalid as error:
-        return replace(given, problem=explained(error))
-    return replace(given, found=found)
+        return replace(given, problem=explained(error), text="" if given.file else given.text)
+    wrong = [one for one in found if one.reason is not None]
+    fits = max((one for one in found if one.reason is None), key=lambda one: one.position, default=None)
+    listed = (*wrong[:SHOWN], *((fits,) if fits else ()))
+    return replace(given, found=listed, total=len(found), text="" if given.file else given.text)
 
 
 def _before_commands(console: Console) -> str:

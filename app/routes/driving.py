@@ -40,7 +40,7 @@ def take(
         return RedirectResponse(f"/robots/{robot_id}/drive", status_code=303)
     decision = wheel_taken(console, principal, robot_id, act, device=N_("a browser"))
     if isinstance(decision, Refused):
-        return _pad(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409)
+        return _pad(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409, typed=act)
     return RedirectResponse(f"/robots/{robot_id}/drive", status_code=303)
 
 
@@ -89,7 +89,13 @@ def _taken(console: Console, actor: Actor, robot_id: RobotId) -> TakenOver | Non
 
 
 def _pad(
-    console: Console, actor: Actor, robot_id: RobotId, *, errors: list[str] | None = None, status: int = 200
+    console: Console,
+    actor: Actor,
+    robot_id: RobotId,
+    *,
+    errors: list[str] | None = None,
+    status: int = 200,
+    typed: BeginTeleoperationAct | None = None,
 ) -> HTMLResponse:
     held = console.control().wheels.get(robot_id)
     page = DrivePage(
@@ -99,6 +105,8 @@ def _pad(
         robot=card(console, robot_id),
         session=held.session if held is not None and held.actor.name == actor.name else "",
         taken=_taken(console, actor, robot_id),
+        device=typed.device if typed else "",
+        reason=typed.reason if typed else "",
         errors=tuple(errors or ()),
     )
     return render("robots/drive.html", page, status=status)

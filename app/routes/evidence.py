@@ -3,15 +3,22 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path
-from starlette.responses import HTMLResponse, Response
+from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from app.console import ActorDep, ConsoleDep
+from app.acts.erasures import EraseBlobAct
+from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.messages import lazy_gettext, reasoned
 from app.routes.listing import searching
 from app.views import evidence_list
+from app.views.evidence import Unsound, unsound
 from app.views.evidence_list import BlobPage
+from app.views.forms import Wrong
 from app.views.list_params import ListParams
 from app.web.rendering import render
+from app.web.security import PrincipalDep
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Refused
+from harness.contracts.erasure_events import medium_of
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.read_models import ListQuery
@@ -47,23 +54,44 @@ def index(console: ConsoleDep, actor: ActorDep, params: ListParamsDep) -> HTMLRe
 @router.get("/{digest}/about")
 def about(console: ConsoleDep, actor: ActorDep, digest: DigestPath) -> HTMLResponse:
     """The blob read and hashed now, and every packet that refers to it. 404 for one that nothing refers to."""
+    return render("evidence/about.html", _about(console, actor, digest))
+
+
+@router.post("/{digest}/erase")
+def erase(console: ConsoleDep, principal: PrincipalDep, digest: DigestPath, typed: FormDep) -> Response:
+    """Erase a photograph or a voice for good, with a reason."""
+    actor = principal.acting("erase")
+    act = EraseBlobAct.from_form(typed)
+    if isinstance(act, tuple):
+        return render("evidence/about.html", _about(console, actor, digest, wrong=act), status=422)
+    decision = console.runtime.erase(Digest(digest), reason=act.reason)
+    if isinstance(decision, Refused):
+        wrong = (Wrong("", reasoned(decision.reason)),)
+        return render("evidence/about.html", _about(console, actor, digest, wrong=wrong), status=409)
+    return RedirectResponse(f"/evidence/{digest}/about", status_code=303)
+
+
+def _about(console: Console, actor: Actor, digest: str, *, wrong: tuple[Wrong, ...] = ()) -> BlobPage:
     uses = ListQuery(listing="evidence", words=(digest[:BLOB_SIGNS],), limit=USES)
     rows = [one for one in console.lists.evidence(uses).items if one.blob == digest]
     if not rows:
         raise UnknownName(because("blob_not_cited", digest=digest[:16]))
+    broken: Unsound | None = None
     try:
-        body, broken = console.runtime.blob(Digest(digest)), ""
+        body = console.runtime.blob(Digest(digest))
     except BlobDamaged as error:
-        body, broken = b"", reasoned(error.what)
-    page = BlobPage(
-        shell=console.shell(lazy_gettext("Blob {name}", name=digest[:8]), "evidence", actor),
+        body, broken = b"", unsound(error)
+    shell = console.shell(lazy_gettext("Blob {name}", name=digest[:8]), "evidence", actor)
+    return BlobPage(
+        shell=shell,
         blob=digest,
         broken=broken,
         size=len(body),
         media_type="" if broken else kind_of(body)[0],
         rows=tuple(rows),
+        erasable=medium_of(body) is not None and "erase" in shell.may,
+        wrong=wrong,
     )
-    return render("evidence/about.html", page)
 
 
 @router.get("/{digest}")

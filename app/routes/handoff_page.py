@@ -12,14 +12,15 @@ from app.views.handoffs import HandoffEvents, HandoffForm, HandoffInputs, Handof
 from app.views.history import ShownDifference
 from app.views.places import site_map
 from app.views.robots import CameraView, LastReport
+from app.views.seen_around import SeenAround, seen_around
 from harness.contracts import ids
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
 from harness.contracts.decisions import Decision, Refused, refused
-from harness.contracts.errors import UnknownName
+from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.handoff_events import HandoffEvent, HandoffOpened
-from harness.contracts.observations import Pose
+from harness.contracts.observations import Pose, Scan
 from harness.contracts.read_models import HandoffItem, ListQuery
 from harness.contracts.values import digest, encode
 from harness.projections.handoffs import Handoff, apply
@@ -33,6 +34,7 @@ class SubmittedForm:
     """A form as it was left: what was typed, why it was refused, and the cycle that it answered."""
 
     typed: str = ""
+    device: str = ""
     refused: str = ""
     cycle: str = ""
 
@@ -48,13 +50,16 @@ def page_of(
     watched = f"handoff/{handoff_id}"
     scene = HandoffScene(
         map=site_map(console.runtime.site),
+        seen=_seen(console, mission.mission_id),
         robot=word_of(console, opened.robot_id),
         camera=_camera(console, opened.robot_id),
+        simulated=console.clear_way is not None,
     )
     form = HandoffForm(
         shown=digest(shown_record(opened, mission)),
         key=console.sessions.key(),
         typed=left.typed,
+        device=left.device,
         refused=left.refused,
         changes=changes(handoff, events, left.cycle) if left.refused else (),
     )
@@ -65,6 +70,7 @@ def page_of(
         told=events,
         earlier=_earlier(console, opened),
         live_at=_live_at(console, mission.mission_id),
+        services=tuple(console.settings.notify),
         scene=scene,
         form=form,
     )
@@ -152,3 +158,17 @@ def _live_at(console: Console, mission_id: ids.MissionId) -> tuple[float, float,
     live = console.runtime.observations(mission_id)
     pose = next((one for one in reversed(live.samples) if isinstance(one, Pose)), None) if live else None
     return (pose.x_m, pose.y_m, pose.yaw_rad) if pose else None
+
+
+def _seen(console: Console, mission_id: ids.MissionId) -> SeenAround:
+    """What the newest lidar sweep shows around the robot, on the map; nothing where none is kept."""
+    live = console.runtime.observations(mission_id)
+    samples = live.samples if live else ()
+    scan = next((one for one in reversed(samples) if isinstance(one, Scan)), None)
+    pose = next((one for one in reversed(samples) if isinstance(one, Pose)), None)
+    if scan is None or pose is None:
+        return SeenAround("", "", None)
+    try:
+        return seen_around(console.runtime.blob(scan.blob), pose)
+    except (BlobDamaged, UnknownName):
+        return SeenAround("", "", None)

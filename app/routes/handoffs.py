@@ -7,6 +7,7 @@ from fastapi import APIRouter, Depends
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts import handoffs as handoff_acts
+from app.acts.base import Act
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.messages import reasoned
 from app.routes.handoff_page import SubmittedForm, answered, page_of, question_of
@@ -65,12 +66,20 @@ def _route(word: str) -> Callable[..., Response]:
             return _again(
                 console, actor, handoff_id, typed, refused=" ".join(one.text for one in submitted), status=422
             )
-        decision = answered(console, actor, handoff_id, submitted)
+        decision = _claimed(console, actor, handoff_id, submitted) or answered(console, actor, handoff_id, submitted)
         if isinstance(decision, Refused):
             return _again(console, actor, handoff_id, typed, refused=reasoned(decision.reason), status=409)
         return RedirectResponse(f"/handoffs/{handoff_id}", status_code=303)
 
     return act
+
+
+def _claimed(console: Console, actor: Actor, handoff_id: HandoffId, act: Act) -> Refused | None:
+    """Whoever takes a robot over, or keeps it, claims the question with the same press; None where that is so now."""
+    if not isinstance(act, handoff_acts.TakeControlAct | handoff_acts.CloseHandoffAct):
+        return None
+    decision = answered(console, actor, handoff_id, handoff_acts.ClaimHandoffAct(claim=act.claim))
+    return decision if isinstance(decision, Refused) else None
 
 
 for word in ("decision", *handoff_acts.ACTS):
@@ -80,5 +89,7 @@ for word in ("decision", *handoff_acts.ACTS):
 def _again(
     console: Console, actor: Actor, handoff_id: HandoffId, typed: dict[str, str], *, refused: str, status: int
 ) -> HTMLResponse:
-    left = SubmittedForm(typed=typed.get("reason", ""), refused=refused, cycle=typed.get("cycle", ""))
+    left = SubmittedForm(
+        typed=typed.get("reason", ""), device=typed.get("device", ""), refused=refused, cycle=typed.get("cycle", "")
+    )
     return render("handoffs/detail.html", page_of(console, actor, handoff_id, left), status=status)

@@ -1,15 +1,19 @@
 """/: what runs, who waits for a person, and what ended last."""
 
+from collections.abc import Mapping, Sequence
+
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse
 
 from app.console import ActorDep, Console, ConsoleDep
 from app.views import missions
-from app.views.overview import RECENT, OverviewPage, OverviewRegions, overview
+from app.views.overview import RECENT, OverviewMark, OverviewPage, OverviewRegions, overview, overview_mark
 from app.views.shell import PageShell
 from app.web.rendering import render
 from harness.contracts.ids import MissionId
-from harness.contracts.read_models import ListQuery
+from harness.contracts.observations import Pose
+from harness.contracts.read_models import ListQuery, MissionItem
+from harness.runtime import Live
 
 router = APIRouter()
 
@@ -25,8 +29,22 @@ def regions(console: Console) -> OverviewRegions:
         console.lists.open_handoffs(),
         [strip for strip in strips if strip is not None],
         robots=console.settings.robots,
+        site=console.runtime.site,
+        marks=_marks(running, observations, {one.robot_id: one.handoff_id for one in console.lists.open_handoffs()}),
         now_s=console.clock(),
     )
+
+
+def _marks(
+    running: Sequence[MissionItem], observations: Sequence[Live | None], asking: Mapping[str, str]
+) -> list[OverviewMark]:
+    """Where the robots of running missions are, by their own localisers; `asking` is the open question by robot."""
+    found = []
+    for mission, live in zip(running, observations, strict=True):
+        poses = [one for one in live.samples if isinstance(one, Pose)] if live is not None else []
+        if poses:
+            found.append(overview_mark(mission.robot_id, poses, handoff_id=asking.get(mission.robot_id, "")))
+    return found
 
 
 @router.get("/")

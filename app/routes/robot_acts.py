@@ -1,13 +1,14 @@
 """Acts on robots outside any mission, for pages and API: checked, signed, and written to the audit log."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from app.acts.missions import LimitAutonomyAct
-from app.acts.robots import BeginTeleoperationAct, StopRobotsAct
+from app.acts.robots import BeginTeleoperationAct, ExplainStopAct, StopRobotAct, StopRobotsAct
 from app.auth.command_permissions import required_permission
 from app.auth.permissions import NotPermitted, Permission, Principal
 from app.console import Console, TeleoperationPort
-from app.i18n.messages import lazy_gettext, reasoned
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext
 from harness.contracts.actors import Actor, Command
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import StopMission
@@ -20,59 +21,93 @@ from harness.contracts.control import (
     SetAutonomy,
 )
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
-from harness.contracts.errors import ProviderFailed
+from harness.contracts.errors import ProviderFailed, UnknownName
 from harness.contracts.ids import MissionId, RobotId, mission_stream
-from harness.contracts.reasons import because
+from harness.contracts.reasons import UNEXPLAINED, because
 from harness.contracts.retreat_events import SendRetreat, StopRetreat
+
+UNSAID = N_("stopped at the console")
+"""The reason of a stop that nobody has given a reason for yet."""
+
+
+def stopped(
+    console: Console, principal: Principal, robot_id: RobotId, act: StopRobotAct
+) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
+    """Stop whatever moves this robot: (missions that stop, why something could not be stopped).
+
+    Missions and moves to safety are stopping first, for they are stopping in an instant; a person's hand is waited for.
+    """
+    principal.acting("stop")
+    if robot_id not in (*console.settings.robots, *console.fleet.names):
+        raise UnknownName(because("unknown_robot", robot_id=robot_id[:40], known=tuple(console.settings.robots)))
+    return _stopped(console, principal, (robot_id,), act.reason)
 
 
 def stopped_all(
     console: Console, principal: Principal, act: StopRobotsAct
 ) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
-    """Ask every open mission of every robot to stop, each for itself: (those asked, why others could not be).
+    """Stop whatever moves any robot, each for itself: (missions that stop, why something could not be stopped).
 
-    Robots outside every mission are stopped first: wheels are returned, and those on their way to a safe place stand.
+    `safe`: then send every robot to safety.
     """
-    reason, stopping, left = act.reason, [], []
-    left += [
-        lazy_gettext("{who}: {reason}", who=name, reason=why)
-        for name, why in wheels_returned(console, principal, reason)
-    ]
-    for robot_id in on_their_way(console):
-        stopped = retreat_stopped(console, principal, robot_id, reason)
-        left += (
-            [lazy_gettext("{who}: {reason}", who=robot_id, reason=stopped.reason)]
-            if isinstance(stopped, Refused)
-            else []
-        )
+    principal.acting("stop")
+    robots = (*console.settings.robots, *console.fleet.names, *(one.robot_id for one in console.open_missions()))
+    stopping, left = _stopped(console, principal, tuple(dict.fromkeys(map(RobotId, robots))), act.reason)
+    return stopping, (*left, *(all_made_safe(console, principal, act.reason or UNSAID) if act.safe else ()))
+
+
+def _stopped(
+    console: Console, principal: Principal, robots: Sequence[RobotId], reason: str
+) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
+    why, stopping, left = reason or UNSAID, [], []
     for mission in console.open_missions():
-        if mission.replay or mission.status == "stopping":
+        if mission.robot_id not in robots or mission.replay or mission.status == "stopping":
             continue
-        decision = console.runtime.submit(mission.mission_id, StopMission(actor=principal.actor, reason=reason))
+        decision = console.runtime.submit(
+            mission.mission_id, StopMission(actor=principal.actor, reason=reason or UNEXPLAINED)
+        )
         if isinstance(decision, Accepted):
             stopping.append(mission.mission_id)
         elif not console.runtime.mission(mission.mission_id).ended:
             who = f"{mission.robot_id}, {mission.mission_id}"
             left.append(lazy_gettext("{who}: {reason}", who=who, reason=decision.reason))
-    if act.safe:
-        left += all_made_safe(console, principal, reason)
+    control = console.control()
+    for robot_id in (one for one in robots if control.retreating(one) is not None):
+        halted = retreat_stopped(console, principal, robot_id, why)
+        if isinstance(halted, Refused) and console.control().retreating(robot_id) is not None:
+            left.append(lazy_gettext("{who}: {reason}", who=robot_id, reason=halted.reason))
+    for robot_id in (one for one in robots if one in control.wheels):
+        released = wheel_returned(console, principal, robot_id, why)
+        if isinstance(released, Refused) and released.rule != "not_at_the_wheel":
+            left.append(lazy_gettext("{who}: {reason}", who=robot_id, reason=released.reason))
     return tuple(stopping), tuple(left)
+
+
+def explained(console: Console, principal: Principal, robot_id: RobotId, act: ExplainStopAct) -> None:
+    """Why a robot was stopped, said afterwards: in the log of its mission while that is stopping, and in the audit log
+    of people."""
+    actor = principal.acting("stop")
+    for mission in console.open_missions():
+        if mission.robot_id == robot_id and mission.status == "stopping":
+            console.runtime.submit(mission.mission_id, StopMission(actor=principal.actor, reason=act.reason))
+    console.sessions.accounts.record(principal, actor, "ExplainStop", f"robot/{robot_id}", act.reason)
+
+
+def observed_and_released(console: Console, principal: Principal, robot_id: RobotId) -> tuple[str, ...]:
+    """Free every quarantined resource of a robot on a new look at it; why some of them could not be."""
+    principal.acting("drive")
+    left = []
+    for lease in console.quarantined(robot_id):
+        decision = console.runtime.free(lease.resource, reason=N_("observed and released at the console"))
+        if isinstance(decision, Refused):
+            left.append(lazy_gettext("{who}: {reason}", who=lease.resource, reason=decision.reason))
+    return tuple(left)
 
 
 def on_their_way(console: Console) -> tuple[RobotId, ...]:
     """Robots that go to a safe place now."""
     control = console.control()
     return tuple(name for name in control.retreats if control.retreating(name) is not None)
-
-
-def wheels_returned(console: Console, principal: Principal, reason: str) -> list[tuple[RobotId, str]]:
-    """Release manual control of every robot, whoever has it; the robots where this failed, and why."""
-    left = []
-    for robot_id in console.control().wheels:
-        decision = wheel_returned(console, principal, robot_id, reason)
-        if isinstance(decision, Refused):
-            left.append((robot_id, reasoned(decision.reason)))
-    return left
 
 
 def wheel_taken(
@@ -147,12 +182,15 @@ def all_made_safe(console: Console, principal: Principal, reason: str) -> tuple[
 
 def retreat_stopped(console: Console, principal: Principal, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
     """Ask a robot on its way to a safe place to stand where it is."""
-    return signed(
+    decision = signed(
         console,
         principal,
         (StopRetreat, robot_id),
         lambda teleoperation, actor: teleoperation.stop_retreat(robot_id, actor=actor, reason=reason),
     )
+    if isinstance(decision, Accepted):
+        console.runtime.halt(robot_id)
+    return decision
 
 
 def posed(

@@ -8,7 +8,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.base import Act
 from app.acts.missions import LimitAutonomyAct, PauseMissionAct, ResumeMissionAct, SetAutonomyAct
-from app.acts.robots import OrderPostureAct, SendToSafetyAct, StopRobotsAct
+from app.acts.robots import ExplainStopAct, OrderPostureAct, SendToSafetyAct, StopRobotAct, StopRobotsAct
 from app.auth.permissions import Permission
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
@@ -25,7 +25,8 @@ from harness.contracts.any_events import AnyEvent
 from harness.contracts.control import CONTROL
 from harness.contracts.decisions import Decision, Refused
 from harness.contracts.errors import UnknownName
-from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.handoff_commands import LookAgain
+from harness.contracts.ids import HandoffId, MissionId, RobotId
 from harness.contracts.read_models import ListQuery
 from harness.contracts.reasons import because
 from harness.projections.admissions import Admissions
@@ -70,6 +71,31 @@ def stop_all(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, type
     return RedirectResponse("/robots", status_code=303)
 
 
+@router.post("/{robot_id}/stop")
+def stop(
+    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
+) -> Response:
+    """Stop whatever moves this robot, with one press; why may be said afterwards on its page."""
+    act = StopRobotAct.from_form(typed)
+    if isinstance(act, tuple):
+        return _one(console, actor, robot_id, errors=[one.text for one in act], status=422)
+    _, left = robot_acts.stopped(console, principal, robot_id, act)
+    if left:
+        return _one(console, actor, robot_id, errors=list(left), status=409)
+    return RedirectResponse(f"/robots/{robot_id}?stopped=yes", status_code=303)
+
+
+@router.post("/{robot_id}/stop/reason")
+def explain(
+    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
+) -> Response:
+    act = ExplainStopAct.from_form(typed | {"reason": typed.get("quick") or typed.get("reason", "")})
+    if isinstance(act, tuple):
+        return _one(console, actor, robot_id, errors=[one.text for one in act], status=422)
+    robot_acts.explained(console, principal, robot_id, act)
+    return RedirectResponse(f"/robots/{robot_id}", status_code=303)
+
+
 @router.post("/autonomy")
 def limit(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, typed: FormDep) -> Response:
     act = LimitAutonomyAct.from_form(typed)
@@ -80,8 +106,8 @@ def limit(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, typed: 
 
 
 @router.get("/{robot_id}")
-def show(console: ConsoleDep, actor: ActorDep, robot_id: RobotPath) -> HTMLResponse:
-    return _one(console, actor, robot_id)
+def show(console: ConsoleDep, actor: ActorDep, robot_id: RobotPath, stopped: str = "") -> HTMLResponse:
+    return _one(console, actor, robot_id, stopped=bool(stopped))
 
 
 @router.get("/{robot_id}/now")
@@ -112,6 +138,29 @@ def newest_picture(console: ConsoleDep, robot_id: RobotPath) -> Response:
 def kept_picture(console: ConsoleDep, robot_id: RobotPath, number: int) -> Response:
     shot = console.fleet.shot(robot_id, number)
     return Response(shot.picture.body, media_type=JPEG, headers={"Cache-Control": "private, max-age=60"})
+
+
+@router.post("/{robot_id}/simulation/clear-way")
+def clear_way(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep) -> Response:
+    """Simulation only: somebody takes away what stands in the robot's way; the question is then looked at again."""
+    principal.acting("drive")
+    if console.clear_way is None or robot_id not in console.fleet.names:
+        raise UnknownName(because("unknown_robot", robot_id=robot_id, known=tuple(console.fleet.names)))
+    console.clear_way(robot_id)
+    handoff_id = HandoffId(typed.get("handoff_id", ""))
+    if not handoff_id:
+        return RedirectResponse(f"/robots/{robot_id}", status_code=303)
+    console.runtime.answer(handoff_id, LookAgain(actor=principal.actor))
+    return RedirectResponse(f"/handoffs/{handoff_id}", status_code=303)
+
+
+@router.post("/{robot_id}/release")
+def release(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath) -> Response:
+    """Look at the robot again, and release what nobody can account for where it is shown at rest (D14)."""
+    left = robot_acts.observed_and_released(console, principal, robot_id)
+    if left:
+        return _one(console, actor, robot_id, errors=list(left), status=409)
+    return RedirectResponse(f"/robots/{robot_id}", status_code=303)
 
 
 def _route(path: str, kind: type[Act], permission: Permission) -> Callable[..., Response]:
@@ -145,9 +194,9 @@ def safe(
         return _one(console, actor, robot_id, errors=[one.text for one in act], status=422)
     under_way = console.control().retreating(robot_id) is not None
     if typed.get("meant") == ("go" if under_way else "stay"):
-        return _one(console, actor, robot_id, errors=[OTHERWISE[under_way]], status=409)
+        return _one(console, actor, robot_id, errors=[OTHERWISE[under_way]], status=409, typed=act.reason)
     decision = robot_acts.made_safe(console, principal, robot_id, act.reason)
-    return _after(console, actor, robot_id, decision)
+    return _after(console, actor, robot_id, decision, typed=act.reason)
 
 
 @router.post("/{robot_id}/stand")
@@ -157,7 +206,8 @@ def stand(
     act = OrderPostureAct.from_form(typed | {"posture": "standing"})
     if isinstance(act, tuple):
         return _one(console, actor, robot_id, errors=[one.text for one in act], status=422)
-    return _after(console, actor, robot_id, robot_acts.posed(console, principal, robot_id, act.posture, act.reason))
+    decision = robot_acts.posed(console, principal, robot_id, act.posture, act.reason)
+    return _after(console, actor, robot_id, decision, typed=act.reason)
 
 
 def cards(console: Console) -> tuple[RobotCard, ...]:
@@ -216,7 +266,14 @@ def _index(console: Console, actor: Actor, *, errors: list[str] | None = None, s
 
 
 def _one(
-    console: Console, actor: Actor, robot_id: RobotId, *, errors: list[str] | None = None, status: int = 200
+    console: Console,
+    actor: Actor,
+    robot_id: RobotId,
+    *,
+    errors: list[str] | None = None,
+    status: int = 200,
+    stopped: bool = False,
+    typed: str = "",
 ) -> HTMLResponse:
     found = card(console, robot_id)
     page = RobotPage(
@@ -226,6 +283,9 @@ def _one(
         errors=tuple(errors or ()),
         admissions=tuple(admissions(console, robot_id).providers.values()),
         unused=tuple(console.unused.get(robot_id, {}).values()),
+        stopped=stopped,
+        typed=typed,
+        reasons=forms.STOP_REASONS,
     )
     return render("robots/detail.html", page, status=status)
 
@@ -238,14 +298,16 @@ def _submitted(console: Console, actor: Actor, robot_id: RobotId, typed: dict[st
         return _one(console, actor, robot_id, errors=[one.text for one in act], status=422)
     if found.mission is None or found.mission.mission_id != typed.get("mission_id"):
         wrong = [N_("The robot works on another mission by now: look again, then decide.")]
-        return _one(console, actor, robot_id, errors=wrong, status=409)
+        return _one(console, actor, robot_id, errors=wrong, status=409, typed=typed.get("reason", ""))
     decision = console.runtime.submit(MissionId(found.mission.mission_id), act.to_command(actor))
-    return _after(console, actor, robot_id, decision)
+    return _after(console, actor, robot_id, decision, typed=typed.get("reason", ""))
 
 
-def _after(console: Console, actor: Actor, robot_id: RobotId, decision: Decision[AnyEvent]) -> Response:
+def _after(
+    console: Console, actor: Actor, robot_id: RobotId, decision: Decision[AnyEvent], *, typed: str = ""
+) -> Response:
     if isinstance(decision, Refused):
-        return _one(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409)
+        return _one(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409, typed=typed)
     return RedirectResponse(f"/robots/{robot_id}", status_code=303)
 
 

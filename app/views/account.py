@@ -41,6 +41,7 @@ class AccountPage:
     sessions: tuple[OpenSession, ...]
     errors: tuple[str, ...]
     done: str
+    token: str
 
 
 @dataclass(frozen=True)
@@ -113,6 +114,7 @@ def account_page(
     by_password: bool = True,
     errors: Sequence[str] = (),
     done: str = "",
+    token: str = "",
 ) -> AccountPage:
     """`sessions`: (browser, since, last seen, whether it is this one)."""
     return AccountPage(
@@ -129,6 +131,7 @@ def account_page(
         sessions=tuple(OpenSession(*one) for one in sessions),
         errors=tuple(errors),
         done=done,
+        token=token,
     )
 
 

@@ -60,15 +60,17 @@ class Sum:
 
 @dataclass(frozen=True)
 class GivenAnchor:
-    """Anchors that a person pasted, the key that must have signed them, and how the log compares with each.
+    """Anchors that a person pasted or gave as a `file`, the key that must have signed them, and how the log compares.
 
-    `problem` is set where the text is no anchor.
+    `found` are those of the `total` that are shown; `problem` is set where the text is no anchor.
     """
 
     text: str = ""
     key: str = ""
     found: tuple[AnchorFinding, ...] = ()
     problem: str = ""
+    total: int = 0
+    file: bool = False
 
 
 def entry(stored: StoredEvent) -> AuditEvent:

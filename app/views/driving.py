@@ -34,6 +34,8 @@ class DrivePage:
     robot: RobotCard
     session: str
     taken: TakenOver | None
+    device: str
+    reason: str
     errors: tuple[str, ...]
 
 

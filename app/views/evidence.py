@@ -11,6 +11,7 @@ from app.i18n.task_texts import in_words
 from app.views.measures import Measure, quantity
 from app.views.proposals import ProposalRow, commit_of, proposals, verdict_on
 from app.views.timeline import TimelineEntry
+from harness.contracts.errors import BlobDamaged, BlobGone
 from harness.contracts.events import CommitRejected, EffectDeclared, NodeCommitted, PacketRetained
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import Digest, PacketId
@@ -18,17 +19,31 @@ from harness.contracts.tasks import TaskContract
 from harness.contracts.verdicts import NodeVerdict
 from harness.projections.mission import Mission
 
-Check = Callable[[Digest], str]
-"""Empty if the blob's bytes match the digest now, else why not."""
+
+@dataclass(frozen=True)
+class Unsound:
+    """Why bytes do not verify now; `erased` where somebody, or the retention rule, had them erased."""
+
+    text: str
+    erased: bool
+
+
+Check = Callable[[Digest], Unsound | None]
+"""None if the blob's bytes match the digest now, else why not."""
+
+
+def unsound(error: BlobDamaged) -> Unsound:
+    """What a page says of bytes that could not be read."""
+    return Unsound(text=reasoned(error.what), erased=isinstance(error, BlobGone))
 
 
 @dataclass(frozen=True)
 class Reference:
-    """One piece of evidence. `broken` says why its checksum does not verify now; empty means it does."""
+    """One piece of evidence. `broken` says why its checksum does not verify now; None means it does."""
 
     part: str
     item: EvidenceReference
-    broken: str
+    broken: Unsound | None
 
 
 @dataclass(frozen=True)
@@ -37,7 +52,7 @@ class EvidencePicture:
 
     blob: str
     caption: str
-    broken: str
+    broken: Unsound | None
 
 
 @dataclass(frozen=True)
@@ -64,8 +79,13 @@ class PacketView:
 
     @property
     def unsound(self) -> int:
-        """How many references do not verify now."""
-        return sum(bool(one.broken) for one in self.references)
+        """How many references do not verify now, though nobody erased them."""
+        return sum(one.broken is not None and not one.broken.erased for one in self.references)
+
+    @property
+    def erased(self) -> int:
+        """How many references are to bytes that were erased."""
+        return sum(one.broken is not None and one.broken.erased for one in self.references)
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.views import list_params
+from app.views.evidence import Unsound
+from app.views.forms import Wrong
 from app.views.shell import Shell
 from harness.contracts.read_models import EvidenceItem, FacetCount, ListQuery
 
@@ -33,14 +35,19 @@ class EvidencePage:
 
 @dataclass(frozen=True)
 class BlobPage:
-    """One blob: whether its bytes match its digest at this moment, and who refers to it."""
+    """One blob: whether its bytes match its digest at this moment, who refers to it, and the form that erases it.
+
+    `erasable`: it is a photograph or a voice, and whoever looks may have it erased.
+    """
 
     shell: Shell
     blob: str
-    broken: str
+    broken: Unsound | None
     size: int
     media_type: str
     rows: tuple[EvidenceItem, ...]
+    erasable: bool
+    wrong: tuple[Wrong, ...] = ()
 
 
 def evidence_page(

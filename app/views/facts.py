@@ -1,15 +1,14 @@
 """Shapes one committed fact with everything it rests on."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.views.evidence import PacketView, packet_view
+from app.views.evidence import Check, PacketView, packet_view
 from app.views.shell import Shell
 from app.views.timeline import TimelineEntry
 from harness.contracts.errors import UnknownName
 from harness.contracts.events import NodeCommitted, PacketRetained
 from harness.contracts.evidence import CommittedFact
-from harness.contracts.ids import Digest
 from harness.contracts.reasons import because
 from harness.contracts.verdicts import ConditionResult
 from harness.projections.mission import Mission
@@ -38,7 +37,7 @@ def fact_page(
     entries: Sequence[TimelineEntry],
     named: tuple[str, str],
     *,
-    check: Callable[[Digest], str],
+    check: Check,
     errors: Sequence[str] = (),
 ) -> FactPage:
     """`named`: packet and condition. Raises UnknownName for a fact that was never accepted from that packet."""

@@ -10,6 +10,7 @@ from app.views.handoff_question import ACTIONS, ShownQuestion, shown_question
 from app.views.history import HistoryLine, ShownDifference
 from app.views.places import SiteMap
 from app.views.robots import CameraView, LastReport
+from app.views.seen_around import SeenAround
 from app.views.shell import Shell
 from app.views.tabbed_list import Group, ListShape
 from harness.contracts.effects import Condition
@@ -29,8 +30,8 @@ GROUPS: tuple[Group, ...] = (
 LIST = ListShape("/handoffs", GROUPS, filters=(("robot", "robot"), ("failure", "why")), by_length=False)
 FRESH_S = 60.0
 REASONS = (N_("seen on camera"), N_("checked on site"), N_("path is clear now"), N_("not safe"))
-NOTIFIED = {"sound": N_("chime"), "next_person": N_("next on call"), "outside": N_("external")}
-"""Who or what was notified at each level of escalation."""
+OUTSIDE = frozenset({"next_person", "outside"})
+"""The levels of escalation at which external services are notified, where the installation has any."""
 NO_ANSWER = {
     "hold": N_("the robot stays where it is"),
     "lie_down": N_("the robot lies down where it is"),
@@ -96,11 +97,14 @@ class ClaimView:
 
 @dataclass(frozen=True)
 class HandoffScene:
-    """Where the question was asked: the map, and the robot and its camera where this console is connected to them."""
+    """Where the question was asked: the map with what the lidar sees, and the robot and its camera where this console
+    is connected to them."""
 
     map: SiteMap
+    seen: SeenAround
     robot: LastReport | None
     camera: CameraView | None
+    simulated: bool = False
 
 
 @dataclass(frozen=True)
@@ -110,6 +114,7 @@ class HandoffForm:
     shown: str
     key: str
     typed: str
+    device: str
     refused: str
     changes: tuple[ShownDifference, ...]
 
@@ -119,6 +124,7 @@ class HandoffInputs:
     """What the page is made from beside the handoff and its mission.
 
     `live_at` is x and y in metres and yaw in radians, by the robot's localiser; None where it is not connected.
+    `services` are the external services that this installation notifies.
     """
 
     now_s: float
@@ -129,6 +135,7 @@ class HandoffInputs:
     live_at: tuple[float, float, float] | None
     scene: HandoffScene
     form: HandoffForm
+    services: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -150,7 +157,7 @@ class HandoffPage:
     marks: tuple[RobotMark, ...]
     hold: ClaimView
     viewers: tuple[str, ...]
-    escalated: tuple[str, ...]
+    notified: tuple[str, ...]
     choices: tuple[AlternativeAction, ...]
     attestable: tuple[Condition, ...]
     steps: tuple[DecisionStep, ...]
@@ -203,7 +210,7 @@ def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, inputs: Hando
         marks=_marks(opened, inputs.live_at),
         hold=_holding(handoff, inputs),
         viewers=tuple(name for name in inputs.viewers if name != inputs.person),
-        escalated=tuple(NOTIFIED[level] for level in handoff.escalated),
+        notified=inputs.services if set(handoff.escalated) & OUTSIDE else (),
         choices=_choices(opened),
         attestable=_attestable(opened, mission),
         steps=steps(handoff, mission, inputs.told),

@@ -4,11 +4,42 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.views.missions import RobotStrip
+from app.views.places import SiteMap, site_map
 from app.views.shell import Shell
+from harness.contracts.observations import Pose
+from harness.contracts.places import Site
 from harness.contracts.read_models import HandoffItem, MissionItem
 from harness.projections.mission import TERMINAL_MISSION
 
 RECENT = 8
+TRAIL = 60
+"""Points of a trail that are drawn."""
+
+
+@dataclass(frozen=True)
+class OverviewMark:
+    """A robot on the map, y downwards: heading in degrees, its trail as SVG points, the question it asks, if any."""
+
+    robot_id: str
+    x: float
+    y: float
+    yaw_deg: float
+    trail: str
+    handoff_id: str
+
+
+def overview_mark(robot_id: str, poses: Sequence[Pose], *, handoff_id: str) -> OverviewMark:
+    """The robot where its newest pose is, and the way of the last poses, oldest first."""
+    newest = poses[-1]
+    points = [poses[at] for at in range(0, len(poses), max(1, len(poses) // TRAIL))]
+    return OverviewMark(
+        robot_id=robot_id,
+        x=round(newest.x_m, 2),
+        y=round(-newest.y_m, 2),
+        yaw_deg=round(-newest.yaw_rad * 57.29578, 1),
+        trail=" ".join(f"{one.x_m:.2f},{-one.y_m:.2f}" for one in points),
+        handoff_id=handoff_id,
+    )
 
 
 @dataclass(frozen=True)
@@ -20,6 +51,8 @@ class OverviewRegions:
     ended: tuple[MissionItem, ...]
     robots: tuple[RobotStrip, ...]
     idle: tuple[str, ...]
+    map: SiteMap
+    marks: tuple[OverviewMark, ...]
     now_s: float
 
 
@@ -36,6 +69,8 @@ def overview(
     strips: Sequence[RobotStrip],
     *,
     robots: Sequence[str],
+    site: Site,
+    marks: Sequence[OverviewMark],
     now_s: float,
 ) -> OverviewRegions:
     """Missions newest first, robots in the configured order; robots without a report are listed as idle."""
@@ -47,5 +82,7 @@ def overview(
         ended=tuple(ended[:RECENT]),
         robots=tuple(sorted(strips, key=lambda strip: [*robots, strip.status.robot_id].index(strip.status.robot_id))),
         idle=tuple(robot for robot in robots if robot not in reporting),
+        map=site_map(site),
+        marks=tuple(marks),
         now_s=now_s,
     )

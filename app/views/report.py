@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, word
+from app.views.evidence import Unsound
 from app.views.handoffs import NO_ANSWER_ACTIONS
 from app.views.measures import ConditionRow
 from app.views.missions import MissionHeader, goal_conditions, goal_reason, head
@@ -38,7 +39,7 @@ class ReportPicture:
     blob: str
     node_id: str
     at_s: float
-    broken: str
+    broken: Unsound | None
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ def report_page(
     mission: Mission,
     entries: Sequence[TimelineEntry],
     journal: ReportSources,
-    broken: dict[str, str],
+    broken: dict[str, Unsound | None],
     *,
     errors: Sequence[str] = (),
 ) -> ReportPage:
@@ -129,7 +130,7 @@ def report_page(
         findings=tuple(word for word in words if word.kind == "analysis"),
         receipts=tuple(word for word in words if word.kind != "analysis"),
         pictures=tuple(
-            ReportPicture(blob=blob, node_id=node_id, at_s=at_s, broken=broken.get(blob, ""))
+            ReportPicture(blob=blob, node_id=node_id, at_s=at_s, broken=broken.get(blob))
             for blob, node_id, at_s in pictures(entries)
         ),
         actions=_actions(entries, journal.unanswered),

@@ -164,11 +164,18 @@ class RobotRegion:
 
 @dataclass(frozen=True)
 class RobotPage(RobotRegion):
-    """One robot inside the shell of a page, with what it can be asked to do."""
+    """One robot inside the shell of a page, with what it can be asked to do.
+
+    `stopped`: this person has just stopped it, and may say why with one of the `reasons`. `typed`: the reason of a form
+    that was refused.
+    """
 
     shell: Shell
     levels: tuple[Level, ...]
     errors: tuple[str, ...]
+    stopped: bool
+    typed: str
+    reasons: tuple[str, ...]
     admissions: tuple[Admission, ...] = ()
     unused: tuple[Reason, ...] = ()
 

@@ -1,21 +1,37 @@
 """Shapes what every page carries around its content: navigation, counts, and a stop for every robot."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
 
 from app.auth.permissions import permissions_of
-from app.i18n.messages import listed
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, listed, reasoned, word
 from harness.contracts.actors import Actor
+from harness.contracts.ids import RobotId
+from harness.contracts.retreat_events import RetreatEnded
+from harness.projections.control import Retreating, SiteControl
+from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 
 
 @dataclass(frozen=True)
 class StopControl:
-    """One robot's stop. `mission_id` is empty when it runs none; `state` is idle, running or stopping."""
+    """One robot's stop. `state` is idle, running, stopping, driven or returning; `key` stops it on the keyboard."""
 
     robot_id: str
     mission_id: str
     state: str
+    key: str
+
+
+@dataclass(frozen=True)
+class SafetyNotice:
+    """What every page says of a robot's safety: where it is not where it was sent, and what nobody may use."""
+
+    robot_id: str
+    text: str
+    tone: str
+    quarantined: bool = False
 
 
 @dataclass(frozen=True)
@@ -36,6 +52,7 @@ class Shell:
     alerts: int
     reviewing: int
     robots: tuple[StopControl, ...]
+    notices: tuple[SafetyNotice, ...]
     topics: str
     position: int
     now_s: float
@@ -59,6 +76,9 @@ class Surroundings:
     actor: Actor
     position: int
     now_s: float
+    control: SiteControl = field(default_factory=SiteControl)
+    quarantined: Sequence[Lease] = ()
+    acknowledged: Collection[str] = ()
     present: Sequence[str] = ()
     alerts: int = 0
     reviewing: int = 0
@@ -75,25 +95,87 @@ def shell(title: str, section: str, around: Surroundings, *, topics: Sequence[st
         waiting=around.waiting,
         alerts=around.alerts,
         reviewing=around.reviewing,
-        robots=stop_controls(around.missions, around.robots),
-        topics=" ".join((*topics, "mission/", "handoff/", "alert/", "candidate/", "release/")),
+        robots=stop_controls(around.missions, around.robots, around.control),
+        notices=safety_notices(around.control, around.quarantined, acknowledged=around.acknowledged),
+        topics=" ".join((*topics, "mission/", "handoff/", "alert/", "candidate/", "release/", "control/", "lease/")),
         position=around.position,
         now_s=around.now_s,
         others=", ".join(one for one in around.present if one != around.actor.name),
     )
 
 
-def stop_controls(missions: Sequence[Mission], robots: Sequence[str]) -> tuple[StopControl, ...]:
+def stop_controls(missions: Sequence[Mission], robots: Sequence[str], control: SiteControl) -> tuple[StopControl, ...]:
     """One per robot that is configured or runs something. `missions` are newest first."""
     names = dict.fromkeys((*robots, *(mission.robot_id for mission in missions if not mission.ended)))
-    return tuple(_stop_control(robot, missions) for robot in names)
+    return tuple(_stop_control(RobotId(one), missions, control, key=str(at)) for at, one in enumerate(names, start=1))
 
 
-def _stop_control(robot_id: str, missions: Sequence[Mission]) -> StopControl:
+def _stop_control(robot_id: RobotId, missions: Sequence[Mission], control: SiteControl, *, key: str) -> StopControl:
     """Of several open missions the one that moves the robot, else the oldest: it is the next to run."""
     waiting = [one for one in missions if one.robot_id == robot_id and not one.ended and not one.replay]
     mission = next((one for one in waiting if one.invocation is not None), waiting[-1] if waiting else None)
-    if mission is None:
-        return StopControl(robot_id=robot_id, mission_id="", state="idle")
-    state = "stopping" if mission.status == "stopping" else "running"
-    return StopControl(robot_id=robot_id, mission_id=mission.mission_id, state=state)
+    retreat = control.retreating(robot_id)
+    if retreat is not None:
+        state = "stopping" if retreat.stop is not None else "returning"
+    elif robot_id in control.wheels:
+        state = "driven"
+    elif mission is None:
+        state = "idle"
+    else:
+        state = "stopping" if mission.status == "stopping" else "running"
+    return StopControl(robot_id=robot_id, mission_id=mission.mission_id if mission else "", state=state, key=key)
+
+
+def safety_notices(
+    control: SiteControl, quarantined: Sequence[Lease], *, acknowledged: Collection[str] = ()
+) -> tuple[SafetyNotice, ...]:
+    """What a person anywhere in the console has to know: a robot on its way to safety, one that did not get there, and
+    a robot that nothing may move until somebody looked at it.
+
+    `acknowledged`: robots whose alert about a move to safety somebody has acknowledged.
+    """
+    notices = [
+        notice
+        for robot_id, retreat in control.retreats.items()
+        if (notice := _of_retreat(retreat)) is not None and (retreat.open or robot_id not in acknowledged)
+    ]
+    for lease in quarantined:
+        robot_id, _, resource = lease.resource.partition("/")
+        text = lazy_gettext(
+            "{robot_id}: {resource} is quarantined, nothing moves it. {reason}",
+            robot_id=robot_id,
+            resource=word(resource),
+            reason=reasoned(lease.reason),
+        )
+        notices.append(SafetyNotice(robot_id=robot_id, text=text, tone="bad", quarantined=True))
+    return tuple(notices)
+
+
+def _of_retreat(retreat: Retreating) -> SafetyNotice | None:
+    intent, ended = retreat.intent, retreat.ended
+    if ended is None:
+        text = lazy_gettext("{robot_id} is on its way to {place}.", robot_id=intent.robot_id, place=intent.place)
+        return SafetyNotice(robot_id=intent.robot_id, text=text, tone="warn")
+    if ended.outcome == "reached":
+        return None
+    text = lazy_gettext(
+        "{robot_id} did not reach {place}: {reason}. {now}",
+        robot_id=intent.robot_id,
+        place=intent.place,
+        reason=reasoned(ended.reason).rstrip("."),
+        now=_now(ended),
+    )
+    return SafetyNotice(robot_id=intent.robot_id, text=text, tone="bad")
+
+
+def _now(ended: RetreatEnded) -> str:
+    """What the robot does now, as far as it is shown."""
+    if ended.outcome == "unknown":
+        return N_("Nothing shows what it does now: look at it, and use the hardware stop on the robot if it moves.")
+    if ended.then == "lie_down":
+        return (
+            N_("It lies where it is, measured at rest.")
+            if ended.then_done
+            else N_("It was told to lie down and is not shown to: look at it.")
+        )
+    return N_("It stands where it is, measured at rest.") if ended.then_done else N_("It is not shown at rest.")

@@ -30,6 +30,7 @@ STATUS: tuple[tuple[type[errors.HarnessError], int], ...] = (
     (errors.UnknownName, 404),
     (errors.ContractInvalid, 422),
     (errors.ConcurrencyConflict, 409),
+    (errors.BlobGone, 410),
     (errors.BlobDamaged, 404),
     (errors.ProviderFailed, 502),
     (errors.StoreUnavailable, 503),
@@ -63,7 +64,10 @@ REFUSALS = {
     "signed_out": (
         N_("You are not signed in"),
         N_("This console answers only to people who were let in."),
-        N_("Sign in with your account. Before there are accounts: open the one-time link that `regen up` printed."),
+        N_(
+            "Sign in with your account. Before there are accounts: open the one-time link that `regen up` printed; "
+            "`regen account link` prints a new one."
+        ),
     ),
     "cross_site": (
         N_("This request came from another page"),

@@ -345,7 +345,7 @@ def _pictures(paper: _ReportDocument, page: ReportPage, pictures: Mapping[str, b
         paper.set_xy(MARGIN_MM, top + height + CAPTION_MM)
     for one in page.pictures:
         if one.blob not in pictures:
-            why = paper.spoken(one.broken or lazy_gettext("its bytes are not here"))
+            why = paper.spoken(one.broken.text if one.broken else lazy_gettext("its bytes are not here"))
             paper.paragraph(f"{_caption(paper, one)}: {paper.spoken(lazy_gettext('not shown'))}, {why}")
 
 

@@ -8,6 +8,7 @@ import argparse
 import io
 import json
 import random
+import struct
 import tempfile
 import time
 import zipfile
@@ -18,12 +19,15 @@ from pathlib import Path
 
 import numpy as np
 from pypcd4.pypcd4 import PointCloud
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_typestore
 
 from harness.adapters.clouds import read_cloud
 from harness.adapters.limited_process import LimitedProcess, Limits, Work
 from harness.adapters.providers.recording.reader import open_recording
 from harness.adapters.stores.anchors import parsed_anchors
 from harness.adapters.stores.dossier import open_dossier
+from harness.adapters.yaml_reader import plain_values
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.reasons import Reason
 
@@ -31,13 +35,14 @@ ROOT = Path(__file__).resolve().parents[2]
 LIMITS = Limits(memory_bytes=256 * 2**20, cpu_s=20.0, wall_s=120.0, output_bytes=64 * 2**20)
 UNTYPED, DIED = "parser_failed", "parser_died"
 SHOWN = 5
+ODOMETRY = "nav_msgs/msg/Odometry"
 
 
 def dossier(body: bytes) -> bytes:
     """Open it as `regen verify` does, without deriving the decisions again."""
     try:
         archive = zipfile.ZipFile(io.BytesIO(body))
-    except (OSError, zipfile.BadZipFile, ValueError):
+    except (OSError, zipfile.BadZipFile, RuntimeError, ValueError):
         return b""
     with archive:
         open_dossier(archive, where="fuzzed")
@@ -62,6 +67,17 @@ def mcap(body: bytes) -> bytes:
 def bag_folder(body: bytes) -> bytes:
     """Read a rosbag2 folder with this metadata."""
     return _read(body, "metadata.yaml", lambda file: _samples(file.parent))
+
+
+def bag(body: bytes) -> bytes:
+    """Read a ROS 1 bag whole as `regen mission replay` does."""
+    return _read(body, "drive.bag", _samples)
+
+
+def yaml_text(body: bytes) -> bytes:
+    """Read it as a site file or a candidate."""
+    plain_values(body.decode(errors="replace"), where="fuzzed")
+    return b""
 
 
 def anchors(body: bytes) -> bytes:
@@ -111,6 +127,17 @@ def _mcap_seed() -> bytes:
     return (ROOT / "tests" / "fixtures" / "warehouse-inspection.mcap").read_bytes()
 
 
+def _bag_seed() -> bytes:
+    with tempfile.TemporaryDirectory(prefix="regen-fuzz-") as folder:
+        file = Path(folder) / "seed.bag"
+        with Writer(file) as writer:
+            channel = writer.add_connection("/odom", ODOMETRY, typestore=get_typestore(Stores.ROS1_NOETIC))
+            for number in range(1, 50):
+                head = struct.pack("<IIII4sI4s", number, number, 0, 4, b"odom", 4, b"base")
+                writer.write(channel, number * 10**9, head + struct.pack("<85d", *bytes(6), 1, *bytes(78)))
+        return file.read_bytes()
+
+
 def _metadata_seed() -> bytes:
     return (
         b"rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: mcap\n  message_count: 1\n"
@@ -132,6 +159,8 @@ PARSERS: Mapping[str, FuzzedParser] = {
     "ply": FuzzedParser(ply, _ply_seed),
     "mcap": FuzzedParser(mcap, _mcap_seed),
     "bag folder": FuzzedParser(bag_folder, _metadata_seed),
+    "bag": FuzzedParser(bag, _bag_seed),
+    "yaml": FuzzedParser(yaml_text, lambda: (ROOT / "harness" / "baseline" / "site.yaml").read_bytes()),
     "anchors": FuzzedParser(anchors, lambda: f"12 {'0a' * 32}\n".encode()),
 }
 

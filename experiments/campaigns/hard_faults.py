@@ -227,6 +227,21 @@ def _full_disk(scene: FaultScene) -> Iterator[None]:
     ballast.unlink()
 
 
+def _read_only_disk(scene: FaultScene) -> Iterator[None]:
+    """The file system gives up, as after an I/O error, and goes read-only under open files. Whoever repairs it has to
+    end host and robot first: they hold it open."""
+    subprocess.run(["mount", "-o", "remount,abort", str(scene.data)], check=True, capture_output=True)
+    yield
+    robot = msgspec.json.decode(attachment(scene.data).read_bytes(), type=Attachment).pid
+    end_host(scene.host)
+    with suppress(ProcessLookupError):
+        os.kill(robot, signal.SIGKILL)
+    command = ["umount", str(scene.data)]
+    until(lambda: subprocess.run(command, check=False, capture_output=True).returncode == 0, _Blind(), seconds=30.0)
+    subprocess.run(["e2fsck", "-fy", str(_image(scene.data))], check=False, capture_output=True)
+    _mount_image(scene.data)
+
+
 def _unwritable(scene: FaultScene) -> Iterator[None]:
     """No file of the host can be written any more, those that are open included: as on a disk that went read-only."""
     yield from _limited(scene, resource.RLIMIT_FSIZE, 0)
@@ -289,6 +304,7 @@ def _jump(seconds: int) -> Strike:
 
 STRIKES: Mapping[str, Strike] = {
     "disk full": _full_disk,
+    "disk read-only": _read_only_disk,
     "nothing writable": _unwritable,
     "64 file descriptors": _few_files,
     "memory limit": _little_memory,
@@ -318,6 +334,28 @@ def _small_disk(data: Path) -> Iterator[dict[str, str]]:
 
 
 @contextmanager
+def _own_disk(data: Path) -> Iterator[dict[str, str]]:
+    """A file system of its own on an image beside the folder."""
+    with _image(data).open("wb") as file:
+        file.truncate(DISK_BYTES)
+    subprocess.run(["mkfs.ext4", "-q", "-F", str(_image(data))], check=True, capture_output=True)
+    _mount_image(data)
+    try:
+        yield {}
+    finally:
+        subprocess.run(["umount", "--lazy", str(data)], check=False, capture_output=True)
+
+
+def _image(data: Path) -> Path:
+    return data.parent / f"{data.name}.ext4"
+
+
+def _mount_image(data: Path) -> None:
+    options = "loop,errors=remount-ro"
+    subprocess.run(["mount", "-o", options, str(_image(data)), str(data)], check=True, capture_output=True)
+
+
+@contextmanager
 def _fake_clock(data: Path) -> Iterator[dict[str, str]]:
     """The host's wall clock follows a file; its monotonic clock stays what it is, as when a person sets the time."""
     clock = data.parent / "clock"
@@ -332,6 +370,7 @@ def _fake_clock(data: Path) -> Iterator[dict[str, str]]:
 
 PREPARED = {
     "disk full": _small_disk,
+    "disk read-only": _own_disk,
     "clock an hour ahead": _fake_clock,
     "clock an hour back": _fake_clock,
 }
@@ -361,9 +400,11 @@ def possible(name: str) -> bool:
     """Whether this machine lets the fault be brought about."""
     if name.startswith("clock"):
         return _library() is not None
-    if name == "disk full":
+    if name in ("disk full", "disk read-only"):
         with TemporaryDirectory(prefix="mount-") as folder:
-            with suppress(OSError, subprocess.SubprocessError), _small_disk(Path(folder)):
+            data = Path(folder) / "data"
+            data.mkdir()
+            with suppress(OSError, subprocess.SubprocessError), PREPARED[name](data):
                 return True
             return False
     return True

@@ -7,10 +7,13 @@ import hashlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import msgspec
 
 from harness.contracts.any_events import AnyEvent
+from harness.contracts.decider import Codec
+from harness.contracts.errors import LogDamaged
 from harness.contracts.events import (
     CommitRejected,
     ContractCompiled,
@@ -44,11 +47,19 @@ from harness.contracts.revision_events import (
 )
 from harness.contracts.stored_commands import without_command
 from harness.contracts.tasks import Node, TaskContract
+from rsi_reviews.events import CandidateEvent, PointerEvent
+from rsi_reviews.suite_growth import CaseAdded
 
 LEASES = "lease/"
 _STRICT = {"low": 1, "medium": 1, "high": 2}
 LEVEL = {1: {"low": 0, "medium": 1, "high": 2}, 2: _STRICT, 3: _STRICT}
 """What each risk class needs, by the version of the rules that the mission is pinned to."""
+REVIEWS: dict[str, Codec[Any]] = {
+    "candidate": Codec(CandidateEvent),
+    "release": Codec(PointerEvent),
+    "suite": Codec(CaseAdded),
+}
+"""What stands in the same log, by family of streams, and decides nothing of a mission."""
 _DECODER: msgspec.json.Decoder[AnyEvent] = msgspec.json.Decoder(AnyEvent)
 
 
@@ -88,6 +99,10 @@ def read_books(log: Sequence[StoredEvent], commits: Sequence[tuple[int, int]]) -
     for low, high in commits:
         together = []
         for stored in log[low:high]:
+            family = stored.stream.partition("/")[0]
+            if family in REVIEWS:
+                books.breaches += _unreadable(stored, REVIEWS[family])
+                continue
             try:
                 together.append((stored.stream, _DECODER.decode(without_command(stored.body))))
             except msgspec.MsgspecError as error:
@@ -100,6 +115,14 @@ def read_books(log: Sequence[StoredEvent], commits: Sequence[tuple[int, int]]) -
         _fold(books, [event for _, event in together])
     books.breaches += [f"{stream} was answered {n} times" for stream, n in answers.items() if n > 1]
     return books
+
+
+def _unreadable(stored: StoredEvent, codec: Codec[Any]) -> Iterator[str]:
+    """An event of a release or a candidate, which decides nothing of a mission, must be read all the same."""
+    try:
+        codec.decode(stored)
+    except LogDamaged as error:
+        yield f"{stored.kind} in the log cannot be read: {error}"
 
 
 def _fold(books: Books, together: Sequence[AnyEvent]) -> None:

@@ -100,7 +100,15 @@ def started(
     What it says on standard error is added to a file beside the folder. `changes` of its environment.
     """
     if host == "console":
-        words = ["up", "--data", str(data), "--port", "0", *SPEED, *(("--start", "circuit") if first else ())]
+        words = [
+            "up",
+            "--data",
+            str(data),
+            "--port",
+            "0",
+            *SPEED,
+            *(("--start", "circuit", "--start-now") if first else ()),
+        ]
     elif first or not mission_id:
         words = ["mission", "run", "circuit", "--data", str(data), *SPEED, "--json"]
     else:

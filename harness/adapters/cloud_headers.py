@@ -69,7 +69,7 @@ def _pcd(opened: BinaryIO, file: Path, size: int) -> CloudHead:
     if max(fields, sum(counts)) > MOST_FIELDS or max(sizes, default=0) > 8:
         raise _invalid(because("cloud_too_wide", numbers=sum(counts), limit=MOST_FIELDS), file)
     stride = sum(one * count for one, count in zip(sizes, counts, strict=False))
-    if numbers.get(b"DATA", [b""])[0].lower() == b"binary_compressed":
+    if (numbers.get(b"DATA") or [b""])[0].lower() == b"binary_compressed":
         front = opened.read(8)
         packed, unpacked = struct.unpack("<II", front) if len(front) == 8 else (0, 0)
         if packed > size or unpacked != points * stride:

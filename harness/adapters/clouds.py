@@ -1,5 +1,6 @@
 """Reads PCD and PLY point cloud files through pypcd4 and trimesh, and checks them before anything is stored."""
 
+import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -15,6 +16,18 @@ from harness.contracts.reasons import Reason, because
 
 FARTHEST_M = 1e8
 """Beyond this no map frame on Earth has a coordinate."""
+_BROKEN = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    NameError,
+    OSError,
+    RuntimeError,
+    struct.error,
+    TypeError,
+    ValueError,
+)
+"""What the two libraries raise on bytes that they do not expect."""
 
 
 def read_cloud(file: Path, *, metres_per_unit: float = 1.0) -> tuple[NDArray[np.float64], int]:
@@ -29,7 +42,7 @@ def read_cloud(file: Path, *, metres_per_unit: float = 1.0) -> tuple[NDArray[np.
         points = reader(file)
     except MemoryError:
         raise
-    except (KeyError, ValueError, AttributeError, IndexError, TypeError, RuntimeError, OSError) as error:
+    except _BROKEN as error:
         message = (str(error).splitlines() or [""])[0][:120]
         raise CloudInvalid(because("cloud_not_whole", error=message), where=str(file)) from error
     if len(points) < head.points:

@@ -1,7 +1,7 @@
 """Collects a mission's dossier from the log, and checks one that was opened. Reads no file, signs nothing."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import msgspec
@@ -10,8 +10,9 @@ from harness.auditing.places import PlaceChange, place_changes, place_difference
 from harness.auditing.replay import ReplayReport, replay_mission
 from harness.contracts import ids
 from harness.contracts.dossier import EVENTS, FORMAT, RECORDS, DossierContents, JudgedGoal
+from harness.contracts.erasure_events import BlobErased, erasure_stream
 from harness.contracts.errors import BlobDamaged, UnknownName
-from harness.contracts.ports import Record
+from harness.contracts.ports import Record, StoredEvent
 from harness.contracts.spoken_goals import SpokenGoal, Transcription
 from harness.contracts.values import Count, Value, decode, encode
 from harness.projections.judged_goal import judged_goal
@@ -39,7 +40,8 @@ class DossierVerdict(Value):
     `reconstructed`: decisions whose command was inferred from events, in a log from before commands were stored.
     `places` are the changes to places up to the mission's end; a dossier of an earlier release has none. `judged` is
     the goal verdict by clause as the events say it; None for a mission without a reading. `spoken`: what the goal was
-    written down from; None where it was typed.
+    written down from; None where it was typed. `erased` are the tombstones of evidence that was erased before the
+    export, `unrepeated` the verdicts that cannot be derived again without it.
     """
 
     mission_id: ids.MissionId
@@ -57,6 +59,8 @@ class DossierVerdict(Value):
     reconstructed: Count = 0
     judged: JudgedGoal | None = None
     spoken: SpokenGoal | None = None
+    erased: tuple[BlobErased, ...] = ()
+    unrepeated: Count = 0
 
 
 def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, exported_at_s: float) -> DossierContent:
@@ -65,17 +69,15 @@ def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, ex
     Raises UnknownName for a mission that does not exist.
     """
     mission = runtime.mission(mission_id)
-    events = sorted(
-        (
-            *(event for stream in _streams(runtime, mission) for event in runtime.stream(stream)),
-            *place_history(runtime, mission),
-        ),
-        key=lambda event: event.position,
-    )
-    bodies = b"\n".join(event.body for event in events)
-    records, files = _resolved(runtime, _cited(bodies) | {mission.configuration})
+    own = _history(runtime, mission)
+    bodies = b"\n".join(event.body for event in own)
+    records, files, gone = _resolved(runtime, _cited(bodies) | {mission.configuration})
     citing = (bodies, *(record.body for record in records), *(body for body in files.values() if _cites(body)))
     needed = {ids.Digest(found.decode()) for body in citing for found in _EVIDENCE.findall(body)}
+    tombstones = [event for digest in gone for event in runtime.stream(erasure_stream(digest))]
+    events = sorted((*own, *tombstones), key=lambda event: event.position)
+    commands, _, _ = _resolved(runtime, _cited(b"\n".join(event.body for event in tombstones)) - gone)
+    records = list({one.digest: one for one in (*records, *commands)}.values())
     files[EVENTS] = b"".join(encode(event) + b"\n" for event in events)
     files[RECORDS] = b"".join(encode(record) + b"\n" for record in records)
     contents = DossierContents(
@@ -91,18 +93,27 @@ def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, ex
         events=len(events),
         records=len(records),
         files={name: ids.sha256(body) for name, body in sorted(files.items())},
-        absent=tuple(sorted(digest for digest in needed if f"blobs/{digest}" not in files)),
+        absent=tuple(sorted(digest for digest in needed - gone if f"blobs/{digest}" not in files)),
         judged=judged_goal(mission) or msgspec.UNSET,
         spoken=mission.spoken,
+        erased=tuple(sorted(gone)) or msgspec.UNSET,
     )
     return DossierContent(contents=contents, files=files)
+
+
+def mission_blobs(runtime: Runtime, mission_id: ids.MissionId) -> dict[ids.Digest, bytes]:
+    """Every sound blob that a mission cites, directly or through others. Raises UnknownName."""
+    mission = runtime.mission(mission_id)
+    bodies = b"\n".join(event.body for event in _history(runtime, mission))
+    _, files, _ = _resolved(runtime, _cited(bodies))
+    return {ids.Digest(name.removeprefix("blobs/")): body for name, body in files.items()}
 
 
 def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trusted: bool) -> DossierVerdict:
     """Fold and derive again what the dossier holds, and compare it with its own statements."""
     mission = runtime.mission(contents.mission_id)
     report: ReplayReport = replay_mission(runtime, contents.mission_id)
-    differences = [*report.differences, *place_differences(runtime, mission)]
+    differences = [*report.differences, *place_differences(runtime, mission), *_without_tombstone(runtime, contents)]
     if mission.status != contents.status:
         differences.append(f"the dossier says {contents.status}, its events fold to {mission.status}")
     spoken = mission.spoken if isinstance(mission.spoken, SpokenGoal) else None
@@ -119,6 +130,8 @@ def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trust
         records=contents.records,
         blobs=sum(name.startswith("blobs/") for name in contents.files),
         absent=contents.absent,
+        erased=_erasures(runtime, contents),
+        unrepeated=report.erased,
         public_key=public_key,
         trusted=trusted,
         head_position=contents.head.position,
@@ -147,6 +160,12 @@ def _spoken_differences(runtime: Runtime, mission: Mission, spoken: SpokenGoal) 
     ] * other
 
 
+def _history(runtime: Runtime, mission: Mission) -> list[StoredEvent]:
+    """The events of the mission, its handoffs, its leases and its places, in the order of the log."""
+    streams = (event for stream in _streams(runtime, mission) for event in runtime.stream(stream))
+    return sorted((*streams, *place_history(runtime, mission)), key=lambda event: event.position)
+
+
 def _streams(runtime: Runtime, mission: Mission) -> list[ids.StreamId]:
     handoffs = [
         stream
@@ -162,6 +181,18 @@ def _lease_streams(runtime: Runtime, mission: Mission) -> list[ids.StreamId]:
     return [stream for stream in runtime.streams("lease/") if stream.removeprefix("lease/").encode() in body]
 
 
+def _erasures(runtime: Runtime, contents: DossierContents) -> tuple[BlobErased, ...]:
+    found = (runtime.erasure(digest) for digest in contents.erased or ())
+    return tuple(one for one in found if one is not None)
+
+
+def _without_tombstone(runtime: Runtime, contents: DossierContents) -> Iterator[str]:
+    """What the dossier calls erased, and no event says so."""
+    for digest in contents.erased or ():
+        if runtime.erasure(digest) is None:
+            yield f"the dossier says that blob {digest} was erased, and no event in it does"
+
+
 def _cited(body: bytes) -> set[ids.Digest]:
     return {ids.Digest(found.decode()) for found in _DIGEST.findall(body)}
 
@@ -170,11 +201,12 @@ def _cites(blob: bytes) -> bool:
     return blob.startswith(_DOCUMENT)
 
 
-def _resolved(runtime: Runtime, cited: set[ids.Digest]) -> tuple[list[Record], dict[str, bytes]]:
-    """Records and blobs among these digests, and among those that they cite in turn.
+def _resolved(runtime: Runtime, cited: set[ids.Digest]) -> tuple[list[Record], dict[str, bytes], set[ids.Digest]]:
+    """Records and blobs among these digests, and among those that they cite in turn; and which blobs were erased.
 
     A look by lidar or a recognition is a blob that names others, and a verdict rests on those too.
     """
+    gone: set[ids.Digest] = set()
     records: list[Record] = []
     blobs: dict[str, bytes] = {}
     seen: set[ids.Digest] = set()
@@ -186,13 +218,15 @@ def _resolved(runtime: Runtime, cited: set[ids.Digest]) -> tuple[list[Record], d
         try:
             record = runtime.record(digest)
         except UnknownName:
-            if _sound(runtime, digest):
+            if runtime.erasure(digest) is not None:
+                gone.add(digest)
+            elif _sound(runtime, digest):
                 body = blobs[f"blobs/{digest}"] = runtime.blob(digest)
                 cited |= _cited(body) if _cites(body) else set()
         else:
             records.append(record)
             cited |= _cited(record.body)
-    return sorted(records, key=lambda one: one.digest), blobs
+    return sorted(records, key=lambda one: one.digest), blobs, gone
 
 
 def _sound(runtime: Runtime, digest: ids.Digest) -> bool:

@@ -42,6 +42,7 @@ class ReplayReport(values.Value):
     `unanswered` verdicts were given by nobody and cannot be derived; `decisions` are the gate's on the mission,
     `leases` and `handoffs` those on its resources and questions; `targets` and `maps` are those of an exploration.
     `reconstructed`: how many of these decisions had no stored command, so that it was inferred from their events.
+    `erased`: how many verdicts cannot be derived again, because voice or photographs that they rest on were erased.
     """
 
     mission_id: ids.MissionId
@@ -62,6 +63,7 @@ class ReplayReport(values.Value):
     targets: values.Count = 0
     maps: values.Count = 0
     reconstructed: values.Count = 0
+    erased: values.Count = 0
 
 
 @dataclass

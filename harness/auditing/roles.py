@@ -11,8 +11,8 @@ import msgspec
 from harness.auditing.exploration import map_differences, new_choices, target_differences
 from harness.auditing.prose import same
 from harness.contracts import events
-from harness.contracts.contexts import Context
-from harness.contracts.errors import HarnessError
+from harness.contracts.contexts import Blobs, Context
+from harness.contracts.errors import BlobGone, HarnessError
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.proposals import CandidateSet, PlanProposal, RecoveryProposal
 from harness.contracts.reasons import Explanation, parts, plain
@@ -43,7 +43,8 @@ class RoleReplay:
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
         self.old = False
-        self.derived = dict.fromkeys((*ROLES, "unanswered"), 0)
+        self.derived = dict.fromkeys((*ROLES, "unanswered", "erased"), 0)
+        self._gone = False
 
     def differences(self, mission: Mission, event: events.MissionEvent) -> Iterator[str]:
         """Differences of one event, derived on the mission as it was before it."""
@@ -124,21 +125,42 @@ class RoleReplay:
 
     def _verdict(self, stored: NodeVerdict) -> None:
         c3 = self._stored(stored.context, Context)
-        again = verify(c3, self._runtime.blob)
+        again = self._judged(verify, c3)
         if stored.verifier == UNAVAILABLE != again.verifier:
             self.derived["unanswered"] += 1
             if stored.verdict != "ambiguous":
                 raise Differs(f"no verifier answered, and yet the verdict is {stored.verdict}")
+            return
+        if self._unrepeatable(again, stored):
             return
         self.derived["verdicts"] += 1
         if not same(again, stored, old=self.old):
             raise Differs(f"the verdict was {stored.verdict}; derived again it is {again.verdict}")
 
     def _goal(self, event: events.GoalVerified) -> None:
-        again = verify_goal(self._stored(event.verdict.context, Context), self._runtime.blob)
+        again = self._judged(verify_goal, self._stored(event.verdict.context, Context))
+        if self._unrepeatable(again, event.verdict):
+            return
         self.derived["goals"] += 1
         if not same(again, event.verdict, old=self.old):
             raise Differs(f"the goal verdict was {event.verdict.verdict}; derived again it is {again.verdict}")
+
+    def _judged(self, judge: Callable[[Context, Blobs], T], context: Context) -> T:
+        self._gone = False
+        return judge(context, self._blob)
+
+    def _blob(self, digest: Digest) -> bytes:
+        try:
+            return self._runtime.blob(digest)
+        except BlobGone:
+            self._gone = True
+            raise
+
+    def _unrepeatable(self, again: object, stored: object) -> bool:
+        """Whether an erased blob was asked for and the answer is another one without it: then it says nothing."""
+        unrepeatable = self._gone and not same(again, stored, old=self.old)
+        self.derived["erased"] += unrepeatable
+        return unrepeatable
 
     def _recovery(self, event: events.RecoveryAuthorised) -> None:
         """What C4 proposed; a step that a person chose at a handoff is theirs."""

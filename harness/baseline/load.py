@@ -56,7 +56,7 @@ def shipped_workspace() -> Workspace:
     Its missions ship beside H_0 and are no part of it; they run under their robot's current configuration as any
     other, and no candidate changes them.
     """
-    return open_workspace(Path(__file__).with_name("site"), reserved=shipped_missions())
+    return open_workspace(Path(__file__).with_name("site"), reserved=shipped_missions(), foreign=False)
 
 
 def site() -> Site:

@@ -82,7 +82,7 @@ def _bytes(text: str) -> bytes:
 
 
 def _checked(text: str, *, where: str) -> ConformanceFile:
-    declaration = read_yaml(text, ConformanceFile, where=where)
+    declaration = read_yaml(text, ConformanceFile, where=where, foreign=True)
     if not declaration.done or not declaration.long:
         raise ContractInvalid(because("conformance_file_without_request"), where=where)
     both = sorted(set(declaration.meets) & set(declaration.exempt))

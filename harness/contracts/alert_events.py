@@ -14,7 +14,7 @@ from harness.contracts.values import Count, Name, Value
 AlertKind = Literal[
     "handoff", "unsafe", "veto", "body_not_static", "mission_failed", "partly_verified", "disputed", "duplicate_start",
     "robot_lost", "battery_low", "hardware_stop", "log_damaged", "blob_damaged", "disk_low", "canary_fault",
-    "notification_failed",
+    "notification_failed", "safety_not_reached",
 ]  # fmt: skip
 Priority = Literal["low", "medium", "high", "critical"]
 PRIORITIES: tuple[Priority, ...] = get_args(Priority)

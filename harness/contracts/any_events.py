@@ -3,6 +3,7 @@
 from harness.contracts.admissions import RobotChecked
 from harness.contracts.alert_events import AlertEvent
 from harness.contracts.control import ControlEvent
+from harness.contracts.erasure_events import BlobErased
 from harness.contracts.events import MissionEvent
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.lease_events import LeaseEvent
@@ -10,5 +11,13 @@ from harness.contracts.maps import CloudAttached
 from harness.contracts.place_events import PlaceEvent
 
 AnyEvent = (
-    MissionEvent | LeaseEvent | HandoffEvent | ControlEvent | CloudAttached | AlertEvent | PlaceEvent | RobotChecked
+    MissionEvent
+    | LeaseEvent
+    | HandoffEvent
+    | ControlEvent
+    | CloudAttached
+    | AlertEvent
+    | PlaceEvent
+    | RobotChecked
+    | BlobErased
 )

@@ -11,6 +11,7 @@ from harness.contracts.alert_commands import AlertCommand
 from harness.contracts.capabilities import Risk
 from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
 from harness.contracts.control import Autonomy, ControlCommand, SetAutonomy
+from harness.contracts.erasure_events import ErasureCommand
 from harness.contracts.events import DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.handoff_commands import HandoffTurn
@@ -396,4 +397,5 @@ AnyCommand = (
     | AlertCommand
     | PlaceCommand
     | RecordCheck
+    | ErasureCommand
 )

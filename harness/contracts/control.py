@@ -75,6 +75,16 @@ class PostureOrdered(Event, tag=True):
     reason: Explanation
 
 
+class PostureShown(Event, tag=True):
+    """What became of an ordered posture: whether the robot's own report and its odometry show it, and by what."""
+
+    robot_id: RobotId
+    posture: Posture
+    done: bool
+    measured: dict[str, float]
+    reason: Explanation
+
+
 class SetAutonomy(Command, tag=True):
     autonomy: Autonomy
     actor: Actor
@@ -118,7 +128,21 @@ class OrderPosture(Command, tag=True):
     reason: Reason | Name
 
 
-ControlEvent = AutonomyLimited | WheelTaken | WheelReturned | PostureOrdered | RetreatEvent
+class RecordPosture(Command, tag=True):
+    robot_id: RobotId
+    posture: Posture
+    done: bool
+    measured: dict[str, float]
+    reason: Reason | Name
+
+
+ControlEvent = AutonomyLimited | WheelTaken | WheelReturned | PostureOrdered | PostureShown | RetreatEvent
 ControlCommand = (
-    LimitAutonomy | BeginTeleoperation | EndTeleoperation | RequireNoTeleoperation | OrderPosture | RetreatCommand
+    LimitAutonomy
+    | BeginTeleoperation
+    | EndTeleoperation
+    | RequireNoTeleoperation
+    | OrderPosture
+    | RecordPosture
+    | RetreatCommand
 )

@@ -53,8 +53,9 @@ class DossierContents(Value):
     `spoken`: the recording and the transcript that the source text is from, both in the file.
 
     `absent` lists evidence that was missing or damaged when the dossier was written: what packets cite, and what a
-    context, a recognition or a lidar look cites in turn. `head` is
-    the log's head at that time: the anchor to compare with a copy stored elsewhere.
+    context, a recognition or a lidar look cites in turn. `erased` lists voice and photographs that were erased before;
+    their tombstones are among the events. `head` is the log's head at that time: the anchor to compare with a copy
+    stored elsewhere.
     """
 
     format: str
@@ -72,6 +73,7 @@ class DossierContents(Value):
     absent: tuple[Digest, ...]
     judged: JudgedGoal | msgspec.UnsetType = msgspec.UNSET
     spoken: SpokenGoal | msgspec.UnsetType = msgspec.UNSET
+    erased: tuple[Digest, ...] | msgspec.UnsetType = msgspec.UNSET
 
 
 class DossierSignature(Value):

@@ -13,6 +13,7 @@ HarnessError                 something went wrong that a person can act on
 │   └── StoreNewer           the database was written by a newer version
 ├── LogDamaged               the hash chain or a stored row does not verify
 ├── BlobDamaged              a blob's bytes do not match its digest, or it is missing
+│   └── BlobGone             a blob was erased on request or by the retention rule
 ├── ContextOverflow          mandatory records exceed a role's budget
 ├── ProviderFailed           a provider refused or broke the protocol
 │   ├── ProviderUnreachable  no answer: the request may or may not have arrived
@@ -116,6 +117,10 @@ class LogDamaged(HarnessError):
 
 class BlobDamaged(HarnessError):
     code = "blob_damaged"
+
+
+class BlobGone(BlobDamaged):
+    code = "blob_erased"
 
 
 class ContextOverflow(HarnessError):

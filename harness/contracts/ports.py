@@ -177,6 +177,9 @@ class BlobStore(Protocol):
 
     def digests(self) -> Iterator[ids.Digest]: ...
 
+    def erase(self, digest: ids.Digest) -> None:
+        """Remove the bytes, durably; nothing happens where there are none."""
+
 
 class Spool(Protocol):
     """Unsynced samples of one invocation, until they are sealed as one blob (D8)."""

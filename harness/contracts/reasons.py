@@ -31,6 +31,10 @@ def because(code: str, /, **facts: Fact) -> Reason:
     return Reason(code=code, facts=facts)
 
 
+UNEXPLAINED = because("stopped_at_console")
+"""The reason of a stop that was pressed at once; why may be said while it is carried out."""
+
+
 def several(reasons: Sequence[Explanation]) -> Reason | None:
     """Join reasons into one, in order; a single reason is returned unchanged, no reason gives None."""
     if len(reasons) == 1 and isinstance(reasons[0], Reason):

@@ -15,6 +15,8 @@ from harness.contracts.control import (
     LimitAutonomy,
     OrderPosture,
     PostureOrdered,
+    PostureShown,
+    RecordPosture,
     RequireNoTeleoperation,
     WheelReturned,
     WheelTaken,
@@ -46,6 +48,15 @@ def decide(control: SiteControl, command: ControlCommand, now: Moment) -> Decisi
                 robot_id=command.robot_id, posture=command.posture, actor=command.actor, reason=command.reason
             )
             return Accepted((ordered,))
+        case RecordPosture():
+            event = PostureShown(
+                robot_id=command.robot_id,
+                posture=command.posture,
+                done=command.done,
+                measured=command.measured,
+                reason=command.reason,
+            )
+            return Accepted((event,))
         case retreat_events.SendRetreat() | retreat_events.StopRetreat() | retreat_events.EndRetreat():
             return _retreat(control, command)
         case _:

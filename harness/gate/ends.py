@@ -4,7 +4,7 @@ from msgspec.structs import replace
 
 from harness.contracts import commands, events
 from harness.contracts.decisions import Accepted, Decision, refused
-from harness.contracts.reasons import because
+from harness.contracts.reasons import UNEXPLAINED, Reason, because
 from harness.contracts.revision_commands import WithdrawMission
 from harness.gate.dispatch import accounted, spend
 from harness.gate.pins import BEFORE_ACTIVE
@@ -133,10 +133,19 @@ def resume(mission: Mission, command: commands.ResumeMission) -> Decision[events
 
 
 def stop(mission: Mission, command: commands.StopMission) -> Decision[events.MissionEvent]:
-    """Always possible. The mission is STOPPING until the stop is acknowledged and the body at standstill."""
-    if mission.status == "stopping":
+    """Always possible. The mission is STOPPING until the stop is acknowledged and the body at standstill.
+
+    A stop that was pressed without a reason takes the first one that is given meanwhile.
+    """
+    if mission.status == "stopping" and not _unexplained(mission, command):
         return Accepted(())
     return Accepted((events.StopRequested(actor=command.actor, reason=command.reason),))
+
+
+def _unexplained(mission: Mission, command: commands.StopMission) -> bool:
+    given = mission.stop.reason if mission.stop is not None else ""
+    unsaid = isinstance(given, Reason) and given.code == UNEXPLAINED.code
+    return unsaid and not (isinstance(command.reason, Reason) and command.reason.code == UNEXPLAINED.code)
 
 
 def withdraw(mission: Mission, command: WithdrawMission) -> Decision[events.MissionEvent]:

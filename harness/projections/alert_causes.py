@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 from harness.contracts import events
 from harness.contracts.alert_commands import ClearAlert, RaiseAlert
 from harness.contracts.alert_events import AlertKind, Occurrence, Priority
+from harness.contracts.control import ControlEvent, PostureShown
 from harness.contracts.handoff_events import HandoffEscalated, HandoffEvent, NoAnswerTaken
 from harness.contracts.protocol import PhysicalStart, RobotStatus
 from harness.contracts.reasons import Explanation, Reason, because
+from harness.contracts.retreat_events import RetreatEnded
 from harness.contracts.revision_events import CompletionDisputed
 from harness.projections.starts import repeated_starts
 
@@ -123,6 +125,50 @@ def of_handoff(event: HandoffEvent, about: About, handoff_id: str) -> tuple[Aler
         return ()
     title = because("alert_unclaimed", stage=_stage(about.node))
     return (_raise(about, "handoff", "critical", title, UNCLAIMED[event.level], f"{handoff_id} {event.level}"),)
+
+
+def of_control(event: ControlEvent, *, position: int, at_s: float) -> tuple[AlertChange, ...]:
+    """A move to safety, or an order to lie down, that is not shown to have come true is critical until one that is."""
+    match event:
+        case RetreatEnded() if event.outcome != "reached":
+            rests = event.outcome == "short" and event.then_done
+            what = because("alert_safety_lies" if rests else "alert_safety_unknown", robot_id=event.robot_id)
+            occurrence = Occurrence(
+                cause=safety_cause(event.robot_id),
+                kind="safety_not_reached",
+                priority="critical",
+                title=what,
+                text=event.reason,
+                condition="safety",
+                source=position,
+                robot_id=event.robot_id,
+                link=f"/robots/{event.robot_id}",
+            )
+            return ((occurrence.cause, RaiseAlert(occurrence=occurrence, at_s=at_s)),)
+        case PostureShown() if not event.done:
+            occurrence = Occurrence(
+                cause=safety_cause(event.robot_id),
+                kind="safety_not_reached",
+                priority="critical",
+                title=because("alert_posture_not_shown", robot_id=event.robot_id, posture=event.posture),
+                text=event.reason,
+                condition="safety",
+                source=position,
+                robot_id=event.robot_id,
+                link=f"/robots/{event.robot_id}",
+            )
+            return ((occurrence.cause, RaiseAlert(occurrence=occurrence, at_s=at_s)),)
+        case RetreatEnded() | PostureShown():
+            reason = event.reason
+            clear = ClearAlert(condition="safety", reason=reason, at_s=at_s, source=position)
+            return ((safety_cause(event.robot_id), clear),)
+        case _:
+            return ()
+
+
+def safety_cause(robot_id: str) -> str:
+    """The cause under which a robot's moves to safety are one alert."""
+    return f"robot/{robot_id}/safety"
 
 
 def troubled(event: events.MissionEvent, about: About) -> tuple[str, str]:

@@ -12,6 +12,7 @@ from harness.contracts.control import (
     AutonomyLimited,
     ControlEvent,
     PostureOrdered,
+    PostureShown,
     WheelReturned,
     WheelTaken,
 )
@@ -82,7 +83,7 @@ def apply(control: SiteControl, event: ControlEvent) -> SiteControl:
             return replace(nxt, wheels=nxt.wheels | {event.robot_id: taken})
         case WheelReturned():
             return replace(nxt, wheels={name: one for name, one in nxt.wheels.items() if name != event.robot_id})
-        case PostureOrdered():
+        case PostureOrdered() | PostureShown():
             return nxt
         case retreat_events.RetreatIntended() | retreat_events.RetreatStopping() | retreat_events.RetreatEnded():
             return replace(nxt, retreats=nxt.retreats | {event.robot_id: _retreat(nxt, event)})

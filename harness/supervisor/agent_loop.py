@@ -28,7 +28,7 @@ from harness.supervisor.pinned_configurations import begin
 from harness.supervisor.recovery import Recovery
 from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.roles import RoleContexts, context_record
-from harness.supervisor.standstill import Rest, at_rest
+from harness.supervisor.standstill import Rest
 from harness.supervisor.watchdog import Watchdog, invocation_moves
 from harness.verification.verdict import verify_goal
 
@@ -94,6 +94,12 @@ class AgentLoop:
                     )
                     return now_s
 
+    def halt(self) -> None:
+        """Tell the provider to stop the open execution now; the next step reads what became of it."""
+        invocation = self._runtime.mission(self.mission_id).invocation
+        if invocation is not None:
+            self._monitor.halt(invocation)
+
     def bring_to_rest(self) -> Rest:
         """Send no heartbeat until the robot holds and odometry shows it at rest, so that the mission can go on later.
 
@@ -105,7 +111,7 @@ class AgentLoop:
             invocation = self._runtime.mission(self.mission_id).invocation
             self._observations.collect(invocation.intent.invocation_id if invocation else None)
             now_s = clock.now().mission_s
-            rest, held = at_rest(self._observations.recent, now_s), self._monitor.holds_motion(invocation)
+            rest, held = self._observations.rest(), self._monitor.holds_motion(invocation)
             if (held and rest.static) or now_s >= began_s + AT_REST_WITHIN_S:
                 reason = rest.reason if held else because("execution_not_held")
                 return Rest(static=held and rest.static, reason=reason, measured=rest.measured)
@@ -246,7 +252,7 @@ class AgentLoop:
                 return now_s
             return self._monitor.attend(mission, invocation)
         self._stopping_since = self._stopping_since if self._stopping_since is not None else now_s
-        rest = at_rest(self._observations.recent, now_s)
+        rest = self._observations.rest()
         if not rest.static and now_s < self._stopping_since + STATIC_WITHIN_S:
             return now_s + POLL_S
         done = commands.AcknowledgeStop(

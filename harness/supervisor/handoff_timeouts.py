@@ -8,6 +8,7 @@ from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.handoff_commands import DropClaim, Escalate, RecordNoAnswer
 from harness.contracts.handoff_events import HandoffExpired
 from harness.contracts.places import Otherwise
+from harness.contracts.protocol import RobotStatus
 from harness.contracts.reasons import Explanation, because
 from harness.contracts.retreat_events import RetreatIntended
 from harness.gate.claims import due_levels, live_claim
@@ -19,7 +20,7 @@ from harness.runtime import Runtime
 from harness.supervisor.fallback_stop import settle
 from harness.supervisor.minimal_risk import Order, planned_retreat, sending
 from harness.supervisor.roles import RoleContexts
-from harness.supervisor.standstill import at_rest
+from harness.supervisor.standstill import Rest
 
 RECENT = 20
 """How far back a start looks for a question whose end was cut off: one robot has one at a time."""
@@ -133,16 +134,21 @@ class HandoffTimeouts:
         """Carry out the action where the robot stands, as far as it can, and return what shows it."""
         opened = handoff.opened
         choice = opened.no_answer if opened else "hold"
-        rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
+        rest = self._roles.observations.rest()
         if instead is not None and instead.rule == "already_there":
             return RecordNoAnswer(action="retreat", done=rest.static, measured=rest.measured, reason=instead.reason)
         action: Otherwise = ((opened.otherwise if opened else "") or "hold") if choice == "retreat" else choice
-        settled = settle(self._connection, action, rest=rest, token=self._newest_token())
+        settled = settle(self._connection, action, rest=rest, token=self._newest_token(), look=self._rest_now)
         reason = settled.reason
         if choice == "retreat":
             why = instead.reason if instead else because("retreat_not_sent")
             reason = because("no_retreat_instead", why=why, instead=settled.reason)
         return RecordNoAnswer(action=action, done=settled.done, measured=rest.measured, reason=reason)
+
+    def _rest_now(self) -> tuple[Rest, RobotStatus | None]:
+        seen = self._roles.observations
+        seen.collect(None)
+        return seen.rest(), seen.status
 
     def _newest_token(self) -> int:
         """The newest fencing token of the base, so that a posture order is not refused as outdated."""

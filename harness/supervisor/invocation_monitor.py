@@ -23,7 +23,7 @@ from harness.supervisor.observations import image_reference
 from harness.supervisor.packets import build_packet
 from harness.supervisor.pictures import PictureExaminer
 from harness.supervisor.roles import RoleContexts, context_record
-from harness.supervisor.standstill import WINDOW_S, at_rest
+from harness.supervisor.standstill import WINDOW_S
 from harness.supervisor.verification import judgement
 
 POLL_S = 0.5
@@ -153,10 +153,13 @@ class InvocationMonitor:
 
     def halt(self, invocation: Invocation) -> None:
         """Tell the provider to stop the execution. The log says nothing of it: its outcome is read when it goes on."""
-        report = self._known(invocation)
-        if report is not None:
-            with suppress(ProviderFailed):
-                self._connection.provider(invocation.intent.provider_id).stop(report.handle)
+        handle = self._handles.get(invocation.intent.invocation_id) or invocation.handle
+        with suppress(ProviderFailed, UnknownName):
+            if handle is None:
+                report = self._known(invocation)
+                handle = report.handle if report is not None else None
+            if handle is not None:
+                self._connection.provider(invocation.intent.provider_id).stop(handle)
 
     def _known(self, invocation: Invocation) -> protocol.InvocationReport | None:
         """The provider's report on an execution; None where it knows of none, or does not answer."""
@@ -179,7 +182,7 @@ class InvocationMonitor:
             raise ProviderUnreachable(because("result_unknown"))
         if self._has_begun(intent):
             raise ProviderUnreachable(because("started_but_not_found", provider_id=intent.provider_id))
-        rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
+        rest = self._roles.observations.rest()
         if not rest.static or invocation.stop_requested:
             raise ProviderUnreachable(because("body_moves_unaccounted"))
 
@@ -216,7 +219,7 @@ class InvocationMonitor:
         if known is not None or self._has_begun(intent):
             self._refused = None
             return now_s
-        rest = at_rest(self._roles.observations.recent, now_s)
+        rest = self._roles.observations.rest()
         began = rest.reason is not None and rest.reason.code == "body_moved_in_second"
         if began and now_s >= refused_s + WINDOW_S:
             self._halt(invocation)
@@ -307,7 +310,7 @@ class InvocationMonitor:
         watched = intent.moves or intent.verify_only
         if watched and now_s < ended_s + SETTLE_S:
             return min(now_s + POLL_S, ended_s + SETTLE_S)
-        rest = at_rest(self._roles.observations.recent, now_s)
+        rest = self._roles.observations.rest()
         if intent.moves and not rest.static and now_s < ended_s + SETTLE_S + REST_WITHIN_S:
             return now_s + POLL_S
         until_s = report.at_s if mission.replay else now_s
@@ -411,7 +414,7 @@ class InvocationMonitor:
         self._refused = None
         intent = invocation.intent
         unknown = failure == "outcome_unknown"
-        rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
+        rest = self._roles.observations.rest()
         ended = commands.EndInvocation(
             invocation_id=intent.invocation_id,
             status="outcome_unknown" if unknown else "stopping" if failure == "cancel_unacknowledged" else "failed",

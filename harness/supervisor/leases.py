@@ -20,7 +20,7 @@ from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.supervisor.observations import looked
 from harness.supervisor.robot_connection import RobotConnection
-from harness.supervisor.standstill import WINDOW_S, at_rest
+from harness.supervisor.standstill import WINDOW_S
 
 GRACE_S = 10.0
 """A lease outlives the node's deadline by this much, so that the happy path needs no renewal."""
@@ -161,7 +161,7 @@ def _static(runtime: Runtime, connection: RobotConnection) -> dict[str, float]:
     """What shows the body at standstill now; empty if nothing is known."""
     seen = looked(runtime, connection)
     stopped = {"hardware_stop": 1.0} if seen.status is not None and seen.status.hardware_stop else {}
-    return at_rest(seen.recent, connection.clock.now().mission_s).measured | stopped
+    return seen.rest().measured | stopped
 
 
 def _lost(runtime: Runtime, robot_id: ids.RobotId, lease: Lease) -> ids.RequestId | None:

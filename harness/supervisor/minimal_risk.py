@@ -21,7 +21,7 @@ from harness.projections.mission import Mission
 from harness.supervisor import zones
 from harness.supervisor.leases import GRACE_S, tokens
 from harness.supervisor.roles import RoleContexts
-from harness.supervisor.standstill import AGE_S, at_rest
+from harness.supervisor.standstill import AGE_S
 from harness.verification.geometry import polyline_length
 
 SLACK_S = 30.0
@@ -92,9 +92,12 @@ def sending(intent: RetreatIntended) -> list[CommandEnvelope]:
 
 
 def hindrance(roles: RoleContexts, *, map_version: str) -> Reason | None:
-    """Why a robot must not move now, from its own status and its newest pose; None if nothing speaks against it."""
-    status, pose, now_s = roles.observations.status, newest_pose(roles), roles.connection.clock.now().mission_s
-    if status is None or now_s - status.at_s > AGE_S:
+    """Why a robot must not move now, from its own status and its newest pose; None if nothing speaks against it.
+
+    The link is judged in wall time, the pose in the robot's time: a robot that runs fast is not a robot that is silent.
+    """
+    status, pose, now_s = roles.observations.status, newest_pose(roles), roles.observations.robot_s
+    if status is None or not roles.observations.linked:
         return because("robot_status_old")
     if status.hardware_stop:
         return because("hardware_stop_engaged")
@@ -110,7 +113,7 @@ def newest_pose(roles: RoleContexts) -> Pose | None:
 
 
 def _standing_still(roles: RoleContexts) -> Reason | None:
-    rest = at_rest(roles.observations.recent, roles.connection.clock.now().mission_s)
+    rest = roles.observations.rest()
     return None if rest.static else because("not_shown_at_rest", why=rest.reason)
 
 

@@ -15,6 +15,7 @@ from harness.contracts.reasons import Reason, because
 from harness.contracts.values import encode
 from harness.runtime import Runtime
 from harness.supervisor.robot_connection import RobotConnection
+from harness.supervisor.standstill import Rest, at_rest
 
 RECENT_S = 12.0
 BATCH = 5000
@@ -25,6 +26,10 @@ DRAIN_S = 8.0
 """Wall seconds that one reading may take; what is left is read in the next step, for a motion needs its keepalive."""
 AHEAD_S = 60.0
 """Samples with a stamp this far ahead of the robot's own clock are of no instant; they are dropped."""
+LINK_S = 3.0
+"""Wall seconds without an answer after which a link is old (D7): what was reported before says nothing of now."""
+STATUS_S = 15.0
+"""Seconds of the robot's own time: a status older than this is of the past, at any speed of a simulation."""
 ROBOT_ERRORS = (ProviderFailed, UnknownName, BlobDamaged)
 """What a robot may answer where samples are read; none of it ends a mission's loop."""
 _order = attrgetter("at_s", "seq")
@@ -40,6 +45,30 @@ class ObservationBuffer:
         self._after = 0
         self.status: RobotStatus | None = None
         self.trouble: Reason | None = None
+        self._heard_s: float | None = None
+        self._answered = False
+
+    @property
+    def linked(self) -> bool:
+        """Whether the robot answered within LINK_S of wall time, however fast its own time passes.
+
+        An answer that repeats a status of long ago, by the robot's own clock, is none.
+        """
+        now = self._connection.clock.now()
+        recent = self._answered and self._heard_s is not None and now.wall_s - self._heard_s <= LINK_S
+        return recent and now.mission_s - self.robot_s <= STATUS_S
+
+    @property
+    def robot_s(self) -> float:
+        """The robot's own time in its newest status: the ages of its poses and of its odometry count from there."""
+        return self.status.at_s if self.status is not None else 0.0
+
+    def rest(self) -> Rest:
+        """Whether the body is at rest, by the odometry of the last second before the robot's newest answer; nothing
+        shows it while the robot does not answer."""
+        if not self.linked:
+            return Rest(static=False, reason=because("no_fresh_odometry"), measured={})
+        return at_rest(self._recent, self.robot_s)
 
     @property
     def stranger(self) -> bool:
@@ -61,9 +90,11 @@ class ObservationBuffer:
                     "another_robot_answers", found=status.robot_id, expected=self._connection.robot_id
                 )
                 return True
-            self.status = status
+            self.status, self._answered = status, True
+            self._heard_s = self._connection.clock.now().wall_s
             self.trouble = self._drained(spooling, batches=1 if endless else MOST_BATCHES)
         except ProviderUnreachable:
+            self._answered = False
             return False
         except ROBOT_ERRORS as error:
             self.trouble = because("observations_unusable", reason=error.reason)
@@ -78,6 +109,7 @@ class ObservationBuffer:
                 self._after = max(self._after, *(sample.seq for sample in batch.samples))
                 return because("observations_endless", batches=MOST_BATCHES)
             self._take(batch, spooling)
+            self._heard_s = self._connection.clock.now().wall_s
             if len(batch.samples) < BATCH or self._connection.clock.now().wall_s > began_s + DRAIN_S:
                 break
         else:

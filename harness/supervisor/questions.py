@@ -14,7 +14,6 @@ from harness.projections.mission import Mission, required_contract, required_pol
 from harness.recovery.state import cost_of, ladder_of, over_budget
 from harness.supervisor.dispatch import DispatchAttempt, Dispatcher, PreparedDispatch
 from harness.supervisor.roles import RoleContexts
-from harness.supervisor.standstill import at_rest
 from harness.verification.preconditions import verify_preconditions
 
 OFFERED: tuple[RecoveryAction, ...] = (
@@ -109,7 +108,7 @@ class Questions:
             x_m=where.x_m if where else 0.0,
             y_m=where.y_m if where else 0.0,
             yaw_rad=where.yaw_rad if where else 0.0,
-            static=at_rest(recent, now.mission_s).static,
+            static=self._roles.observations.rest().static,
             results=digest(self.results(mission, node_id)),
             image=image,
         )

@@ -15,7 +15,6 @@ from harness.supervisor.invocation_monitor import POLL_S
 from harness.supervisor.leases import free
 from harness.supervisor.revisions import Revisions
 from harness.supervisor.roles import RoleContexts, context_record
-from harness.supervisor.standstill import at_rest
 
 IMPOSSIBLE = ("approval_required", "provider_unavailable", "repeated_without_news", "excluded_provider")
 
@@ -106,7 +105,7 @@ class Recovery:
 
     def free(self, mission: Mission) -> None:
         """Free what is quarantined, if its holder acknowledged its end and the body is shown to be at standstill."""
-        rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
+        rest = self._roles.observations.rest()
         requests = free(self._runtime, mission, static=rest.measured) if rest.static else []
         if requests:
             self._runtime.commit(requests)
@@ -128,7 +127,7 @@ class Recovery:
             return now_s
         node = required_contract(mission).node(failure.node_id)
         moves = any(card.moves for card in self._connection.cards if card.capability in node.capabilities)
-        settling = not at_rest(self._roles.observations.recent, now_s).static and now_s < failure.at_s + ASK_AT_REST_S
+        settling = not self._roles.observations.rest().static and now_s < failure.at_s + ASK_AT_REST_S
         if settling and moves and not mission.replay:
             return now_s + POLL_S
         if mission.replay or not node.required or (spent and not moves):

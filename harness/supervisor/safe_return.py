@@ -3,6 +3,7 @@
 What an earlier process left open is never sent again: it is stopped where it still runs, and its end is unknown (D13).
 """
 
+from contextlib import suppress
 from math import hypot
 
 from harness.contracts import protocol, retreat_events
@@ -10,6 +11,8 @@ from harness.contracts.control import CONTROL
 from harness.contracts.errors import HarnessError, ProviderFailed, ProviderUnreachable
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.observations import Odometry, Pose
+from harness.contracts.ports import Provider
+from harness.contracts.protocol import RobotStatus
 from harness.contracts.reasons import Reason, because, plain, recorded
 from harness.gate.commit import CommandEnvelope
 from harness.projections.control import Retreating, SiteControl
@@ -21,10 +24,13 @@ from harness.supervisor.minimal_risk import hindrance
 from harness.supervisor.observations import ObservationBuffer
 from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.roles import RoleContexts
-from harness.supervisor.standstill import AGE_S, at_rest
+from harness.supervisor.standstill import AGE_S, Rest
 from harness.supervisor.zones import ARRIVED_M
 from harness.verification.predicates.arrival import SAMPLES
 from harness.verification.sources import Sources
+
+SILENT_S = 6 * invocation_monitor.UNREACHABLE_S
+"""Mission seconds of silence after which the outcome is unknown, however slowly the wall clock goes."""
 
 
 class Returning:
@@ -41,10 +47,18 @@ class Returning:
         left = self._open()
         self._found = left.intent.invocation_id if left else None
         self._handle: str | None = None
-        self._sent = False
-        self._silent_since: float | None = None
+        self._sent = self._resumed = False
+        self._silent_since: tuple[float, float] | None = None
         self._stopping_since: float | None = None
         self._ended_since: float | None = None
+
+    def halt(self) -> None:
+        """Tell the provider to stop the return that a person asked to stop, at once; the next step reads the rest."""
+        retreat, handle = self._open(), self._handle
+        if retreat is None or retreat.stop is None or handle is None:
+            return
+        with suppress(HarnessError):
+            self._connection.provider(retreat.intent.provider_id).stop(handle)
 
     @property
     def under_way(self) -> bool:
@@ -53,11 +67,12 @@ class Returning:
 
     def step(self) -> float:
         """Do what is due for the open return; returns when to look again, in mission time."""
-        retreat, now_s = self._open(), self._connection.clock.now().mission_s
+        retreat = self._open()
         if retreat is None:
-            return now_s
+            return self._connection.clock.now().mission_s
         if not self._roles.observations.collect(None):
             self._connection.revive()
+        now_s = self._connection.clock.now().mission_s
         if retreat.intent.invocation_id == self._found:
             self._left_open(retreat.intent)
             return now_s
@@ -67,7 +82,7 @@ class Returning:
                 return now_s
             self._silent_since = None
             if report.status in protocol.TERMINAL:
-                return self._finish(retreat, report, now_s)
+                return self._finish(retreat, report)
             return self._supervise(retreat, report, now_s)
         except ProviderUnreachable as error:
             return self._silence(retreat.intent, now_s, error.reason)
@@ -121,15 +136,19 @@ class Returning:
     def _supervise(self, retreat: Retreating, report: protocol.InvocationReport, now_s: float) -> float:
         intent, provider = retreat.intent, self._connection.provider(retreat.intent.provider_id)
         if retreat.stop is None:
-            lost = because("supervisor_away_too_long") if report.failure == protocol.KEEPALIVE_LOST else None
-            reason = lost or self._in_the_way(retreat)
+            reason = self._in_the_way(retreat)
+            if report.failure == protocol.KEEPALIVE_LOST and reason is None:
+                reason = self._reawaken(provider, report)
+            elif report.failure != protocol.KEEPALIVE_LOST:
+                self._resumed = False
             if reason:
                 command = retreat_events.StopRetreat(robot_id=intent.robot_id, actor=SUPERVISOR, reason=reason)
                 self._runtime.commit([CommandEnvelope(CONTROL, command, self._connection.robot_id)])
                 return now_s
         else:
-            self._stopping_since = now_s if self._stopping_since is None else self._stopping_since
-            if now_s > self._stopping_since + provider.card.cancel.within_s + invocation_monitor.ACKNOWLEDGE_S:
+            seen_s = self._roles.observations.robot_s
+            self._stopping_since = seen_s if self._stopping_since is None else self._stopping_since
+            if seen_s > self._stopping_since + provider.card.cancel.within_s + invocation_monitor.ACKNOWLEDGE_S:
                 self._end(intent, "unknown", declared=report.status, reason=because("stop_not_acknowledged"))
                 return now_s
             if report.status != "stopping":
@@ -137,14 +156,32 @@ class Returning:
         provider.keepalive(report.handle)
         return now_s + invocation_monitor.POLL_S
 
-    def _finish(self, retreat: Retreating, report: protocol.InvocationReport, now_s: float) -> float:
-        """Watch the body come to rest, then measure it against the place."""
-        self._ended_since = now_s if self._ended_since is None else self._ended_since
+    def _reawaken(self, provider: Provider, report: protocol.InvocationReport) -> Reason | None:
+        """The robot's watchdog stopped it while this process was away, and that is over: it goes on where its provider
+        can (D12); else why it ends here."""
+        if not provider.card.resumable:
+            return because("supervisor_away_too_long")
+        if not self._resumed:
+            provider.resume(report.handle)
+            self._resumed = True
+        return None
+
+    def _finish(self, retreat: Retreating, report: protocol.InvocationReport) -> float:
+        """Watch the body come to rest, then measure it against the place.
+
+        The time to settle is the robot's own, as its answers tell it: a second in which nobody looked shows nothing.
+        """
+        seen_s, clock_s = self._roles.observations.robot_s, self._connection.clock.now().mission_s
+        self._ended_since = seen_s if self._ended_since is None else self._ended_since
         settled_s = self._ended_since + invocation_monitor.SETTLE_S
-        rest = at_rest(self._roles.observations.recent, now_s)
-        if now_s < settled_s or (not rest.static and now_s < settled_s + invocation_monitor.REST_WITHIN_S):
-            return now_s + invocation_monitor.POLL_S
-        away, why = self._measured(retreat.intent, now_s)
+        rest = self._roles.observations.rest()
+        away, why = self._measured(retreat.intent, seen_s)
+        at_rest_there = rest.static and (why is None or why.code != "no_fresh_poses")
+        if seen_s < settled_s or (not at_rest_there and seen_s < settled_s + invocation_monitor.REST_WITHIN_S):
+            if self._roles.observations.linked:
+                return clock_s + invocation_monitor.POLL_S
+            return self._silence(retreat.intent, clock_s, because("robot_status_old"))
+        self._silent_since = None
         status = f"{report.status}{f', {report.failure}' if report.failure else ''}"
         stopped = _stopped(retreat, report)
         reached = not why and rest.static
@@ -153,16 +190,18 @@ class Returning:
         result = measured if reached else why or rest.reason or because("rest_not_shown")
         reason = result if reached or stopped is None else because("one_and_other", one=result, other=stopped)
         self._end(retreat.intent, outcome, declared=status, reason=reason, measured=away | rest.measured)
-        return now_s
+        return clock_s
 
-    def _measured(self, intent: retreat_events.RetreatIntended, now_s: float) -> tuple[dict[str, float], Reason | None]:
+    def _measured(
+        self, intent: retreat_events.RetreatIntended, seen_s: float
+    ) -> tuple[dict[str, float], Reason | None]:
         """The largest distance of the newest poses from the place, metres, and why that shows no arrival; tested as in
         D18."""
         recent = self._roles.observations.recent
         mine = {one.at_s: one for one in recent if isinstance(one, Pose) and one.map_version == intent.map_version}
         poses = [mine[at_s] for at_s in sorted(mine)]
         newest = poses[-SAMPLES:]
-        if len(newest) < SAMPLES or now_s - newest[-1].at_s > AGE_S:
+        if len(newest) < SAMPLES or seen_s - newest[-1].at_s > AGE_S:
             return {}, because("no_fresh_poses")
         away_m = max(hypot(one.x_m - intent.target_m[0], one.y_m - intent.target_m[1]) for one in newest)
         measured = {"distance_m": away_m, "bound_m": ARRIVED_M}
@@ -175,10 +214,11 @@ class Returning:
         return measured, None
 
     def _silence(self, intent: retreat_events.RetreatIntended, now_s: float, reason: Reason) -> float:
-        """No answer: asked again for a while, never sent again; meanwhile the robot's own heartbeat watchdog stops
-        it."""
-        self._silent_since = now_s if self._silent_since is None else self._silent_since
-        if now_s - self._silent_since >= invocation_monitor.UNREACHABLE_S:
+        """No answer: asked again for a while of wall time, never sent again; meanwhile the robot's own heartbeat
+        watchdog stops it."""
+        wall_s = self._connection.clock.now().wall_s
+        since_wall_s, since_s = self._silent_since = self._silent_since or (wall_s, now_s)
+        if wall_s - since_wall_s >= invocation_monitor.UNREACHABLE_S or now_s - since_s >= SILENT_S:
             self._end(intent, "unknown", declared="silent", reason=reason)
         return now_s + invocation_monitor.POLL_S
 
@@ -211,11 +251,13 @@ class Returning:
         A body at rest away from the place runs the zone's fallback there, before its lease is released.
         """
         now_s = self._connection.clock.now().mission_s
-        rest = at_rest(self._roles.observations.recent, now_s)
+        rest = self._roles.observations.rest()
         free = outcome != "unknown" and rest.static
         token = max(intent.resources.values())
         done = (
-            settle(self._connection, intent.otherwise, rest=rest, token=token) if free and outcome == "short" else None
+            settle(self._connection, intent.otherwise, rest=rest, token=token, look=self._rest_now)
+            if free and outcome == "short"
+            else None
         )
         ended = retreat_events.RetreatEnded(
             robot_id=intent.robot_id,
@@ -234,8 +276,14 @@ class Returning:
             [CommandEnvelope(CONTROL, retreat_events.EndRetreat(ended=ended), self._connection.robot_id), *freed]
         )
         self._handle = self._found = None
-        self._sent = False
+        self._sent = self._resumed = False
         self._silent_since = self._stopping_since = self._ended_since = None
+
+    def _rest_now(self) -> tuple[Rest, RobotStatus | None]:
+        """A new look at the robot: its standstill by odometry and its own status, each at its time."""
+        seen = self._roles.observations
+        seen.collect(None)
+        return seen.rest(), seen.status
 
 
 def _stopped(retreat: Retreating, report: protocol.InvocationReport) -> Reason | None:

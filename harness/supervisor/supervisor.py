@@ -172,6 +172,18 @@ class Supervisor:
         with self._locks[robot_id]:
             return freed(self._runtime, self._connections[robot_id], FreeOrder(resource, actor, reason))
 
+    def halt(self, robot_id: RobotId) -> None:
+        """Tell this robot's providers to stop what they run, at once and beside its loop, where a stop is in the log.
+
+        The loop follows the stop to its acknowledgement and to standstill. An answer that does not come is its matter.
+        """
+        if robot_id not in self._connections:
+            return
+        self._returning[robot_id].halt()
+        for mission_id, loop in tuple(self._loops[robot_id].items()):
+            if self._runtime.mission(mission_id).status == "stopping":
+                loop.halt()
+
     def finish_unanswered(self, robot_id: RobotId) -> None:
         """Carry out what is still due where a question expired and the harness stopped before the robot acted."""
         for handoff in overlooked(self._runtime, robot_id):

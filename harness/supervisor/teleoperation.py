@@ -6,23 +6,31 @@ from harness.contracts import ids
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import AcquireLease, LeaseCommand, QuarantineLease, ReleaseLease
-from harness.contracts.control import CONTROL, BeginTeleoperation, EndTeleoperation, OrderPosture, Posture
+from harness.contracts.control import (
+    CONTROL,
+    BeginTeleoperation,
+    EndTeleoperation,
+    OrderPosture,
+    Posture,
+    RecordPosture,
+)
 from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.errors import ProviderFailed, UnknownName
 from harness.contracts.ports import Teleoperable
-from harness.contracts.protocol import DriveOrder, DriveReport, PostureOrder
+from harness.contracts.protocol import DriveOrder, DriveReport, PostureOrder, RobotStatus
 from harness.contracts.reasons import Reason, because
 from harness.contracts.retreat_events import StopRetreat
 from harness.gate.commit import CommandEnvelope
 from harness.projections.control import SiteControl, TeleoperationSession
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
+from harness.supervisor.fallback_stop import StopOutcome, shown_in_posture
 from harness.supervisor.leases import LOOK_S, SUPERVISOR
 from harness.supervisor.minimal_risk import Order, planned_retreat, sending
 from harness.supervisor.observations import ObservationBuffer, looked
 from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.roles import RoleContexts
-from harness.supervisor.standstill import WINDOW_S, Rest, at_rest
+from harness.supervisor.standstill import WINDOW_S, Rest
 from harness.workers import Worker
 
 BASE = "mobile_base"
@@ -151,11 +159,30 @@ class Teleoperation:
         if isinstance(decision, Refused):
             return decision
         released = ReleaseLease(invocation_id=ids.InvocationId(holder), reason=f"posture: {posture}")
+        outcome = StopOutcome(done=False, reason=because("robot_did_not_answer"))
         try:
             connection.hand.rest(PostureOrder(posture=posture, token=token))
+            outcome = shown_in_posture(connection, posture, lambda: self._rest_now(connection))
+        except ProviderFailed as error:
+            outcome = StopOutcome(done=False, reason=error.reason)
+            raise
         finally:
-            self._runtime.commit([CommandEnvelope(ids.lease_stream(base), released, robot_id)])
+            record = RecordPosture(
+                robot_id=robot_id, posture=posture, done=outcome.done, measured=outcome.measured, reason=outcome.reason
+            )
+            self._runtime.commit(
+                [
+                    CommandEnvelope(CONTROL, record, robot_id),
+                    CommandEnvelope(ids.lease_stream(base), released, robot_id),
+                ]
+            )
+        if not outcome.done:
+            raise ProviderFailed(because("posture_not_shown", robot_id=robot_id, why=outcome.reason), where=robot_id)
         return decision
+
+    def _rest_now(self, connection: RobotConnection) -> tuple[Rest, RobotStatus | None]:
+        seen = looked(self._runtime, connection)
+        return seen.rest(), seen.status
 
     def to_safety(self, robot_id: ids.RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
         """Send a robot to the safe place of its zone, ordered by this person; one that is being stopped is waited for.
@@ -255,7 +282,7 @@ class Teleoperation:
             try:
                 report = _released(hand, teleoperation.session)
                 connection.clock.wait_until(connection.clock.now().mission_s + WINDOW_S + LOOK_S)
-                rest = at_rest(looked(self._runtime, connection).recent, connection.clock.now().mission_s)
+                rest = looked(self._runtime, connection).rest()
             except ProviderFailed as error:
                 return Rest(static=False, reason=error.reason, measured={})
             if rest.static and report.status == "ended":

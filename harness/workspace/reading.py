@@ -53,10 +53,14 @@ class Workspace:
 
 @dataclass
 class Reader:
-    """One pass over a folder; collects problems instead of ending at the first."""
+    """One pass over a folder; collects problems instead of ending at the first.
+
+    `foreign`: anybody may have written its files, so that a process with limits reads them.
+    """
 
     folder: Path
     reserved: frozenset[str]
+    foreign: bool
     problems: list[HarnessError] = field(default_factory=list)
     notes: list[ContractInvalid] = field(default_factory=list)
 
@@ -136,7 +140,7 @@ class Reader:
             self.problems.append(ContractInvalid(missing, where=str(file)))
             return None
         try:
-            return read_yaml(text, kind, where=str(file)), Lines(text)
+            return read_yaml(text, kind, where=str(file), foreign=self.foreign), Lines(text)
         except ContractInvalid as error:
             self.problems.append(error)
             return None
@@ -152,16 +156,18 @@ class Reader:
         return True
 
 
-def examined(folder: Path, *, reserved: Sequence[str] = ()) -> tuple[Workspace | None, tuple[HarnessError, ...]]:
+def examined(
+    folder: Path, *, reserved: Sequence[str] = (), foreign: bool = True
+) -> tuple[Workspace | None, tuple[HarnessError, ...]]:
     """The folder, or everything that is wrong with it. `reserved`: names of missions that ship with the harness."""
-    reader = Reader(folder, frozenset(reserved))
+    reader = Reader(folder, frozenset(reserved), foreign)
     found = reader.read()
     return found, tuple(reader.problems)
 
 
-def open_workspace(folder: Path, *, reserved: Sequence[str] = ()) -> Workspace:
+def open_workspace(folder: Path, *, reserved: Sequence[str] = (), foreign: bool = True) -> Workspace:
     """Raises the first problem: ContractInvalid, UnknownName."""
-    found, problems = examined(folder, reserved=reserved)
+    found, problems = examined(folder, reserved=reserved, foreign=foreign)
     if found is None:
         raise problems[0]
     return found

@@ -1,37 +1,27 @@
 """Reads YAML text into contract values: every problem names the place in the value and its line in the text."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 import yaml
 
+from harness.adapters.yaml_reader import foreign_values, plain_values
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.reasons import because
 
 T = TypeVar("T")
 Step = str | int
-LONGEST_TEXT = 262_144
-DEEPEST = 24
 _UNKNOWN_FIELD = "unknown field `"
 
 
-def read_yaml(text: str, kind: type[T], *, where: str) -> T:
+def read_yaml(text: str, kind: type[T], *, where: str, foreign: bool = False) -> T:
     """YAML of one contract value. Raises ContractInvalid that names the line and the place in the file or the value.
 
-    Aliases, repeated keys, deep nesting and texts over 256 KiB are refused before anything is built from them: a file
-    of a few lines can otherwise unfold to gigabytes.
+    `foreign`: anybody may have written it, so that a process with limits reads it.
     """
-    if len(text) > LONGEST_TEXT:
-        raise ContractInvalid(because("text_too_long", characters=len(text), limit=LONGEST_TEXT), where=where)
-    try:
-        _check_events(text, where)
-        built = yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError as error:
-        raise ContractInvalid(because("yaml_invalid", error=_line(error)), where=where) from error
-    except ValueError as error:
-        raise ContractInvalid(because("value_unreadable", error=str(error)), where=where) from error
+    built = foreign_values(text, where=where) if foreign else plain_values(text, where=where)
     try:
         return msgspec.convert(built, kind, strict=True)
     except msgspec.ValidationError as error:
@@ -96,39 +86,3 @@ def _steps(path: str) -> Sequence[Step]:
         elif part:
             found.append(part)
     return found
-
-
-class _Loader(yaml.CSafeLoader):
-    """CSafeLoader that takes no key twice, no key that is a list or mapping, and no merged keys."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen: set[str] = set()
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode) or key.tag == "tag:yaml.org,2002:merge":
-                raise yaml.constructor.ConstructorError(None, None, "a key must be a plain word", key.start_mark)
-            if key.value in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"the key {key.value!r} stands twice", key.start_mark
-                )
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)
-
-
-def _check_events(text: str, where: str) -> None:
-    depth = 0
-    for event in yaml.parse(text, Loader=yaml.CSafeLoader):
-        line = event.start_mark.line + 1 if event.start_mark else 0
-        if isinstance(event, yaml.AliasEvent):
-            raise ContractInvalid(because("yaml_alias", line=line), where=where)
-        if isinstance(event, yaml.CollectionStartEvent):
-            depth += 1
-        elif isinstance(event, yaml.CollectionEndEvent):
-            depth -= 1
-        if depth > DEEPEST:
-            raise ContractInvalid(because("yaml_too_deep", line=line, limit=DEEPEST), where=where)
-
-
-def _line(error: yaml.YAMLError) -> str:
-    mark = getattr(error, "problem_mark", None)
-    problem = getattr(error, "problem", None) or str(error)
-    return f"{problem} (line {mark.line + 1})" if mark else str(problem)

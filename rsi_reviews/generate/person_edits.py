@@ -55,6 +55,6 @@ def read_edit(text: str) -> Configuration:
     if text.lstrip().startswith("{"):
         return read_configuration(text.encode())
     try:
-        return read_yaml(text, Configuration, where="edit")
+        return read_yaml(text, Configuration, where="edit", foreign=True)
     except ContractInvalid as error:
         raise CandidateInvalid(error.what, rule="not_readable", where=error.where, do=error.do) from error

@@ -16,8 +16,10 @@ from app.cli.main import app as regen
 from tests.architecture.sources import ROOT
 
 ROW = re.compile(r"^\| `(\w+)` \| (\w+) (\S+) \| (?:regen ([\w -]+))?\s*\| (\w+)", re.MULTILINE)
-SEVERAL = {"StopRobotsAct": "stop", "SteerAct": "drive", "AddAccountAct": "people", "ChangeAccountAct": "people",
-           "IssueTokenAct": "people"}  # fmt: skip
+SEVERAL = {
+    "StopRobotAct": "stop", "ExplainStopAct": "stop", "StopRobotsAct": "stop", "SteerAct": "drive",
+    "AddAccountAct": "people", "ChangeAccountAct": "people", "IssueTokenAct": "people",
+}  # fmt: skip
 """Acts that are not one gate command, with what they need; test_console_people.py asks every route for it."""
 WITHOUT_BODY = {("LookAgainAct", "POST", "/handoffs/{handoff_id}/look")}
 ASKING = ("/missions/preview", "/candidates/check")

@@ -14,7 +14,7 @@ from rsi_reviews.acceptance import accepted
 from rsi_reviews.release_service import ReleaseService
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.builders.releases import PREDICATE, Bench, candidate, routed
-from tests.builders.serving import VIEWER, Serving, serving
+from tests.builders.serving import VIEWER, Serving, hold, serving
 
 CHINESE = {"Accept-Language": "zh-CN,zh;q=0.9,en;q=0.4"}
 PASSWORD = "seven green bottles"
@@ -216,7 +216,7 @@ def test_a_chinese_operator_reads_the_question_decides_and_follows(
         expect(page.locator(".countdown")).to_have_text(re.compile("剩余 .*分"))
         take_picture(page, "handoff-chinese")
         page.get_by_role("button", name="不安全").click()
-        page.locator("#reject").click()
+        hold(page, "#reject")
         expect(page.locator(".steps")).to_contain_text("已拒绝")
         answer = served.asked.handoff.answer
         assert answer is not None and answer.reason == "not safe", "what is kept does not depend on a language"

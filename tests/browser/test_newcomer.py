@@ -57,8 +57,7 @@ def served() -> Iterator[Served]:
 def taken_over(page: Page) -> None:
     """From the first page to the wheel, by what is written on the buttons."""
     page.get_by_role("link", name="and asks you").click()
-    page.get_by_role("button", name="Claim it").click()
-    page.get_by_text("Drive it yourself, or keep it").click()
+    page.get_by_text("Drive it yourself, pause the mission, or keep the robot").click()
     page.get_by_label("Device you drive from").fill("keyboard at desk 2")
     page.locator("form", has=page.locator("#take-over")).get_by_label("Reason").fill("round the pallet")
     page.get_by_role("button", name="Take over").click()

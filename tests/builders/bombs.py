@@ -1,11 +1,13 @@
 """Small files that unpack, or claim to unpack, to more than anybody should read. Made here, never stored."""
 
+import bz2
 import io
 import json
 import struct
 import zipfile
 from collections.abc import Mapping
 
+import zstandard
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from harness.contracts.dossier import CONTENTS, EVENTS, RECORDS, SIGNATURE
@@ -137,3 +139,70 @@ def listing_ply() -> bytes:
         b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty list uint double x\n"
         b"property float y\nproperty float z\nend_header\n" + b"\xff" * 4 + bytes(16)
     )
+
+
+def mcap_record(opcode: int, body: bytes, *, claimed: int | None = None) -> bytes:
+    """One record of an MCAP file; `claimed`: the length that it says it has."""
+    return struct.pack("<BQ", opcode, len(body) if claimed is None else claimed) + body
+
+
+def mcap_chunk(packed: bytes, *, compression: str, claimed: int) -> bytes:
+    """A file with one chunk that says it unpacks to `claimed` bytes."""
+    name = compression.encode()
+    chunk = struct.pack("<QQQII", 0, 1, claimed, 0, len(name)) + name + struct.pack("<Q", len(packed)) + packed
+    head = mcap_record(1, struct.pack("<I", 0) + struct.pack("<I", 0))
+    return MCAP + head + mcap_record(6, chunk) + mcap_record(2, bytes(20)) + MCAP
+
+
+MCAP = b"\x89MCAP0\r\n"
+
+
+def zstd_zeros(mib: int) -> bytes:
+    """So many mebibytes of zeros, packed piece by piece; the frame does not say how many."""
+    packer = zstandard.ZstdCompressor(level=3).compressobj()
+    return b"".join(packer.compress(bytes(2**20)) for _ in range(mib)) + packer.flush()
+
+
+def packed_messages(count: int = 40) -> bytes:
+    """An MCAP of a few kilobytes whose messages unpack to 60 MB each."""
+    body = zstandard.compress(bytes(60 * 10**6))
+    schema = struct.pack("<HI", 1, 17) + b"nav_msgs/Odometry" + struct.pack("<I", 7) + b"ros2msg" + struct.pack("<I", 0)
+    channel = struct.pack("<HHI", 1, 1, 4) + b"/odo" + struct.pack("<I", 3) + b"cdr" + struct.pack("<I", 0)
+    inside = mcap_record(3, schema) + mcap_record(4, channel)
+    inside += b"".join(
+        mcap_record(5, struct.pack("<HIQQ", 1, number, number, number) + body) for number in range(count)
+    )
+    return mcap_chunk(inside, compression="", claimed=len(inside))
+
+
+def bag_record(header: Mapping[str, bytes], body: bytes, *, claimed: int | None = None) -> bytes:
+    """One record of a ROS 1 bag; `claimed`: the length of data that it says it has."""
+    fields = b"".join(
+        struct.pack("<I", len(name) + 1 + len(value)) + name.encode() + b"=" + value for name, value in header.items()
+    )
+    return struct.pack("<I", len(fields)) + fields + struct.pack("<I", len(body) if claimed is None else claimed) + body
+
+
+def bag_of(*records: bytes) -> bytes:
+    """A ROS 1 bag that says it has one chunk."""
+    head = {"op": b"\x03", "index_pos": struct.pack("<Q", 4117), "conn_count": bytes(4), "chunk_count": b"\x01\0\0\0"}
+    return b"#ROSBAG V2.0\n" + bag_record(head, bytes(4096)) + b"".join(records)
+
+
+def bag_chunk(compression: str, packed: bytes, *, claimed: int) -> bytes:
+    """A bag whose chunk says it unpacks to `claimed` bytes."""
+    header = {"op": b"\x05", "compression": compression.encode(), "size": struct.pack("<I", claimed)}
+    return bag_of(bag_record(header, packed))
+
+
+def bz2_zeros(mib: int) -> bytes:
+    packer = bz2.BZ2Compressor()
+    return b"".join(packer.compress(bytes(2**20)) for _ in range(mib)) + packer.flush()
+
+
+def alias_metadata() -> str:
+    """A metadata.yaml of a few lines that unfolds to a thousand million names."""
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 9)]
+    described = "rosbag2_bagfile_information:\n  storage_identifier: mcap\n  message_count: 1\n"
+    return "\n".join([*lines, f"{described}  relative_file_paths: *a8\n"])

@@ -13,7 +13,8 @@ from tests.builders.releases import candidate, tried
 
 TURNS = ("claim", "release", "on-my-way", "choose", "take-over", "hand-back", "close")
 ALERT_TURNS = ("acknowledge", "shelve", "suppress", "restore", "assign")
-REASONED = ("stop", "pause", "resume", "dispute", "withdraw", "case", "free")
+PHOTOGRAPH = b"\xff\xd8\xff a photograph that nothing refers to"
+REASONED = ("stop", "reason", "pause", "resume", "dispute", "withdraw", "case", "free", "erase")
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class ConsoleWithRoles:
             "place_id": "office_storage",
             "name": "somebody",
             "robot_id": "vbot-1",
-            "digest": "0" * 64,
+            "digest": self.stand.harness.runtime.keep(PHOTOGRAPH) if path.endswith("/erase") else "0" * 64,
             "position": "1",
             "form": "viser",
             "candidate": self.candidate,

@@ -20,6 +20,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import HandoffId, MissionId, RobotId
+from harness.contracts.ports import EventStore
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.projections.mission import Mission
 from harness.runtime import Start
@@ -98,9 +99,13 @@ class Stand:
 
 @contextmanager
 def console_stand(
-    *, seed: int = 1, settings: ConsoleSettings | None = None, rules: RulesVersion = CURRENT_RULES
+    *,
+    seed: int = 1,
+    settings: ConsoleSettings | None = None,
+    rules: RulesVersion = CURRENT_RULES,
+    store: EventStore | None = None,
 ) -> Iterator[Stand]:
-    """Kinematic robot, stores in memory, virtual time. `rules`: those that new missions are judged by."""
+    """Kinematic robot, virtual time, stores in memory unless a log is given. `rules`: those of new missions."""
     settings = settings or ConsoleSettings(
         port=8000, robots=("vbot-1",), owner_token=SecretStr(OWNER), password_memory_kib=19456
     )
@@ -113,6 +118,7 @@ def console_stand(
         select=selected,
         authority=authority(accounts),
         rules=rules,
+        store=store,
     ) as harness:
         scenes = Scenes(harness.runtime)
         try:
@@ -126,6 +132,7 @@ def console_stand(
                     accounts=accounts,
                     answer=harness.supervisor.answer,
                     free=harness.supervisor.free,
+                    halt=harness.supervisor.halt,
                     starts=harness.starts,
                     fleet=Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s),
                     teleoperation=harness.teleoperation,

@@ -54,6 +54,8 @@ def fleet_stand(seed: int = 3, *, port: int = 8000) -> Iterator[Stand]:
             scenes,
             accounts=accounts,
             answer=harness.supervisor.answer,
+            free=harness.supervisor.free,
+            halt=harness.supervisor.halt,
             starts=harness.starts,
             fleet=fleet,
             teleoperation=harness.teleoperation,

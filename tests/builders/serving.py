@@ -37,6 +37,14 @@ LET_GO_EARLY = """(button) => {
 """Enter is let go of 200 ms after it was pressed, by the page's own clock, however busy the machine is."""
 
 
+def hold(page: Page, selector: str) -> None:
+    """Press and hold a button until its form was sent."""
+    page.locator(selector).hover()
+    with page.expect_navigation():
+        page.mouse.down()
+    page.mouse.up()
+
+
 @dataclass(frozen=True)
 class Serving:
     """A console at an address, with the missions that wait and that have ended."""
@@ -97,9 +105,12 @@ def serving(
             Scenes(made.runtime),
             accounts=open_accounts(settings),
             answer=made.supervisor.answer,
+            free=made.supervisor.free,
+            halt=made.supervisor.halt,
             starts=made.harness.starts,
             fleet=fleet,
             teleoperation=made.harness.teleoperation,
+            clear_way=lambda robot_id: made.robot.clear_way(),
         )
         server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})

@@ -20,6 +20,7 @@ from harness.adapters.stores.sql_schema import MIGRATIONS, SCHEMA_VERSION
 from harness.contracts.errors import ConcurrencyConflict, LogDamaged, StoreNewer, StoreUnavailable
 from harness.contracts.ids import StreamId, sha256
 from harness.contracts.ports import Batch, NewEvent, StateSnapshot
+from tests.builders.consoles import console_stand
 from tests.builders.eavesdropper import overheard
 from tests.saying import raises_saying, where
 from tests.unit.stores.builders import NOW, batch, record
@@ -117,6 +118,23 @@ def test_an_append_that_waits_too_long_for_another_writer_is_left_out(nine: str)
 
 
 # lost connections -----------------------------------------------------------------------------------------------------
+
+
+def test_a_key_whose_request_found_the_log_locked_is_done_once_when_it_is_free(url: str) -> None:
+    place, path, under = {"name": "Bay", "x_m": 1.0, "y_m": 1.0, "reason": "new"}, "/api/v1/places/bay_1", "k"
+    with opened(url, busy_s=0.2) as store, console_stand(store=store) as stand, opened(url) as other:
+        client, head = stand.host(), store.head()
+        with other._alone() as writer:
+            for _ in range(2):
+                busy = client.post(path, json=place, headers={"Idempotency-Key": under})
+                assert (busy.status_code, busy.headers["retry-after"]) == (503, "5"), busy.text
+            writer.exec_driver_sql("ROLLBACK")
+        assert store.head() == head
+        done = client.post(path, json=place, headers={"Idempotency-Key": under})
+        again = client.post(path, json=place, headers={"Idempotency-Key": under})
+        assert (done.status_code, again.status_code, again.json()) == (200, 200, done.json()), done.text
+        assert again.headers["idempotency-replayed"] == "true"
+        assert store.head().position == head.position + 1
 
 
 def test_connections_that_were_ended_while_idle_are_opened_again_unnoticed(postgres: PostgresServer, nine: str) -> None:

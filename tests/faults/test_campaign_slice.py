@@ -23,9 +23,13 @@ from experiments.campaigns.simulate import CampaignWorkersLost, one_mission, see
 from experiments.campaigns.suspended_holders import suspensions
 from experiments.campaigns.tally import Tally, counted, summary, tallied
 from experiments.campaigns.truths import torn
+from harness.contracts.actors import Actor
+from harness.contracts.ids import Digest, StreamId
 from harness.contracts.observations import Odometry, Pose, Trajectory
 from harness.contracts.ports import StoredEvent
+from harness.contracts.values import encode
 from rsi_reviews.bounds import upper_bound
+from rsi_reviews.events import PointerMoved
 
 MISSIONS = 36
 SEED = 11
@@ -182,6 +186,35 @@ def test_an_act_that_never_took_place_is_a_contract_false_completion() -> None:
 def test_the_books_know_the_version_that_the_mission_has() -> None:
     with undisturbed(faults=("early-success",)) as mission:
         assert read_books(mission.log, mission.commits).k == mission.mission.k > 3
+
+
+def test_the_books_read_events_of_releases_beside_a_mission_and_name_one_that_cannot_be_read() -> None:
+    nothing = dict.fromkeys(("released", "canary", "trial", "robot_id"))
+    shipped = PointerMoved(
+        revision=1,
+        cause="shipped",
+        configuration=Digest("1" * 64),
+        rollback=Digest("1" * 64),
+        actor=Actor(name="harness", role="harness", channel="policy"),
+        reason="begun",
+        at_s=1.0,
+        **nothing,
+    )
+    moved = StoredEvent(
+        position=1,
+        stream=StreamId("release/pointer"),
+        version=1,
+        kind="PointerMoved",
+        body=encode(shipped),
+        mission_s=1.0,
+        recorded_s=1.0,
+        previous=Digest("0" * 64),
+        digest=Digest("2" * 64),
+    )
+    assert read_books([moved], [(0, 1)]).breaches == []
+    broken = msgspec.structs.replace(moved, body=b'{"type":"PointerMoved"}')
+    (found,) = read_books([broken], [(0, 1)]).breaches
+    assert found.startswith("PointerMoved in the log cannot be read")
 
 
 @pytest.mark.parametrize("name", ["request-lost", "reply-lost", "late-reply", "duplicated", "reordered"])

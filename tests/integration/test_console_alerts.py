@@ -14,8 +14,9 @@ from app.background.notifications import Notices
 from app.background.robot_reports import Fleet
 from app.i18n.reasons.rendering import sentence
 from harness.adapters.clock import SystemClock
+from harness.adapters.connection_guard import PublicOr
 from harness.adapters.ids import SeededIds
-from harness.adapters.notify.services import AppriseNotifier
+from harness.adapters.notify.services import NETWORKS, AppriseNotifier
 from harness.adapters.stores.blobs import FileBlobStore
 from harness.adapters.stores.memory import MemoryEventStore, MemorySpool
 from harness.bootstrap import NullSignals, Parts, runtime_on
@@ -264,7 +265,8 @@ def service() -> Iterator[tuple[str, list[bytes], list[int]]]:
 
 
 def notices(stand: Stand, address: str, waits_s: tuple[float, ...] = (0.0,)) -> Notices:
-    notifier = AppriseNotifier({"night-desk": address})
+    here = PublicOr(("127.0.0.0/8",), where=NETWORKS)
+    notifier = AppriseNotifier({"night-desk": address}, permits=here)
     made = Notices(stand.harness.runtime, notifier, lambda: 1e9, "http://127.0.0.1:8000", waits_s=waits_s)
     stand.app.state.alert_watch.tell = made.offer
     return made

@@ -179,6 +179,32 @@ def test_who_has_no_password_signs_in_with_none(here: OidcConsole) -> None:
         assert answer.status_code == 403
 
 
+def test_who_has_no_password_makes_a_token_for_a_terminal_and_acts_there_as_themselves(here: OidcConsole) -> None:
+    client = here.browser()
+    here.enter(client)
+    assert "Make a token for a terminal" in client.get("/account").text
+    assert here.browser().post("/account/terminal").status_code == 401
+    made = client.post("/account/terminal")
+    (token,) = re.findall(r"regen_login_[\w-]+", made.text)
+    assert made.status_code == 201 and token not in client.get("/account").text
+    terminal = TestClient(here.stand.app, base_url=BASE, headers={"Authorization": f"Bearer {token}"})
+    assert terminal.post("/api/v1/missions", json={"template": "circuit", "robot_id": "vbot-1"}).status_code == 201
+    (created,) = here.stand.harness.runtime.missions()
+    events = here.stand.harness.runtime.events(created.mission_id)
+    assert b'"name":"ada","role":"operator","channel":"human"' in events[0].body
+    assert client.post("/account/sign-out-everywhere").status_code == 303
+    assert terminal.get("/api/v1/missions").status_code == 401
+
+
+def test_an_unverified_address_of_somebody_else_leads_to_nobody_elses_account(here: OidcConsole) -> None:
+    unverified = {"preferred_username": None, "email": "the-admin", "email_verified": False}
+    here.issuer.person = {**ADA, **unverified, "sub": "another"}
+    client = here.browser()
+    here.enter(client)
+    own = client.get("/api/v1/account").json()
+    assert (own["name"].startswith("the-admin-"), own["roles"]) == (True, ["operator"])
+
+
 def test_a_session_is_fresh_and_the_one_before_is_over(here: OidcConsole) -> None:
     client = here.browser()
     client.post("/account/sign-in", data={"name": "the-admin", "password": PASSWORD})

@@ -36,8 +36,10 @@ OWN_BUSINESS = {
     "/account/sign-out",
     "/account/sign-out-everywhere",
     "/account/password",
+    "/account/terminal",
     "/missions/{mission_id}/scene/{view}/instant",
     "/candidates/check",
+    "/audit/anchors",
 }
 ROBOT_TURNS: dict[str, Permission] = {"autonomy": "drive", "pause": "stop", "resume": "drive", "safe": "stop"}
 TELEOPERATION = ("teleoperation", "wheel")
@@ -51,6 +53,10 @@ CHANGE: dict[tuple[str, str], Permission] = {
     **{("POST", f"{door}/handoffs/{{handoff_id}}/attest"): "attest" for door in ("", "/api/v1")},
     **{("POST", f"/robots/{{robot_id}}/{turn}"): needed for turn, needed in ROBOT_TURNS.items()},
     ("POST", "/robots/stop"): "stop",
+    **{("POST", f"{door}/robots/{{robot_id}}/stop"): "stop" for door in ("", "/api/v1")},
+    **{("POST", f"{door}/robots/{{robot_id}}/stop/reason"): "stop" for door in ("", "/api/v1")},
+    ("POST", "/robots/{robot_id}/release"): "drive",
+    ("POST", "/robots/{robot_id}/simulation/clear-way"): "drive",
     ("POST", "/robots/autonomy"): "drive",
     ("POST", "/robots/{robot_id}/stand"): "drive",
     ("POST", "/robots/{robot_id}/drive"): "drive",
@@ -103,6 +109,7 @@ CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/candidates/{candidate}/{verb}"): "propose",
     ("POST", "/api/v1/candidates/{candidate}/request_changes"): "review",
     **{("POST", f"{door}/releases/policy"): "policy" for door in ("", "/api/v1")},
+    **{("POST", f"{door}/evidence/{{digest}}/erase"): "erase" for door in ("", "/api/v1")},
 }
 """What every changing route needs. A route that is not here fails the test: say who may use it."""
 

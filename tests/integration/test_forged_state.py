@@ -11,10 +11,15 @@ import msgspec
 import pytest
 from click.testing import Result
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from fastapi.testclient import TestClient
 from msgspec.structs import replace
 from typer.testing import CliRunner
 
+from app.background.signals import SignalBroker
 from app.cli.main import app
+from app.main import create_app, open_accounts
+from app.scene.servers import Scenes
+from app.settings import ConsoleSettings
 from harness.adapters.stores.chain import event_digest
 from harness.adapters.stores.snapshots import fingerprint
 from harness.adapters.stores.sql_log import event_of
@@ -24,6 +29,8 @@ from harness.contracts.ports import StoredEvent
 from harness.contracts.values import encode
 from harness.projections.mission import Mission
 from harness.settings import HarnessSettings
+from rsi_reviews.deciders import DECIDERS
+from tests.builders.consoles import BASE, OWN
 from tests.saying import said
 
 OFFLINE = ("--speed", "0", "--fidelity", "kinematic")
@@ -80,6 +87,18 @@ def plant(data: Path, mission: Mission) -> None:
         connection.commit()
 
 
+def audit_page(data: Path) -> str:
+    """The audit page of a console on this folder, asked to verify."""
+    settings = ConsoleSettings(port=8000, password_memory_kib=19456)
+    with read_harness(HarnessSettings(data_folder=data), deciders=DECIDERS) as runtime:
+        console = create_app(runtime, settings, SignalBroker(), Scenes(runtime), accounts=open_accounts(settings))
+        client = TestClient(console, base_url=BASE, headers=OWN)
+        client.get(console.state.sessions.invite())
+        shown = client.get("/audit?verify=true")
+        assert shown.status_code == 200 and 'data-verdict="violated"' in shown.text
+        return shown.text
+
+
 def test_a_forged_snapshot_is_ignored_reported_and_the_rejected_mission_stays_rejected(
     rejected: Path, tmp_path: Path
 ) -> None:
@@ -95,6 +114,7 @@ def test_a_forged_snapshot_is_ignored_reported_and_the_rejected_mission_stays_re
     examined = regen("doctor", "--data", data)
     assert examined.exit_code == 1 and "says something else than the events" in examined.output
     assert encode(only_mission(data)) == encode(before)
+    assert "says something else than the events" in audit_page(data)
 
     resumed = regen("mission", "resume", before.mission_id, "--data", data, *OFFLINE, "--json")
     assert resumed.exit_code == 3 and json.loads(resumed.stdout)["status"] == "awaiting_human"

@@ -59,3 +59,10 @@ def test_the_audit_page_says_how_many_events_are_from_before(old: Path) -> None:
         other = client.get("/audit", params={"anchor": f"53 {HEAD[::-1]}\n60 {HEAD}"}).text
         assert "the log was written anew" in other and "7 events are gone" in other
         assert "is no anchor" in client.get("/audit", params={"anchor": "<b>yesterday</b>"}).text
+        lines = "\n".join([f"53 {HEAD}"] * 3000 + [f"53 {HEAD[::-1]}"])
+        kept = client.post("/audit/anchors", files={"anchors": ("anchors.txt", lines)}, data={"anchor_key": ""}).text
+        assert "3001 anchors were compared" in kept and kept.count("The log holds event 53") == 1
+        assert kept.count("the log was written anew") == 1
+        for text, says in (("", "The file is empty."), ("\x00\xff", "is no anchor")):
+            assert says in client.post("/audit/anchors", files={"anchors": ("anchors.txt", text)}).text
+        assert "The file is empty." in client.post("/audit/anchors", data={"anchors": "pasted"}).text

@@ -15,7 +15,7 @@ from app.i18n.reasons.rendering import sentence
 from experiments.campaigns.races import opened_gates, together
 from harness.auditing.replay import replay_mission
 from harness.contracts.commands import AcquireLease, AnswerMission, PauseMission, RaiseVeto, RejectHandoff, StopMission
-from harness.contracts.control import CONTROL, BeginTeleoperation, PostureOrdered, SetAutonomy
+from harness.contracts.control import CONTROL, BeginTeleoperation, PostureOrdered, PostureShown, SetAutonomy
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.handoff_commands import ExtendDeadline
 from harness.contracts.handoff_events import NoAnswerTaken
@@ -377,8 +377,9 @@ def test_where_the_zone_has_no_safe_place_it_lies_down_and_the_log_says_why() ->
         assert isinstance(asked.harness.teleoperation.to_safety(ROBOT, actor=BOB, reason="enough"), Accepted)
         assert sent(asked) == [] and asked.robot.status().posture == "lying"
         told = [HOUSE.codec.decode(one) for one in asked.runtime.stream(CONTROL)]
-        assert isinstance(told[-1], PostureOrdered) and isinstance(told[-1].reason, Reason)
-        assert told[-1].reason.facts["why"] == because("zone_without_safe_place", zone="office")
+        assert isinstance(told[-1], PostureShown) and told[-1].done, "lying is measured"
+        assert isinstance(told[-2], PostureOrdered) and isinstance(told[-2].reason, Reason)
+        assert told[-2].reason.facts["why"] == because("zone_without_safe_place", zone="office")
 
 
 def stopped(asked: Waiting) -> None:

@@ -8,13 +8,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 import yaml
+from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from app.cli.main import app
-from harness.baseline import load
-from harness.baseline.load import shipped_workspace
+from harness.baseline.load import baseline, shipped_workspace
 from harness.contracts.errors import HarnessError
 
 QUICK = ("--speed", "0", "--fidelity", "kinematic", "--seed", "3", "--json")
@@ -32,13 +33,13 @@ def site_folder(folder: Path, *vouched: str) -> Path:
 
 def walked(data: Path, site: Path) -> tuple[int, dict[str, Any]]:
     """Exit code and the level of each condition of the walk, by a robot whose navigators steer by wheels alone."""
-    code, refused, levels = invoked(data, site, WALK)
-    assert levels, refused
+    code, error, levels = invoked(data, site, WALK)
+    assert levels, error
     return code, levels
 
 
 def invoked(data: Path, site: Path, command: tuple[str, ...]) -> tuple[int, str, dict[str, Any]]:
-    """Exit code, why it was refused, and the level of each condition."""
+    """Exit code, the refusal, and the level of each condition."""
     robot = json.dumps([sys.executable, "-m", "tests.fakes.robot_program", "wheels"])
     environment = {"REGEN_ROBOT_COMMAND": robot, "REGEN_SITE_FOLDER": str(site)}
     done = CliRunner(env=environment).invoke(app, [*command, "--data", str(data)])
@@ -49,8 +50,11 @@ def invoked(data: Path, site: Path, command: tuple[str, ...]) -> tuple[int, str,
         app, ["mission", "events", json.loads(done.stdout)["mission_id"], "--data", str(data), "--json"]
     )
     verdicts = [one["body"]["verdict"] for one in json.loads(read.stdout)["events"] if one["kind"] == "VerdictRecorded"]
-    levels = {one["condition_id"]: one["independence"] for each in verdicts for one in each["results"]}
-    return done.exit_code, "", levels
+    return (
+        done.exit_code,
+        "",
+        {one["condition_id"]: one["independence"] for each in verdicts for one in each["results"]},
+    )
 
 
 def test_a_source_that_the_site_vouches_for_gives_independence(tmp_path: Path) -> None:
@@ -61,21 +65,22 @@ def test_a_source_that_the_site_vouches_for_gives_independence(tmp_path: Path) -
 
 
 def test_a_high_risk_mission_needs_a_second_source_that_the_site_vouches_for(tmp_path: Path) -> None:
-    circuit = Path(load.__file__).with_name("templates") / "circuit.yaml"
-    base = yaml.safe_load(circuit.read_text(encoding="utf-8").replace("risk: medium", "risk: high"))
-    in_order = [one for one in base["completion_conditions"] if one["condition_id"] == "goal.in_order"]
-    own = {"name": "risky-circuit", "phrases": ["walk the risky circuit"], "serves": [], "stages": {}}
-    risky = yaml.safe_dump(base | own | {"completion_conditions": in_order})
-    walk = ("mission", "run", "risky-circuit", *QUICK)
-    for vouched in ((), ("localiser", "odometry")):
-        site = site_folder(tmp_path / "site", *vouched)
-        (site / "missions" / "risky-circuit.yaml").write_text(risky, encoding="utf-8")
-        code, refused, levels = invoked(tmp_path / f"data-{len(vouched)}", site, walk)
-        if vouched:
-            assert (code, refused) == (3, ""), "it begins, and a person is asked before the motion"
-            assert "request.recorded" in levels
-        else:
-            assert code != 0 and "needs evidence of independence 2" in refused
+    walk = ("mission", "run", "high-risk-circuit", *QUICK)
+    code, error, _ = invoked(tmp_path / "plain", with_high_risk(site_folder(tmp_path / "site")), walk)
+    assert code != 0 and "needs evidence of independence 2" in error
+    vouched = with_high_risk(site_folder(tmp_path / "site", "localiser", "odometry"))
+    code, error, levels = invoked(tmp_path / "vouched", vouched, walk)
+    assert (code, error) == (3, ""), "it begins, and a person is asked before the motion"
+    assert "request.recorded" in levels
+
+
+def with_high_risk(folder: Path) -> Path:
+    """The site's folder with a mission whose circuit is of high risk."""
+    base = next(one for one in baseline().templates if one.name == "circuit")
+    nodes = tuple({**node, "risk": "high"} if node["node_id"] == "circuit" else node for node in base.nodes)
+    risky = replace(base, name="high-risk-circuit", phrases=(), serves=(), nodes=nodes)
+    (folder / "missions" / "high-risk-circuit.yaml").write_bytes(msgspec.yaml.encode(risky))
+    return folder
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,10 @@ import pytest
 from fastapi.testclient import TestClient
 from typer.testing import Result
 
-from app.auth.permissions import HOST_PREFIX
+from app.auth.permissions import HOST_PREFIX, Principal
 from app.auth.sessions import Origin
 from app.cli.data_folder import opened
-from app.cli.logins import _file
+from app.cli.logins import _file, _sessions
 from app.cli.person import host_user
 from app.i18n.reasons.rendering import explained
 from harness.contracts.errors import HarnessError
@@ -40,6 +40,7 @@ ADDRESSES = {
     "roll back": "/api/v1/candidates/{candidate}/rollback",
     "change the release policy": "/api/v1/releases/policy",
     "change accounts": "/api/v1/accounts",
+    "erase evidence": "/api/v1/evidence/{digest}/erase",
 }
 
 
@@ -142,6 +143,7 @@ def test_where_no_console_runs_a_row_of_the_table_is_as_it_says(terminal: Termin
             "--reason",
             "x",
         ),
+        "erase evidence": ("blob", "erase", "0" * 64, "--reason", "asked for"),
         "change accounts": ("account", "disable", "lea", "--undo"),
         "stop": ("mission", "stop", mission, "--reason", "enough"),
     }
@@ -187,6 +189,21 @@ def test_a_wrong_password_or_nobodys_name_signs_nobody_in(terminal: Terminal) ->
         done = terminal.run("stranger", "login", name, "--password-stdin", typed="not this one at all")
         assert "do not go together" in told(done)
     assert terminal.said("stranger", "whoami")["name"] == HOST
+
+
+def test_who_has_no_password_signs_in_at_a_terminal_with_a_token_of_their_account_page(terminal: Terminal) -> None:
+    with opened(terminal.data) as accounts:
+        accounts.add("uma", roles=("reviewer",), password=PASSWORD, by=SETTING_UP)
+        token = _sessions(accounts).terminal_token(Principal(name="uma", roles=("reviewer",), session="browser"))
+    for name, typed in (("lea", token), ("uma", "regen_login_x"), ("uma", "")):
+        done = terminal.run("uma", "login", name, "--token-stdin", typed=f"{typed}\n")
+        assert "no token for a terminal" in told(done), (name, typed)
+        assert terminal.said("uma", "whoami")["name"] == HOST
+    done = terminal.run("uma", "login", "uma", "--token-stdin", typed=f"{token}\n")
+    assert done.exit_code == 0, (done.output, done.exception)
+    assert terminal.said("uma", "whoami") == {"name": "uma", "roles": ["reviewer"]}
+    terminal.said("root", "account", "disable", "uma")
+    assert terminal.said("uma", "whoami")["name"] == HOST
 
 
 def test_a_folder_without_accounts_says_how_to_make_the_first(tmp_path: Path) -> None:

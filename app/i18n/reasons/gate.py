@@ -16,6 +16,8 @@ SENTENCES: Mapping[str, str] = {
     "approval_required": N_("{why}"),
     "attestation_not_a_look": N_("An attestation opens one free look without motion, and nothing else (D17)."),
     "below_independence": N_("{results}"),
+    "blob_in_use": N_("Mission {mission_id} is not over and builds on it. Erase it when that mission has ended."),
+    "blob_not_erasable": N_("Only photographs and voice may be erased; this is neither."),
     "changed_meanwhile": N_("{place_id} was changed meanwhile: it is at revision {revision} now."),
     "chunks_incomplete": N_("The chunks do not hold the {points} points that the cloud names."),
     "claim_before_closing": N_("Claim the question first: closing it leaves the robot to you."),

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from app.i18n.catalogues import N_
 
 SENTENCES: Mapping[str, str] = {
+    "stopped_at_console": N_("stopped at the console"),
     "action_changed_now": N_("What would run now is not what you saw. Look again, then decide."),
     "action_not_offered": N_("{action:word} is not a step that this stage's ladder and budget still offer."),
     "action_not_possible": N_("Nobody can do {action:word} now."),
@@ -45,6 +46,8 @@ SENTENCES: Mapping[str, str] = {
     "not_waiting_for_answer": N_("The mission is {status:word}; it does not wait for this answer."),
     "off_the_way": N_("It stands off the authorised way to {place}."),
     "one_and_other": N_("{one}; {other}"),
+    "posture_at_rest": N_("It is {posture:word}, at rest by its odometry ({moved_m:.3f} m in a second)."),
+    "posture_not_shown": N_("{robot_id} was told to, but is not shown to have done it: {why}"),
     "posture_fixed": N_("{robot_id} cannot change its posture."),
     "rest_not_shown": N_("not shown at rest"),
     "retreat_begun": N_("{robot_id} is on the way to {place}."),

@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 
 import httpx
 
+from harness.adapters.connection_guard import ConnectionForbidden, guarded, not_of_this_link
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.identity import IssuerUnreachable, IssuerWrong
 from harness.contracts.reasons import because
@@ -42,13 +43,14 @@ class HttpTransport:
         address = self.allowed(url)
         try:
             with (
+                guarded(not_of_this_link),
                 httpx.Client(
                     verify=self._trusted, timeout=TIMEOUT_S, trust_env=False, follow_redirects=False
                 ) as client,
                 client.stream(method, address, headers=dict(headers or {}), content=body or None) as answer,
             ):
                 status, read = answer.status_code, _bounded(answer)
-        except (httpx.HTTPError, httpx.InvalidURL) as error:
+        except (httpx.HTTPError, httpx.InvalidURL, ConnectionForbidden) as error:
             raise IssuerUnreachable(
                 because("issuer_unreachable", kind=type(error).__name__), where=_place(address)
             ) from None

@@ -4,26 +4,28 @@ Their addresses contain secrets: they come from settings, stay in this module, a
 """
 
 import logging
-import socket
 import warnings
 from collections.abc import Collection, Mapping
-from ipaddress import ip_address
 from typing import Any
 from urllib.parse import urlsplit
 
+from harness.adapters.connection_guard import Permits, PublicOr, addresses_of, guarded, of_this_link
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.notification import Notification
 from harness.contracts.reasons import because
 
-METADATA = frozenset({ip_address("fd00:ec2::254"), ip_address("100.100.100.200"), ip_address("192.0.0.192")})
-"""Where clouds answer with credentials at addresses that are not link-local."""
+NETWORKS = "REGEN_NOTIFY_NETWORKS"
 logging.getLogger("apprise").setLevel(logging.CRITICAL)
 
 
 class AppriseNotifier:
-    """Implements Notifier. `addresses`: Apprise URL by service. Raises ContractInvalid for one that is none."""
+    """Implements Notifier. `addresses`: Apprise URL by service; `permits`: which addresses their names may lead to.
 
-    def __init__(self, addresses: Mapping[str, str]) -> None:
+    Raises ContractInvalid for an address that is none.
+    """
+
+    def __init__(self, addresses: Mapping[str, str], *, permits: Permits | None = None) -> None:
+        self._permits = permits or PublicOr((), where=NETWORKS)
         self._services: dict[str, Any] = {}
         self._hosts: dict[str, tuple[str, ...]] = {}
         if not addresses:
@@ -33,6 +35,7 @@ class AppriseNotifier:
         asset = apprise.AppriseAsset(
             app_id="RegenHarness", app_desc="RegenHarness", app_url="", http_redirects=False, image_url_mask=""
         )
+        asset.async_mode = False  # the guard holds in this thread alone
         for name, address in addresses.items():
             built = apprise.Apprise(asset=asset)
             if not urlsplit(address).scheme or not _added(built, address):
@@ -47,24 +50,18 @@ class AppriseNotifier:
 
     def send(self, service: str, message: Notification) -> str:
         """Tries once. Every failure of an address or a service is reported with our own message."""
-        if any(_of_this_link(host) for host in self._hosts[service]):
+        found = [address for host in self._hosts[service] for address in addresses_of(host)]
+        if any(of_this_link(address) for address in found):
             return "the service's address leads to this machine's own network link, where no service is"
+        if not all(self._permits(address) for address in found):
+            return f"the service's address leads into a private network that {NETWORKS} does not name"
         kind = "failure" if message.urgent else "warning"
         try:
-            sent = self._services[service].notify(title=message.title, body=message.body, notify_type=kind)
+            with guarded(self._permits):
+                sent = self._services[service].notify(title=message.title, body=message.body, notify_type=kind)
         except (OSError, RuntimeError, TypeError, ValueError) as error:
             return f"the service failed: {type(error).__name__}"
         return "" if sent else "the service did not take it, or does not answer"
-
-
-def _of_this_link(host: str) -> bool:
-    """Whether a name leads to a link-local address now, as those of cloud metadata are. One that leads nowhere: no."""
-    try:
-        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
-    except (OSError, UnicodeError):
-        return False
-    addresses = {ip_address(str(one[4][0]).partition("%")[0]) for one in found}
-    return any(one.is_link_local or one.is_multicast or one in METADATA for one in addresses)
 
 
 def _added(built: Any, address: str) -> bool:

@@ -6,7 +6,7 @@ A blob is written under another name, synced, then renamed, so that its digest n
 import os
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from logging import getLogger
 from pathlib import Path
 
@@ -17,16 +17,22 @@ from harness.contracts.reasons import because
 LOG = getLogger(__name__)
 _DIGEST = re.compile("[0-9a-f]{64}")
 _INCOMING = "incoming"
+EraseCopies = Callable[[Digest], object]
+
+
+def no_copies(digest: Digest) -> None:
+    """There is nothing beside the blobs."""
 
 
 class FileBlobStore:
     """Blobs below `folder`, created on first use. Safe between threads and processes.
 
-    Raises StoreUnavailable if the folder cannot be used or the disk is full.
+    `copies` removes what else in the data folder holds a blob's bytes, when it is erased. Raises StoreUnavailable if
+    the folder cannot be used or the disk is full.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, *, copies: EraseCopies = no_copies) -> None:
+        self._folder, self._copies = folder, copies
         self._incoming = folder / _INCOMING
         try:
             self._incoming.mkdir(parents=True, exist_ok=True)
@@ -70,6 +76,17 @@ class FileBlobStore:
                     if _DIGEST.fullmatch(path.name):
                         yield Digest(path.name)
 
+    def erase(self, digest: Digest) -> None:
+        """Unlink the file, durably, and the copies. The disk may hold its blocks until they are written over."""
+        path = self._path(digest)
+        try:
+            if path.is_file():
+                path.unlink()
+                _sync_folder(path.parent)
+            self._copies(digest)
+        except OSError as error:
+            raise self._unavailable(error) from error
+
     def discard_unfinished(self) -> int:
         """Remove what a killed writer left behind; returns how much. Only for the owner of the data folder.
 
@@ -110,9 +127,9 @@ class FileBlobStore:
         )
 
 
-def owned_blobs(folder: Path) -> FileBlobStore:
+def owned_blobs(folder: Path, *, copies: EraseCopies = no_copies) -> FileBlobStore:
     """The blob store for the owner of the data folder, cleared of the unfinished blobs of a writer that was killed."""
-    blobs = FileBlobStore(folder)
+    blobs = FileBlobStore(folder, copies=copies)
     if discarded := blobs.discard_unfinished():
         LOG.info("unfinished_blobs_discarded count=%d folder=%s", discarded, folder)
     return blobs

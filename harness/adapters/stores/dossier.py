@@ -96,6 +96,9 @@ class DossierBlobs:
     def has(self, digest: Digest) -> bool:
         return digest in self._names
 
+    def erase(self, digest: Digest) -> None:
+        raise errors.ContractInvalid(because("dossier_read_only"), where="blobs")
+
     def digests(self) -> Iterator[Digest]:
         """All digests, in ascending order."""
         yield from (Digest(name) for name in sorted(self._names))

@@ -39,6 +39,11 @@ class DataFolder:
         return self.root / "spool"
 
     @property
+    def outbox(self) -> Path:
+        """Messages as files, for people and channels to pick up."""
+        return self.root / "outbox"
+
+    @property
     def robots(self) -> Path:
         """Where robots that run as child processes keep their worlds and start journals."""
         return self.root / "robots"

@@ -117,6 +117,10 @@ class MemoryBlobStore:
         """All digests, in ascending order."""
         yield from sorted(self._bodies)
 
+    def erase(self, digest: Digest) -> None:
+        """Forget the bytes."""
+        self._bodies.pop(digest, None)
+
 
 class MemorySpool:
     """Samples in lists, one per invocation."""

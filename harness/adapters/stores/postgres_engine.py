@@ -16,7 +16,7 @@ from sqlalchemy.event import listen
 from sqlalchemy.exc import ArgumentError, DBAPIError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
-from harness.contracts.errors import LogDamaged, StoreUnavailable
+from harness.contracts.errors import LogDamaged, StoreBusy, StoreUnavailable
 from harness.contracts.reasons import because
 
 SILENCE_S = 10
@@ -48,6 +48,7 @@ _REMEDIES = {
 }
 _UNREACHED = "08"
 _CORRUPT = "XX"
+_LOCK_NOT_AVAILABLE = "55P03"
 
 
 def server_url(url: str) -> URL:
@@ -113,8 +114,9 @@ def examined(url: URL) -> Iterator[None]:
 
 
 def unavailable(url: URL, cause: BaseException | None) -> StoreUnavailable:
-    """What a database failure means for a person."""
-    return StoreUnavailable(
+    """What a database failure means for a person. Who waited too long for a lock has stored nothing."""
+    kind = StoreBusy if sqlstate(cause) == _LOCK_NOT_AVAILABLE else StoreUnavailable
+    return kind(
         because("log_unusable", error=_message(cause)),
         where=display_url(url),
         do=_REMEDIES.get((sqlstate(cause) or _UNREACHED)[:2], because("database_failing")),

@@ -46,6 +46,9 @@ class Blobs:
     def digests(self) -> Iterator[Digest]:
         return iter(self.bodies)
 
+    def erase(self, digest: Digest) -> None:
+        self.bodies.pop(digest, None)
+
 
 def request_to(
     card: CapabilityCard, *, parameters: dict[str, Any], attempt: int = 0, token: int = 1, deadline_s: float = 60.0

@@ -23,6 +23,8 @@ class RobotSettings(Value):
     """What robot to run: `speed` in mission seconds per second, 0 for lockstep.
 
     `command` starts the robot program; the other fields are given to it as options.
+    `linger_s`: a robot whose supervisor is gone stands, and waits so long for the next one, which takes seconds to
+    start; the leg of one that ends is begun anew.
     """
 
     command: tuple[str, ...]
@@ -33,7 +35,7 @@ class RobotSettings(Value):
     robot_id: str = "vbot-1"
     port: int = 0
     epoch_s: float = 0.0
-    linger_s: float = 5.0
+    linger_s: float = 20.0
 
 
 class RobotProcess:

@@ -115,6 +115,10 @@ class HttpRobot:
         """Simulation only: the red button on the robot."""
         self.write("/simulation/hardware-stop", wire.Done, wire.HardwareStop(engaged=engaged))
 
+    def clear_way(self) -> None:
+        """Simulation only: somebody takes away what stands in the robot's way."""
+        self.write("/simulation/clear-way", wire.Done)
+
     def struck(self) -> dict[str, int]:
         """Simulation only: how often each fault of the mission occurred."""
         return self.read("/simulation/struck", dict[str, int])

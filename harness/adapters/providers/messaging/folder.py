@@ -70,6 +70,19 @@ class FolderOutbox:
         _sync_folder(self._folder)
 
 
+def erase_from_outbox(folder: Path, image: Digest) -> None:
+    """Remove the copies of one picture from the messages of an outbox; texts and checksums stay. Raises OSError."""
+    for described in folder.glob("*/message.json"):
+        body = described.read_bytes()
+        if image.encode() not in body:
+            continue
+        message = decode(body, OutboxMessage)
+        for digest, name in zip(message.images, message.files, strict=False):
+            if digest == image:
+                (described.parent / name).unlink(missing_ok=True)
+        _sync_folder(described.parent)
+
+
 def _suffix(body: bytes) -> str:
     return next((suffix for magic, suffix in _SUFFIXES if body.startswith(magic)), "bin")
 

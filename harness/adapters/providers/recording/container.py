@@ -5,9 +5,9 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Annotated
 
-import yaml
+import msgspec
 
 from harness.adapters.providers.recording import bag_reader, mcap_reader
 from harness.adapters.providers.recording.bag_reader import BagReader
@@ -15,11 +15,27 @@ from harness.adapters.providers.recording.mcap_reader import McapReader
 from harness.adapters.providers.recording.packing import ZSTD_MAGIC, unpack_file
 from harness.adapters.providers.recording.raw_messages import MessageReader, reading
 from harness.adapters.providers.recording.sqlite_reader import SqliteReader
-from harness.contracts.errors import RecordingInvalid
+from harness.adapters.yaml_reader import plain_values
+from harness.contracts.errors import ContractInvalid, RecordingInvalid
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.reasons import because
 
 SQLITE_MAGIC = b"SQLite format 3\x00"
+LONGEST_METADATA = 2**22
+"""Characters of metadata.yaml: a topic with its types and qualities of service takes about a thousand."""
+
+
+class _Metadata(msgspec.Struct):
+    """What is read of metadata.yaml; there is more in it."""
+
+    relative_file_paths: tuple[str, ...]
+    storage_identifier: str
+    message_count: Annotated[int, msgspec.Meta(ge=0)]
+    compression_mode: str | None = None
+
+
+class _Described(msgspec.Struct):
+    rosbag2_bagfile_information: _Metadata
 
 
 class Container:
@@ -63,7 +79,7 @@ class Container:
 
     def _folder(self, path: Path, *, recover: bool) -> None:
         described = _metadata(path)
-        files = [path / PurePath(name).name for name in described["relative_file_paths"]]
+        files = [path / PurePath(name).name for name in described.relative_file_paths]
         missing = [file.name for file in files if not file.exists()]
         if missing:
             raise RecordingInvalid(
@@ -71,10 +87,10 @@ class Container:
                 where=str(path),
             )
         self.digest = sha256("".join(f"{file.name}\n{_file_digest(file)}\n" for file in files).encode())
-        self.declared = int(described["message_count"])
-        packed = str(described.get("compression_mode") or "").upper() == "FILE"
+        self.declared = described.message_count
+        packed = (described.compression_mode or "").upper() == "FILE"
         paths = [self._unpack(file) if packed else file for file in files]
-        match described["storage_identifier"]:
+        match described.storage_identifier:
             case "mcap":
                 self.reader = McapReader(paths, names=files, recover=recover)
             case "sqlite3":
@@ -95,17 +111,17 @@ def _temporary() -> Iterator[Path]:
         yield Path(folder) / "unpacked"
 
 
-def _metadata(path: Path) -> dict[str, Any]:
+def _metadata(path: Path) -> _Metadata:
     file = path / "metadata.yaml"
     if not file.exists():
         raise RecordingInvalid(because("recording_metadata_missing"), where=str(path))
     try:
-        described: dict[str, Any] = yaml.safe_load(file.read_text())["rosbag2_bagfile_information"]
-        for key in ("relative_file_paths", "storage_identifier", "message_count"):
-            described[key]
-    except (yaml.YAMLError, KeyError, TypeError, UnicodeDecodeError) as error:
+        read = plain_values(file.read_text(), where=str(file), longest=LONGEST_METADATA)
+        return msgspec.convert(read, _Described).rosbag2_bagfile_information
+    except ContractInvalid as error:
+        raise RecordingInvalid(because("recording_metadata_unusable", error=error.what), where=str(file)) from error
+    except (msgspec.ValidationError, UnicodeDecodeError) as error:
         raise RecordingInvalid(because("recording_metadata_unusable", error=str(error)), where=str(file)) from error
-    return described
 
 
 def _file_digest(path: Path) -> Digest:

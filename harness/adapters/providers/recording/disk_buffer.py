@@ -42,5 +42,10 @@ class DiskBuffer:
     def has(self, digest: Digest) -> bool:
         return len(digest) == 64 and bytes.fromhex(digest) in self._places
 
+    def erase(self, digest: Digest) -> None:
+        """Forget where it is; the file ends with this object."""
+        if self.has(digest):
+            del self._places[bytes.fromhex(digest)]
+
     def digests(self) -> Iterator[Digest]:
         return (Digest(key.hex()) for key in self._places)

@@ -109,10 +109,13 @@ class Cursor:
 
 @contextmanager
 def reading(path: Path, cursor: Cursor | None = None) -> Iterator[None]:
-    """Turns what a format library raises on bad bytes into RecordingInvalid with the place."""
+    """Turns what a format library raises on bad bytes into RecordingInvalid with the place.
+
+    A lack of memory says nothing of the bytes: whoever set the limit says what it was.
+    """
     try:
         yield
-    except RecordingInvalid:
+    except (RecordingInvalid, MemoryError):
         raise
     except OSError as error:
         raise RecordingInvalid(
