@@ -44,11 +44,11 @@ class SecondLooks:
     refused: int
 
 
-def second_looks(at_least: int, *, seed: int) -> SecondLooks:
+def second_looks(least: int, *, seed: int) -> SecondLooks:
     """Honest inspections of one place by one robot, one after the other, until so many images were taken."""
     missions = images = refused = 0
     with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=seed) as harness:
-        while images < at_least:
+        while images < least:
             before = {one.mission_id for one in harness.runtime.missions()}
             harness.runtime.start(Start(actor=KIT, robot_id=ROBOT, template=WHOLE, seed=seed + missions))
             (mission_id,) = {one.mission_id for one in harness.runtime.missions()} - before

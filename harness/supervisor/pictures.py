@@ -79,9 +79,9 @@ class PictureExaminer:
         """The contents of earlier captures as rows, and whose they are."""
         others: list[tuple[MemoryRecord, PictureLook]] = []
         for record in captures:
-            known = record.knowledge
-            if isinstance(known, KnownCapture) and known.examination is not None:
-                look = self._stored(known.examination).get(Digest(record.subject))
+            knowledge = record.knowledge
+            if isinstance(knowledge, KnownCapture) and knowledge.examination is not None:
+                look = self._stored(knowledge.examination).get(Digest(record.subject))
                 others += [(record, look)] if look is not None and look.grey else []
         rows = [content_of(look).small.reshape(-1) for _, look in others]
         return (np.stack(rows) if rows else np.empty((0, 0), dtype=np.float32)), others
@@ -119,9 +119,9 @@ class PictureExaminer:
 
 def capture_of(record: MemoryRecord, image: Digest, look: PictureLook | None) -> EarlierCapture | None:
     """What a record says that its image was recorded for; None of a record about something else."""
-    known = record.knowledge
-    if not isinstance(known, KnownCapture):
+    knowledge = record.knowledge
+    if not isinstance(knowledge, KnownCapture):
         return None
     return EarlierCapture(
-        image=image, request_id=known.request_id, at_s=record.valid_from_s, yaw_rad=known.yaw_rad, look=look
+        image=image, request_id=knowledge.request_id, at_s=record.valid_from_s, yaw_rad=knowledge.yaw_rad, look=look
     )
