@@ -132,11 +132,11 @@ def _pairs(evaluation: Evaluation, cases: Sequence[Case]) -> tuple[list[Pair], s
         return [], f"{len(doubled)} cases have more than one result."
     found = {(one.case, one.configuration): one for one in evaluation.results.results}
     terms = evaluation.terms
-    keys = [(case, (case.case_id, terms.baseline), (case.case_id, terms.configuration)) for case in cases]
-    absent = sum((left not in found) + (right not in found) for _, left, right in keys)
+    wanted = [(case, (case.case_id, terms.baseline), (case.case_id, terms.configuration)) for case in cases]
+    absent = sum((left not in found) + (right not in found) for _, left, right in wanted)
     if absent:
-        return [], f"{absent} of {2 * len(keys)} results are missing."
-    pairs = [Pair(baseline=found[left], candidate=found[right]) for _, left, right in keys]
+        return [], f"{absent} of {2 * len(wanted)} results are missing."
+    pairs = [Pair(baseline=found[left], candidate=found[right]) for _, left, right in wanted]
     broken = [one for pair in pairs for one in (pair.baseline, pair.candidate) if not _sound(one)]
     if broken:
         first = broken[0]

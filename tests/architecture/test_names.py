@@ -107,6 +107,8 @@ RETIRED = frozenset(
 PARTICIPLES = frozenset({"asked", "heard", "kept", "meant", "said", "shown", "sought", "told", "wanted"})
 """What happened to a thing names neither a function, nor a parameter, nor a variable."""
 PREDICATES = "harness/verification/predicates"
+DIGESTED = "rsi_reviews/acceptance.py"
+"""Its text is part of the digest that stored evaluations name: a renamed variable would be another predicate."""
 """A function here has the name of its predicate, which is stored in contracts."""
 
 
@@ -157,7 +159,7 @@ def test_names_that_were_given_up_do_not_come_back() -> None:
 
 def test_a_participle_names_no_function_parameter_or_variable() -> None:
     texts = {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in sources()}
-    found = {path: participles(text) for path, text in texts.items() if not path.startswith(PREDICATES)}
+    found = {path: participles(text) for path, text in texts.items() if not path.startswith((PREDICATES, DIGESTED))}
     assert {path: names for path, names in found.items() if names} == {}
 
 
