@@ -107,9 +107,9 @@ RETIRED = frozenset(
 PARTICIPLES = frozenset({"asked", "heard", "kept", "meant", "said", "shown", "sought", "told", "wanted"})
 """What happened to a thing names neither a function, nor a parameter, nor a variable."""
 PREDICATES = "harness/verification/predicates"
+"""A function here has the name of its predicate, which is stored in contracts."""
 DIGESTED = "rsi_reviews/acceptance.py"
 """Its text is part of the digest that stored evaluations name: a renamed variable would be another predicate."""
-"""A function here has the name of its predicate, which is stored in contracts."""
 
 
 def sources() -> Iterator[Path]:
