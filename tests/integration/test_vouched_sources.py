@@ -64,17 +64,23 @@ def test_a_source_that_the_site_vouches_for_gives_independence(tmp_path: Path) -
     assert (code, levels["circuit.closed"], levels["circuit.static"]) == (0, 2, 2)
 
 
-def test_a_high_risk_mission_is_refused_where_the_site_vouches_for_no_second_source(tmp_path: Path) -> None:
+def test_a_high_risk_mission_needs_a_second_source_that_the_site_vouches_for(tmp_path: Path) -> None:
     walk = ("mission", "run", "high-risk-circuit", *QUICK)
     code, error, _ = invoked(tmp_path / "plain", with_high_risk(site_folder(tmp_path / "site")), walk)
     assert code != 0 and "needs evidence of independence 2" in error
+    vouched = with_high_risk(site_folder(tmp_path / "site", "localiser", "odometry"))
+    code, error, levels = invoked(tmp_path / "vouched", vouched, walk)
+    assert (code, error) == (3, ""), "it begins, and a person is asked before the motion"
+    assert "request.recorded" in levels
 
 
 def with_high_risk(folder: Path) -> Path:
     """The site's folder with a mission whose circuit is of high risk."""
     base = next(one for one in baseline().templates if one.name == "circuit")
     nodes = tuple({**node, "risk": "high"} if node["node_id"] == "circuit" else node for node in base.nodes)
-    risky = replace(base, name="high-risk-circuit", phrases=(), serves=(), nodes=nodes)
+    in_order = tuple(one for one in base.completion_conditions if one["condition_id"] == "goal.in_order")
+    own = {"name": "high-risk-circuit", "phrases": (), "serves": (), "stages": {}}
+    risky = replace(base, **own, nodes=nodes, completion_conditions=in_order)
     (folder / "missions" / "high-risk-circuit.yaml").write_bytes(msgspec.yaml.encode(risky))
     return folder
 
