@@ -81,7 +81,7 @@ def test_a_person_signs_in_with_a_password_and_is_slowed_down_after_wrong_ones(
     sign_in(page, "the-operator")
     expect(page.get_by_role("heading", level=1)).to_be_visible()
     expect(page.locator("#bar")).to_contain_text("operating: the-operator")
-    expect(page.get_by_role("link", name="Start a mission")).to_be_visible()
+    expect(page.get_by_role("link", name="Start a mission", exact=True)).to_be_visible()
 
 
 def test_a_viewer_sees_everything_and_changes_nothing(

@@ -6,7 +6,7 @@ from app.i18n.catalogues import N_
 
 SENTENCES: Mapping[str, str] = {
     "alert_answered": N_("{actor} ({channel}): {decision:word}"),
-    "alert_at_robot": N_("{robot_id}: {title}"),
+    "alert_at_robot": N_("{robot_id}: {title:word}"),
     "alert_battery_low": N_("battery is low"),
     "alert_blob_damaged": N_("evidence {digest} does not verify"),
     "alert_disk_low": N_("the disk is nearly full"),
@@ -19,7 +19,7 @@ SENTENCES: Mapping[str, str] = {
     "alert_no_answer_not_done": N_("nobody answered, and “{action:word}” is not shown to be done"),
     "alert_not_at_rest": N_("stopped, but not shown at rest"),
     "alert_notification_failed": N_("people outside were not told through {service}"),
-    "alert_of_robot": N_("{robot_id} {title}"),
+    "alert_of_robot": N_("{robot_id} {title:word}"),
     "alert_posture_not_shown": N_("{robot_id} was told to be {posture:word} and is not shown to be"),
     "alert_quarantined": N_("configuration {configuration} was quarantined"),
     "alert_robot_lost": N_("does not answer"),

@@ -6,7 +6,7 @@ from app.i18n.catalogues import N_
 
 SENTENCES: Mapping[str, str] = {
     "argument_contradicts": N_("The goal is about {place}, and {parameter} says {said}"),
-    "argument_missing": N_("{title} is not given"),
+    "argument_missing": N_("{title:word} is not given"),
     "argument_no_number": N_("“{value}” is not a number"),
     "argument_no_text": N_("“{value}” is not a {kind:word}"),
     "argument_too_long": N_("The argument has {characters} characters"),
@@ -67,7 +67,7 @@ SENTENCES: Mapping[str, str] = {
     "spot_without_field": N_("{spot} names a field that {name} lacks"),
     "template_invalid": "{error}",
     "template_read_otherwise": N_("The template is read otherwise now"),
-    "template_without_words": N_("{title} takes no goal in words"),
+    "template_without_words": N_("{title:word} takes no goal in words"),
     "text_in_no_clause": N_("{count} parts of the text are in no clause"),
     "vouched_unknown": N_("The site vouches for {name}, which is no source of evidence here"),
     "verifier_missing": N_("No verifier is installed for {predicate}, which {condition_id} needs"),
