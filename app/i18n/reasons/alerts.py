@@ -28,7 +28,7 @@ SENTENCES: Mapping[str, str] = {
     "alert_unclaimed": N_("a question waits unclaimed at {stage:word}"),
     "alert_unsafe": N_("unsafe at {stage:word}"),
     "alert_veto": N_("{layer} vetoes motion"),
-    "alert_with_goal": N_("{text}. Goal: {goal}"),
+    "alert_with_goal": N_("{text}. Goal: {goal:word}"),
     "by_robots_word": N_("as reported by the robot"),
     "charge_left": N_("{charge:.0%} left"),
     "damage_at": N_("{damage}. {where}"),
