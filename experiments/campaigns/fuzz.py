@@ -160,7 +160,7 @@ PARSERS: Mapping[str, FuzzedParser] = {
     "mcap": FuzzedParser(mcap, _mcap_seed),
     "bag folder": FuzzedParser(bag_folder, _metadata_seed),
     "bag": FuzzedParser(bag, _bag_seed),
-    "yaml": FuzzedParser(yaml_text, lambda: (ROOT / "harness" / "baseline" / "site.yaml").read_bytes()),
+    "yaml": FuzzedParser(yaml_text, lambda: (ROOT / "harness" / "baseline" / "site" / "site.yaml").read_bytes()),
     "anchors": FuzzedParser(anchors, lambda: f"12 {'0a' * 32}\n".encode()),
 }
 

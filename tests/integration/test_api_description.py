@@ -99,6 +99,10 @@ def schema(stand: Stand) -> Any:
     return loaded
 
 
+UNERASED = {"GET /api/v1/evidence/{digest}/erasure"}
+"""Answers for what was erased; nothing was erased here."""
+
+
 def exercise(operation: Any, real: dict[str, str], mode: GenerationMode) -> set[int]:
     """Ask an operation EXAMPLES times, hold every answer against its description; which statuses there were."""
     statuses: set[int] = set()
@@ -133,7 +137,11 @@ def test_every_answer_is_as_described_whatever_is_asked(
     }
     assert len(asked) >= (24 if mode is GenerationMode.POSITIVE else 15)
     if mode is GenerationMode.POSITIVE:
-        unread = [label for label, statuses in asked.items() if label.startswith("GET") and 200 not in statuses]
+        unread = [
+            label
+            for label, statuses in asked.items()
+            if label not in UNERASED and label.startswith("GET") and 200 not in statuses
+        ]
         assert "\n".join(unread) == ""
 
 

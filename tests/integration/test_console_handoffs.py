@@ -58,10 +58,10 @@ def test_the_page_says_first_what_happens_without_an_answer_and_shows_the_questi
     text = stand.operator().get(f"/handoffs/{waiting[1]}").text
     order = [
         "If nobody answers",
-        "Why it stopped",
-        "Tried, and what it cost",
         "What you would approve",
         "Hold to approve",
+        "Why it stopped",
+        "Tried, and what it cost",
     ]
     assert [text.index(part) for part in order] == sorted(text.index(part) for part in order)
     assert "data-countdown" in text

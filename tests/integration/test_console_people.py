@@ -85,6 +85,8 @@ CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/account/tokens"): "people",
     ("POST", "/account/tokens/{token_id}/revoke"): "people",
     ("POST", "/api/v1/missions"): "drive",
+    ("POST", "/api/v1/recordings"): "drive",
+    ("POST", "/api/v1/robots/{robot_id}/checks"): "drive",
     ("POST", "/api/v1/missions/{mission_id}/stop"): "stop",
     ("POST", "/api/v1/missions/{mission_id}/pause"): "stop",
     ("POST", "/api/v1/missions/{mission_id}/resume"): "drive",

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from harness.adapters.yaml_reader import LIMITS, foreign_values, plain_values
-from harness.baseline.load import site_from
 from harness.contracts.errors import ContractInvalid
+from harness.workspace.reading import open_workspace
 from rsi_reviews.errors import CandidateInvalid
 from rsi_reviews.generate.person_edits import read_edit
 
@@ -53,7 +53,7 @@ def test_a_site_file_and_a_candidate_are_read_so(tmp_path: Path) -> None:
     bomb = BOMBS["aliases"][0]
     (tmp_path / "site.yaml").write_text(bomb)
     with pytest.raises(ContractInvalid) as of_site:
-        site_from(tmp_path / "site.yaml")
+        open_workspace(tmp_path)
     with pytest.raises(CandidateInvalid) as of_candidate:
         read_edit(bomb)
     assert of_site.value.reason.code == of_candidate.value.reason.code == "yaml_alias"

@@ -168,7 +168,7 @@ def test_the_panorama_needs_the_robot_at_the_place_and_static() -> None:
 def test_each_of_the_eight_fields_of_a_node_is_mandatory(field: str) -> None:
     with raises_saying(ContractInvalid, match=f"missing required field `{field}`") as error:
         compiled(changed("go", without(field)))
-    assert "$.nodes.go" in error.value.where
+    assert "$.nodes.go" in str(error.value.where)
 
 
 @pytest.mark.ledger("R7", symbol="harness.planning.compile:compile_contract")
@@ -176,7 +176,7 @@ def test_each_of_the_eight_fields_of_a_node_is_mandatory(field: str) -> None:
 def test_a_node_without_any_effect_or_capability_is_refused(field: str) -> None:
     with raises_saying(ContractInvalid, match="length >= 1") as error:
         compiled(changed("panorama", lambda node: node.update({field: []})))
-    assert f"$.nodes.panorama.{field}" in error.value.where
+    assert f"$.nodes.panorama.{field}" in str(error.value.where)
 
 
 @pytest.mark.ledger("R17", symbol="harness.planning.compile:compile_contract")
@@ -184,7 +184,7 @@ def test_a_node_without_any_effect_or_capability_is_refused(field: str) -> None:
 def test_a_target_without_frame_position_or_tolerance_is_refused_with_its_path(field: str) -> None:
     with raises_saying(ContractInvalid, match=f"missing required field `{field}`") as error:
         compiled(changed("go", without("success_conditions", field)))
-    assert "$.nodes.go.success_conditions[0].effect" in error.value.where
+    assert "$.nodes.go.success_conditions[0].effect" in str(error.value.where)
 
 
 @pytest.mark.ledger("R16", symbol="harness.planning.compile:compile_contract")

@@ -104,7 +104,7 @@ def test_a_look_is_not_opened_again_with_another_manifest(tmp_path: Path) -> Non
 
 def test_a_book_of_looks_that_cannot_be_read_stops_everything(tmp_path: Path) -> None:
     (tmp_path / LOOKS).write_text('{"candidate": 1}\n')
-    with pytest.raises(ResultsDamaged, match="Look 1"):
+    with raises_saying(ResultsDamaged, match="Look 1"):
         Looks(tmp_path)
 
 

@@ -20,6 +20,7 @@ from rsi_reviews.regression.runner import RunProgress, measured
 from rsi_reviews.regression.suite import shipped
 from simulator.in_process import SIMULATOR
 from tests.builders.evaluations import BASELINE, patient
+from tests.saying import raises_saying
 
 CASES = spread(tuple(c for c in cases_of(shipped("regression")) if c.situation.template == "circuit"), 6)
 NINE = spread(cases_of(shipped("safety")), 9)
@@ -94,7 +95,7 @@ def test_a_run_that_is_cut_short_goes_on_where_it_ended(tmp_path: Path, here: tu
 
 def test_results_of_another_evaluator_are_not_mixed_in(tmp_path: Path) -> None:
     ResultsFile(tmp_path / "r.jsonl", evaluator="one")
-    with pytest.raises(ResultsDamaged, match="measured by one"):
+    with raises_saying(ResultsDamaged, match="measured by one"):
         ResultsFile(tmp_path / "r.jsonl", evaluator="two")
 
 
@@ -102,7 +103,7 @@ def test_a_line_in_the_middle_that_cannot_be_read_stops_the_run(tmp_path: Path) 
     path = tmp_path / "r.jsonl"
     ResultsFile(path, evaluator="e")
     path.write_bytes(path.read_bytes() + b'{"case": NaN}\n')
-    with pytest.raises(ResultsDamaged, match="Line 2"):
+    with raises_saying(ResultsDamaged, match="Line 2"):
         ResultsFile(path, evaluator="e")
 
 
