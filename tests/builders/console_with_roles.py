@@ -4,7 +4,9 @@ import re
 from dataclasses import dataclass
 
 from fastapi.testclient import TestClient
+from msgspec import to_builtins
 
+from harness.conformance.findings import ConformanceFinding, ConformanceResult
 from harness.contracts.ids import MissionId
 from harness.contracts.values import encode
 from tests.builders.consoles import Stand
@@ -91,6 +93,11 @@ class ConsoleWithRoles:
             return {"name": "newcomer", "scopes": ["read"]}
         if last == "{name}":
             return {"roles": ["viewer"]}
+        if last == "checks":
+            card = next(iter(self.stand.harness.robots.values())).providers()[0].card
+            row = ConformanceFinding(row="card", title="Card", outcome="met", text="The card is whole")
+            found = ConformanceResult(provider_id=card.provider_id, version=card.version, card=card, findings=(row,))
+            return {"address": "http://127.0.0.1:1", "findings": [to_builtins(found)], "reason": "because"}
         if last in ("autonomy", "safe", "stand", "posture", "teleoperation", "wheel", "drive", "turn", "return"):
             return self.at_robot(last)
         return {"reason": "because"} if last in REASONED else {}

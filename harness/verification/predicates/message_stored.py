@@ -4,7 +4,7 @@ It does not prove that anyone read it: sent and read stay apart.
 """
 
 from harness.contracts.effects import AnyEffect, Symbolic
-from harness.contracts.evidence import CommittedFact
+from harness.contracts.evidence import CommittedFact, EvidenceReference
 from harness.contracts.ids import Digest
 from harness.contracts.measurements import ReadBack
 from harness.contracts.reasons import Reason, because, several
@@ -22,17 +22,19 @@ def message_stored(effect: AnyEffect, evidence: Evidence) -> Finding:
     if not isinstance(effect, Symbolic):
         raise Undecidable(because("effect_not_testable", predicate="message_stored"))
     required = _count(effect)
-    found = evidence.measured("read_back")
+    found = [(one, evidence.decoded(one.blob, ReadBack)) for one in evidence.measured("read_back")]
+    found = _of_stage(found, evidence, effect.arguments["delivery"]) if "delivery" in effect.arguments else found
     if not found:
         return ambiguous(because("message_not_read_back"))
-    reference = found[-1]
-    reading = evidence.decoded(reference.blob, ReadBack)
+    reference, reading = found[-1]
     if reading.problem:
         return ambiguous(because("read_path_failed", problem=reading.problem))
-    analysed = _frames(evidence)
-    problems = _problems(reading, analysed, required=required)
     if "delivery" in effect.arguments:
-        problems += _changed(reading, evidence.fact("message_stored", node_id=effect.arguments["delivery"]))
+        accepted = evidence.fact("message_stored", node_id=effect.arguments["delivery"])
+        problems = _problems(reading, set(accepted.arguments["frames"]), required=required)
+        problems += _changed(reading, accepted)
+    else:
+        problems = _problems(reading, _frames(evidence), required=required)
     own = {receipt.request_id for receipt in evidence.receipts}
     if own and reading.request_id not in own:
         problems.append(because("message_of_another_request"))
@@ -45,6 +47,14 @@ def message_stored(effect: AnyEffect, evidence: Evidence) -> Finding:
         sources=(reference.source,),
         evidence=(*reading.images, *text),
     )
+
+
+def _of_stage(
+    found: list[tuple[EvidenceReference, ReadBack]], evidence: Evidence, stage: str
+) -> list[tuple[EvidenceReference, ReadBack]]:
+    """The readings of the message that this stage sent: a mission may send several."""
+    sent = {request for node in evidence.nodes if node.node_id == stage for request in node.requests}
+    return [one for one in found if one[1].request_id in sent]
 
 
 def _frames(evidence: Evidence) -> set[Digest]:
