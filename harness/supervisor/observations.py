@@ -30,6 +30,8 @@ LINK_S = 3.0
 """Wall seconds without an answer after which a link is old (D7): what was reported before says nothing of now."""
 STATUS_S = 15.0
 """Seconds of the robot's own time: a status older than this is of the past, at any speed of a simulation."""
+REST_S = 3.0
+"""Seconds of the robot's own time: an answer older than this does not show that the body rests now."""
 ROBOT_ERRORS = (ProviderFailed, UnknownName, BlobDamaged)
 """What a robot may answer where samples are read; none of it ends a mission's loop."""
 _order = attrgetter("at_s", "seq")
@@ -65,10 +67,11 @@ class ObservationBuffer:
 
     def rest(self) -> Rest:
         """Whether the body is at rest, by the odometry of the last second before the robot's newest answer; nothing
-        shows it while the robot does not answer."""
-        if not self.linked:
+        shows it while the robot does not answer. A harness whose clock stepped back waits until it is there again."""
+        now_s = self._connection.clock.now().mission_s
+        if not self.linked or now_s - self.robot_s > REST_S:
             return Rest(static=False, reason=because("no_fresh_odometry"), measured={})
-        return at_rest(self._recent, self.robot_s)
+        return at_rest(self._recent, min(self.robot_s, now_s))
 
     @property
     def stranger(self) -> bool:
