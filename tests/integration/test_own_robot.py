@@ -92,7 +92,6 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Shop:
     return made
 
 
-@pytest.mark.ledger("R187", symbol="harness.adapters.providers.http.addressed:AdmittedProvider.start")
 def test_an_admitted_robot_runs_a_mission_of_its_own_site_to_a_verified_goal(shop: Shop) -> None:
     with running(shop.port):
         code, outcome, said = shop.go("go-to-place")
