@@ -63,7 +63,6 @@ from harness.contracts.simulation import InProcessRobot, Simulator
 from harness.erasures import finish_erasures
 from harness.gate.admissions import DECIDER as ADMISSION
 from harness.gate.decide import DECIDER as MISSION
-from harness.gate.open_missions import OpenMissions
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
@@ -445,11 +444,10 @@ def _anchored(log: HasHead, folder: DataFolder, settings: HarnessSettings) -> It
 def _under_way(store: ports.EventStore) -> dict[str, float]:
     """The newest mission time of each robot's open missions."""
     found: dict[str, float] = {}
-    for stream in OpenMissions(store).streams():
+    for stream in store.open_missions():
         events = store.load(stream)
-        mission = MISSION.fold(MISSION.initial, (MISSION.codec.decode(event) for event in events))
-        if not mission.ended:
-            found[mission.robot_id] = max(found.get(mission.robot_id, 0.0), events[-1].mission_s)
+        robot_id = MISSION.fold(MISSION.initial, [MISSION.codec.decode(events[0])]).robot_id
+        found[robot_id] = max(found.get(robot_id, 0.0), events[-1].mission_s)
     return found
 
 

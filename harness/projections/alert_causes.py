@@ -133,37 +133,31 @@ def of_control(event: ControlEvent, *, position: int, at_s: float) -> tuple[Aler
         case RetreatEnded() if event.outcome != "reached":
             rests = event.outcome == "short" and event.then_done
             what = because("alert_safety_lies" if rests else "alert_safety_unknown", robot_id=event.robot_id)
-            occurrence = Occurrence(
-                cause=safety_cause(event.robot_id),
-                kind="safety_not_reached",
-                priority="critical",
-                title=what,
-                text=event.reason,
-                condition="safety",
-                source=position,
-                robot_id=event.robot_id,
-                link=f"/robots/{event.robot_id}",
-            )
-            return ((occurrence.cause, RaiseAlert(occurrence=occurrence, at_s=at_s)),)
+            return (_unsafe(event, what, position=position, at_s=at_s),)
         case PostureShown() if not event.done:
-            occurrence = Occurrence(
-                cause=safety_cause(event.robot_id),
-                kind="safety_not_reached",
-                priority="critical",
-                title=because("alert_posture_not_shown", robot_id=event.robot_id, posture=event.posture),
-                text=event.reason,
-                condition="safety",
-                source=position,
-                robot_id=event.robot_id,
-                link=f"/robots/{event.robot_id}",
-            )
-            return ((occurrence.cause, RaiseAlert(occurrence=occurrence, at_s=at_s)),)
+            what = because("alert_posture_not_shown", robot_id=event.robot_id, posture=event.posture)
+            return (_unsafe(event, what, position=position, at_s=at_s),)
         case RetreatEnded() | PostureShown():
             reason = event.reason
             clear = ClearAlert(condition="safety", reason=reason, at_s=at_s, source=position)
             return ((safety_cause(event.robot_id), clear),)
         case _:
             return ()
+
+
+def _unsafe(event: RetreatEnded | PostureShown, title: Reason, *, position: int, at_s: float) -> AlertChange:
+    occurrence = Occurrence(
+        cause=safety_cause(event.robot_id),
+        kind="safety_not_reached",
+        priority="critical",
+        title=title,
+        text=event.reason,
+        condition="safety",
+        source=position,
+        robot_id=event.robot_id,
+        link=f"/robots/{event.robot_id}",
+    )
+    return occurrence.cause, RaiseAlert(occurrence=occurrence, at_s=at_s)
 
 
 def safety_cause(robot_id: str) -> str:
