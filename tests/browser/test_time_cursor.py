@@ -308,7 +308,7 @@ def test_the_pages_fit_the_screen(
 
 def test_the_cursor_works_without_scripts(served: Served, open_page: OpenPage) -> None:
     page = open_page(scripts=False)
-    page.goto(served.address + served.app.state.sessions.invite())
+    served.enter(page)
     page.goto(served.mission + "?t=50")
     expect(page.locator("#head")).to_contain_text("as it was after event")
     page.get_by_role("link", name="back to now").click()
