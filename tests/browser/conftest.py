@@ -12,6 +12,7 @@ from tests.builders.timeouts import TIMEOUT_MS
 from tools import browser as chromium
 
 ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts"
+NO_VIEWER = "<!doctype html><title>3D</title>"
 VIOLATIONS = """addEventListener("securitypolicyviolation", e =>
     console.error("policy violation: " + e.violatedDirective + " " + e.blockedURI))"""
 
@@ -43,7 +44,10 @@ class ConsoleWatch:
 
 
 class OpenPage(Protocol):
-    """Opens one more page: width and height in CSS pixels, scheme light or dark, scripts on or off."""
+    """Opens one more page: width and height in CSS pixels, scheme light or dark, scripts on or off.
+
+    Without `viewer` an empty page stands in the place of the 3D view: drawing it without a GPU takes all processors.
+    """
 
     def __call__(
         self,
@@ -53,6 +57,7 @@ class OpenPage(Protocol):
         height: int = 800,
         scheme: str = "light",
         scripts: bool = True,
+        viewer: bool = False,
     ) -> Page: ...
 
 
@@ -96,7 +101,13 @@ def open_page(browser: Browser, console_watch: ConsoleWatch) -> Iterator[OpenPag
     contexts = []
 
     def open_one(
-        url: str = "about:blank", *, width: int = 1280, height: int = 800, scheme: str = "light", scripts: bool = True
+        url: str = "about:blank",
+        *,
+        width: int = 1280,
+        height: int = 800,
+        scheme: str = "light",
+        scripts: bool = True,
+        viewer: bool = False,
     ) -> Page:
         context = browser.new_context(
             viewport={"width": width, "height": height},
@@ -104,6 +115,8 @@ def open_page(browser: Browser, console_watch: ConsoleWatch) -> Iterator[OpenPag
             java_script_enabled=scripts,
         )
         contexts.append(context)
+        if not viewer:
+            context.route("**/scene/*/", lambda route: route.fulfill(content_type="text/html", body=NO_VIEWER))
         page = context.new_page()
         page.set_default_timeout(TIMEOUT_MS)
         console_watch.follow(page)

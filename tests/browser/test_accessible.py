@@ -5,7 +5,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page
 
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
-from tests.builders.serving import VIEWER, Serving, serving
+from tests.builders.serving import Serving, serving
 
 LEVELS = {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]}
 CONTRAST = {"type": "rule", "values": ["color-contrast"]}
@@ -51,7 +51,6 @@ def addresses(served: Serving, paths: tuple[str, ...]) -> list[str]:
 def test_axe_finds_nothing_on_any_page_in_light_dark_or_at_phone_width(
     paths: tuple[str, ...], open_page: OpenPage, console_watch: ConsoleWatch
 ) -> None:
-    console_watch.expect(VIEWER)
     with serving(finished=paths is WATCHING, waits=paths is DECIDING) as served:
         page = served.enter(open_page())
         assert [wrong for path in addresses(served, paths) for wrong in found(served, page, path)] == []

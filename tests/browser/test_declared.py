@@ -11,7 +11,7 @@ from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.browser.test_accessible import found
 from tests.builders.declared import DESCRIBED, ORDER, two_pictures
 from tests.builders.missions_run import ROBOT
-from tests.builders.serving import VIEWER, serving
+from tests.builders.serving import serving
 from tests.builders.waiting import ADA
 
 LOOKS: tuple[tuple[Literal["light", "dark"], int], ...] = (("light", 1280), ("dark", 1280), ("light", 390))
@@ -20,7 +20,6 @@ LOOKS: tuple[tuple[Literal["light", "dark"], int], ...] = (("light", 1280), ("da
 def test_what_is_declared_stands_apart_from_what_is_accepted(
     open_page: OpenPage, take_picture: TakePicture, console_watch: ConsoleWatch
 ) -> None:
-    console_watch.expect(VIEWER)
     with serving(waits=False, rules=2) as served:
         template = two_pictures(goals=(ORDER, DESCRIBED))
         begun = served.asked.runtime.start(

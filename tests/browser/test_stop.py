@@ -7,7 +7,7 @@ from playwright.sync_api import Page, expect
 
 from harness.contracts.control import CONTROL
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
-from tests.builders.serving import VIEWER, Serving, serving
+from tests.builders.serving import Serving, serving
 
 ROBOT = "vbot-1"
 
@@ -34,7 +34,6 @@ def drives_by_hand(served: Serving) -> str:
 def test_one_press_stops_whatever_moves_the_robot_and_the_reason_comes_afterwards(
     served: Serving, open_page: OpenPage, console_watch: ConsoleWatch, take_picture: TakePicture
 ) -> None:
-    console_watch.expect(VIEWER)
     page = live(served.enter(open_page(), f"/missions/{served.asked.mission_id}"))
     page.locator("#stop-vbot-1").click()
     panel = page.locator("#stopped")
@@ -58,7 +57,6 @@ def test_one_press_stops_whatever_moves_the_robot_and_the_reason_comes_afterward
 def test_a_key_stops_from_every_page_also_while_somebody_types_and_without_scripts_a_press_does(
     served: Serving, open_page: OpenPage, console_watch: ConsoleWatch
 ) -> None:
-    console_watch.expect(VIEWER)
     page = live(served.enter(open_page(), "/missions/new"))
     page.locator("main textarea, main input:not([type=hidden])").first.focus()
     page.keyboard.press("Alt+s")

@@ -31,9 +31,8 @@ from rsi_reviews.candidate_queries import selected
 from rsi_reviews.deciders import DECIDERS
 from simulator.in_process import SIMULATOR
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
+from tests.builders.serving import VIEWER
 from tests.builders.timeouts import TIMEOUT_S, wait_until
-
-VIEWER = r"'unsafe-eval' is not an allowed source of script.*'wasm-unsafe-eval' blob:|policy violation: script-src eval"
 
 
 @dataclass(frozen=True)
@@ -89,21 +88,12 @@ def served() -> Iterator[Served]:
 
 @pytest.fixture
 def page(served: Served, open_page: OpenPage, console_watch: ConsoleWatch) -> Page:
-    """The mission's page, live, with an empty frame in the place of the 3D view: drawing it here takes all the time."""
-    console_watch.expect(VIEWER)
+    """The mission's page, live."""
     opened = open_page(width=1440, height=900)
-    without_3d(opened)
     served.enter(opened)
     opened.goto(served.mission)
     expect(opened.locator("body")).to_have_attribute("data-link", "live")
     return opened
-
-
-def without_3d(page: Page) -> None:
-    """Answer for the 3D view with an empty page."""
-    page.route(
-        "**/scene/*/", lambda route: route.fulfill(content_type="text/html", body="<!doctype html><title>3D</title>")
-    )
 
 
 def place(page: Page) -> int:
@@ -158,7 +148,6 @@ def test_the_instant_in_the_address_survives_a_reload_and_is_the_same_for_anothe
     page.reload()
     wait_until(page, lambda: instant(page) == shown, "the same instant after a reload")
     other = open_page(width=1440, height=900)
-    without_3d(other)
     served.enter(other)
     other.goto(page.url)
     wait_until(other, lambda: instant(other) == shown, "the same instant for another reader")
@@ -233,11 +222,11 @@ def test_two_readers_see_two_instants_in_3d(
     served: Served, open_page: OpenPage, take_picture: TakePicture, console_watch: ConsoleWatch
 ) -> None:
     console_watch.expect(VIEWER)
-    page = open_page(width=1000, height=800)
+    page = open_page(width=1000, height=800, viewer=True)
     served.enter(page)
     page.goto(served.mission)
     expect(page.frame_locator(".scene iframe").locator("canvas").first).to_be_visible()
-    other = open_page(width=1000, height=800)
+    other = open_page(width=1000, height=800, viewer=True)
     served.enter(other)
     other.goto(served.mission + "?t=0")
     expect(other.frame_locator(".scene iframe").locator("canvas").first).to_be_visible()
@@ -289,9 +278,7 @@ def test_keys_are_listed_and_lead_to_pages_and_times_switch(page: Page) -> None:
 def test_the_pages_fit_the_screen(
     served: Served, open_page: OpenPage, take_picture: TakePicture, console_watch: ConsoleWatch, width: int, scheme: str
 ) -> None:
-    console_watch.expect(VIEWER)
     page = open_page(width=width, height=844, scheme=scheme)
-    without_3d(page)
     served.enter(page)
     one = f"/missions/{served.mission_id}"
     paths = {

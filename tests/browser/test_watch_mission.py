@@ -19,13 +19,11 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
-from tests.builders.serving import LET_GO_EARLY
+from tests.builders.serving import LET_GO_EARLY, VIEWER
 from tests.builders.silence import listen, silent_ms
 from tests.builders.timeouts import TIMEOUT_S, wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
-VIEWER = r"'unsafe-eval' is not an allowed source of script.*'wasm-unsafe-eval' blob:|policy violation: script-src eval"
-"""The viewer's sorter of splats, which no scene here has, wants to evaluate text; its frame's policy forbids it."""
 REPORT_MS = 300_000
 
 
@@ -121,7 +119,7 @@ def test_a_mission_is_watched_to_its_report_without_a_reload(
     console_url: str, open_page: OpenPage, console_watch: ConsoleWatch, take_picture: TakePicture
 ) -> None:
     console_watch.expect(VIEWER)
-    page = open_page(width=1440, height=900)
+    page = open_page(width=1440, height=900, viewer=True)
     page.goto(console_url)
     page.wait_for_url(re.compile(r"/$"))
     open_mission(page)
@@ -147,7 +145,7 @@ def test_the_3d_view_draws_what_the_lidar_saw(
     console: Console, open_page: OpenPage, console_watch: ConsoleWatch, take_picture: TakePicture
 ) -> None:
     console_watch.expect(VIEWER)
-    page = open_page(width=1280, height=900)
+    page = open_page(width=1280, height=900, viewer=True)
     enter(page, console)
     open_mission(page)
     expect(page.locator("#view")).to_contain_text(re.compile(r"[1-9]\d{2} points|\d \d{3} points"))
