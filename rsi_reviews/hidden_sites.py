@@ -17,7 +17,7 @@ from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.errors import UnknownName
 from harness.contracts.reasons import because
 from harness.contracts.regularities import HiddenSite, Regularity
-from harness.workspace.yaml_reader import read_yaml
+from harness.workspace.contract_yaml import read_yaml
 
 FOLDER = "rsi_reviews"
 SHARE_JITTER, TIME_JITTER = 0.15, 0.05

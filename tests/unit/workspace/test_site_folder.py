@@ -18,9 +18,9 @@ from harness.adapters.map_rasters import read_map
 from harness.baseline.load import baseline, shipped_workspace
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.workspace.checks import site_problems
+from harness.workspace.contract_yaml import Lines
 from harness.workspace.new_folder import write_folder
 from harness.workspace.reading import examined, open_workspace
-from harness.workspace.yaml_reader import Lines
 from tests.saying import raises_saying
 
 SHIPPED = tuple(template.name for template in baseline().templates)

@@ -7,7 +7,7 @@ from typing import TypeVar
 import msgspec
 import yaml
 
-from harness.adapters.yaml_reader import foreign_values, plain_values
+from harness.adapters.bounded_yaml import foreign_values, plain_values
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.reasons import because
 
