@@ -115,7 +115,7 @@ class _ShiftWorker:
     def _more(self) -> bool:
         return bool(self._left) and not (Path(self._shift.folder) / ENOUGH).exists()
 
-    # the house ------------------------------------------------------------------------------------------------------
+    # the harness ------------------------------------------------------------------------------------------------------
 
     def _opened(self) -> tuple[AcknowledgedStore, Harness]:
         """Log and harness, as soon as the database answers; raises StoreUnavailable if it stays away too long."""
@@ -125,7 +125,7 @@ class _ShiftWorker:
                 try:
                     store = AcknowledgedStore(self._shift.url, self._worked.acknowledged)
                     stack.callback(store.close)
-                    harness = self._robots.house(store)
+                    harness = self._robots.harness(store)
                 except StoreUnavailable:
                     if time.monotonic() > until_s:
                         raise
