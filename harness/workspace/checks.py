@@ -25,7 +25,7 @@ STEP_M = 0.05
 
 def at(file: Path, line: int) -> str:
     """Where a problem stands, as an editor opens it."""
-    return f"{file}, line {line}"
+    return f"{file}:{line}"
 
 
 def relocated(error: HarnessError, file: Path, line: int) -> HarnessError:
