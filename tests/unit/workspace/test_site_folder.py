@@ -266,6 +266,14 @@ def test_a_map_in_other_units_or_without_its_image_is_refused(
     assert exit_code == 2 and "Where" in said and not (tmp_path / "site").exists()
 
 
+def test_a_map_file_that_unfolds_is_refused_before_anything_is_built_from_it(tmp_path: Path) -> None:
+    file = floor(tmp_path)
+    file.write_text(file.read_text() + "a: &a [1, 1]\nb: [*a, *a]\n")
+    with pytest.raises(ContractInvalid) as error:
+        read_map(file, frame="map", map_version="a")
+    assert error.value.reason.code == "yaml_alias"
+
+
 def test_an_image_that_promises_too_much_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
     file = floor(tmp_path)
     body = bytearray((tmp_path / "hall.png").read_bytes())
