@@ -80,7 +80,7 @@ LONGEST = 5
 
 def guessed_command(tail: Tail) -> MissionCommand | None:
     """The command whose events `tail` begins with; None if no command leads to such a beginning."""
-    return _started(tail) or _worked(tail) or _recovered(tail) or _spoken(tail) or _noted(tail)
+    return _started(tail) or _work(tail) or _recovered(tail) or _spoken(tail) or _noted(tail)
 
 
 def _started(tail: Tail) -> MissionCommand | None:
@@ -118,7 +118,7 @@ def _started(tail: Tail) -> MissionCommand | None:
             return None
 
 
-def _worked(tail: Tail) -> MissionCommand | None:
+def _work(tail: Tail) -> MissionCommand | None:
     match tail:
         case [PacketRetained() as retained, VerdictRecorded() as recorded, *_]:
             return CompleteNode(packet=retained.packet, verdict=recorded.verdict)

@@ -143,9 +143,9 @@ def follow(thread: MissionThread, event: MissionEvent) -> MissionThread:
             return replace(nxt, verdict=event.verdict)
         case NodeCommitted():
             facts = nxt.facts | {fact.condition_id: fact for fact in event.facts}
-            return _settled(replace(nxt, facts=facts), event)
+            return _with_outcome(replace(nxt, facts=facts), event)
         case CommitRejected():
-            return _settled(nxt, event)
+            return _with_outcome(nxt, event)
         case MissionEnded():
             return replace(nxt, ended=True)
         case (
@@ -207,7 +207,7 @@ def _converted(value: Any, kind: type[T]) -> T | None:
         return None
 
 
-def _settled(thread: MissionThread, event: NodeCommitted | CommitRejected) -> MissionThread:
+def _with_outcome(thread: MissionThread, event: NodeCommitted | CommitRejected) -> MissionThread:
     """Remember who a result is credited to, so that a later look counts as a second verdict, and a dispute finds it."""
     closed = judgement(thread, event)
     if closed is None:
