@@ -51,7 +51,7 @@ def explored_then_blocked(stage: Stage, *, disputed: bool) -> tuple[MissionId, M
 
 
 @pytest.mark.ledger("R137", symbol="harness.memory.fabric:MemoryFabric.arrivals")
-@pytest.mark.ledger("R137", symbol="harness.supervisor.revisions:Revisions._remembered")
+@pytest.mark.ledger("R137", symbol="harness.supervisor.revisions:Revisions._memories")
 def test_a_blocked_leg_drives_where_an_earlier_mission_saw_the_floor_free() -> None:
     with staged(seed=SEED) as stage:
         earlier, later = explored_then_blocked(stage, disputed=False)
