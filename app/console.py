@@ -36,12 +36,11 @@ from harness.contracts.control import CONTROL, Posture
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
-from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId, ResourceId, RobotId, leased
+from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId, RobotId
 from harness.contracts.ports import LogHead
 from harness.contracts.proposals import CandidateSet, RoutingExplanation
 from harness.contracts.protocol import DriveReport, PhysicalStart
 from harness.contracts.reasons import Reason
-from harness.projections.alerts import status
 from harness.projections.control import SiteControl
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
@@ -56,7 +55,6 @@ ClearWay = Callable[[RobotId], None]
 """Simulation only: somebody takes away what stands in a robot's way."""
 T = TypeVar("T")
 SPENT_KEYS = 1024
-BASE = "mobile_base"
 
 
 class TeleoperationPort(Protocol):
@@ -142,9 +140,8 @@ class Console:
             now_s=self.clock(),
             control=self.control(),
             quarantined=self.quarantined(),
-            acknowledged=self._acknowledged(),
             present=self.presence.people(),
-            alerts=self.alerts.waiting(self.clock()),
+            alerts=[alert for _, alert in self.alerts.all()],
             reviewing=sum(one.status in ("in_review", "authorised") for one in self.releases.reviews()),
         )
 
@@ -153,23 +150,9 @@ class Console:
         control: SiteControl = self.runtime.fold(CONTROL)
         return control
 
-    def quarantined(self, robot_id: str = "") -> tuple[Lease, ...]:
+    def quarantined(self, robot_id: RobotId | None = None) -> tuple[Lease, ...]:
         """The resources of one robot, or of every one, that nobody can account for."""
-        bases = (BASE, *(resource for card in self.cards() for resource in card.resources))
-        robots = (robot_id,) if robot_id else (*self.settings.robots, *self.fleet.names)
-        names = dict.fromkeys(leased(RobotId(robot), ResourceId(base)) for robot in robots for base in bases)
-        found = (self.runtime.lease(name) for name in names)
-        return tuple(one for one in found if one.status == "quarantined")
-
-    def _acknowledged(self) -> frozenset[str]:
-        """Robots whose alert about a move to safety somebody has acknowledged."""
-        return frozenset(
-            alert.newest.robot_id
-            for _, alert in self.alerts.all()
-            if alert.newest is not None
-            and alert.newest.kind == "safety_not_reached"
-            and status(alert, self.clock()) not in ("unacknowledged", "returned")
-        )
+        return tuple(one for one in self.runtime.leases(robot_id) if one.status == "quarantined")
 
     def shell(self, title: str, section: str, actor: Actor, *, topics: Sequence[str] = ()) -> Shell:
         return shell(title, section, self.surroundings(actor), topics=topics)

@@ -132,13 +132,13 @@ def create_app(
     sessions = _sessions(accounts, settings)
     inbox = Alerts(runtime)
     release_service = GuardedReleaseService(runtime, accounts.record)
-    watched = AlertSources(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
+    sources = AlertSources(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
     services = AppriseNotifier(
         {name: address.get_secret_value() for name, address in settings.notify.items()},
         permits=PublicOr(settings.notify_networks, where=NETWORKS),
     )
     notices = Notices(runtime, services, time.time, settings.address)
-    alert_watch = AlertWatch(runtime, inbox, watched, tell=notices.offer)
+    alert_watch = AlertWatch(runtime, inbox, sources, tell=notices.offer)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:

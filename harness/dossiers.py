@@ -29,9 +29,9 @@ def export_dossier(
     Raises UnknownName, StoreUnavailable.
     """
     now_s = SystemClock().now().wall_s
-    collected = collect(runtime, mission_id, exported_by=exported_by, exported_at_s=now_s)
-    write_dossier(file, collected.contents, collected.files, signing_key(data))
-    return collected.contents
+    collection = collect(runtime, mission_id, exported_by=exported_by, exported_at_s=now_s)
+    write_dossier(file, collection.contents, collection.files, signing_key(data))
+    return collection.contents
 
 
 class DossierCheck(Value):

@@ -38,6 +38,7 @@ from harness.contracts.ids import (
     StreamId,
     handoff_stream,
     lease_stream,
+    leased,
     mission_stream,
     sha256,
 )
@@ -440,6 +441,11 @@ class Runtime:
     def lease(self, resource: ResourceId) -> Lease:
         lease: Lease = self._gate.state(lease_stream(resource))
         return lease
+
+    def leases(self, robot_id: RobotId | None = None) -> list[Lease]:
+        """Every resource that was ever leased, of one robot or of all, by its first lease."""
+        prefix = lease_stream(leased(robot_id, "")) if robot_id else "lease/"
+        return [self._gate.state(stream) for stream in self._store.streams(prefix)]
 
     # history and evidence -------------------------------------------------------------------------------------------
 

@@ -12,21 +12,11 @@ from typing import Any, Literal, Protocol, TypeVar
 from msgspec.structs import replace
 
 from harness.contexts.recovery import LadderState
+from harness.contracts import events
 from harness.contracts.configuration import Configuration
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.decider import Codec
 from harness.contracts.errors import HarnessError, UnknownName
-from harness.contracts.events import (
-    ContractCompiled,
-    DispatchIntended,
-    HandoffRequested,
-    MissionCreated,
-    MissionEvent,
-    NodeFailed,
-    NodePlanned,
-    RecoveryAuthorised,
-    VerdictRecorded,
-)
 from harness.contracts.ids import Digest, MissionId, NodeId, StreamId
 from harness.contracts.ports import Record, StoredEvent
 from harness.contracts.proposals import RecoveryProposal
@@ -40,7 +30,7 @@ from harness.routing.question import RoutingQuestion
 T = TypeVar("T")
 Kind = Literal["routing", "recovery", "wait", "timeout", "context", "plan"]
 KINDS: tuple[Kind, ...] = ("routing", "recovery", "wait", "timeout", "context", "plan")
-_CODEC: Codec[MissionEvent] = Codec(MissionEvent)
+_CODEC: Codec[events.MissionEvent] = Codec(events.MissionEvent)
 
 
 class MissionRecords(Protocol):
@@ -110,7 +100,7 @@ def _mission(runtime: MissionRecords, configuration: Configuration, mission_id: 
     template = ""
     for one in stored:
         event = _CODEC.decode(one)
-        if isinstance(event, MissionCreated):
+        if isinstance(event, events.MissionCreated):
             template = event.template
         try:
             differences += again.differences(one, event)
@@ -138,27 +128,27 @@ class _Again:
         self._template = ""
         self._timeouts: dict[str, float] = {}
 
-    def differences(self, stored: StoredEvent, event: MissionEvent) -> Iterator[DecisionDifference]:
+    def differences(self, stored: StoredEvent, event: events.MissionEvent) -> Iterator[DecisionDifference]:
         """Differences of one event. Raises HarnessError if a record it rests on cannot be read."""
         match event:
-            case MissionCreated(template=template):
+            case events.MissionCreated(template=template):
                 self._template = template
-            case ContractCompiled(contract=contract):
+            case events.ContractCompiled(contract=contract):
                 self._timeouts = {node.node_id: node.timeout_s for node in contract.nodes}
-            case NodePlanned():
+            case events.NodePlanned():
                 yield from self._plan(stored, event)
-            case DispatchIntended():
+            case events.DispatchIntended():
                 yield from self._timeout(stored, event)
                 yield from self._routing(stored, event)
                 yield from self._context_differences(stored, event.context, node_id=event.node_id)
-            case VerdictRecorded(verdict=verdict):
+            case events.VerdictRecorded(verdict=verdict):
                 yield from self._context_differences(stored, verdict.context, node_id=None)
-            case RecoveryAuthorised() | HandoffRequested() | NodeFailed():
+            case events.RecoveryAuthorised() | events.HandoffRequested() | events.NodeFailed():
                 yield from self._recovery(stored, event)
             case _:
                 return
 
-    def _plan(self, stored: StoredEvent, event: NodePlanned) -> Iterator[DecisionDifference]:
+    def _plan(self, stored: StoredEvent, event: events.NodePlanned) -> Iterator[DecisionDifference]:
         c1 = self._stored(event.context, Context)
         yield from self._context_differences(stored, event.context, node_id=event.node_id)
         self.derived["plan"] += 1
@@ -166,7 +156,7 @@ class _Again:
         if before != after:
             yield _difference(stored, "plan", event.node_id, before=before or "nothing", after=after or "nothing")
 
-    def _routing(self, stored: StoredEvent, event: DispatchIntended) -> Iterator[DecisionDifference]:
+    def _routing(self, stored: StoredEvent, event: events.DispatchIntended) -> Iterator[DecisionDifference]:
         """The same routing question under the other weights, and the other timeout that latency is measured against."""
         if event.question is None:
             return
@@ -179,7 +169,7 @@ class _Again:
         if before != after:
             yield _difference(stored, "routing", event.node_id, before=before or "nobody", after=after or "nobody")
 
-    def _timeout(self, stored: StoredEvent, event: DispatchIntended) -> Iterator[DecisionDifference]:
+    def _timeout(self, stored: StoredEvent, event: events.DispatchIntended) -> Iterator[DecisionDifference]:
         if event.verify_only:
             return
         self.derived["timeout"] += 1
@@ -188,7 +178,7 @@ class _Again:
             yield _difference(stored, "timeout", event.node_id, before=f"{before:g} s", after=f"{after:g} s")
 
     def _recovery(
-        self, stored: StoredEvent, event: RecoveryAuthorised | HandoffRequested | NodeFailed
+        self, stored: StoredEvent, event: events.RecoveryAuthorised | events.HandoffRequested | events.NodeFailed
     ) -> Iterator[DecisionDifference]:
         if event.context is None:
             return

@@ -17,7 +17,7 @@ from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.errors import UnknownName
 from harness.contracts.reasons import because
 from harness.contracts.regularities import HiddenSite, Regularity
-from harness.workspace.yaml_reader import read_yaml
+from harness.workspace.contract_yaml import read_yaml
 
 FOLDER = "rsi_reviews"
 SHARE_JITTER, TIME_JITTER = 0.15, 0.05
@@ -51,8 +51,8 @@ class SiteFile(values.Value):
 
     def phase(self, generation: int) -> Phase:
         """The phase of a generation; the first phase before any begins."""
-        begun = [phase for phase in self.phases if phase.from_generation <= generation]
-        return begun[-1] if begun else self.phases[0]
+        active = [phase for phase in self.phases if phase.from_generation <= generation]
+        return active[-1] if active else self.phases[0]
 
 
 def site_names(folder: str = "sites") -> tuple[str, ...]:

@@ -89,7 +89,7 @@ def apply(review: Review, event: events.CandidateEvent) -> Review:
     review = replace(review, version=review.version + 1)
     match event:
         case events.CandidateProposed() | events.EvaluationBegun() | events.EvaluationRecorded():
-            return _evaluated(review, event)
+            return _with_evaluation(review, event)
         case events.ReviewOpened():
             return _with_entry(
                 replace(
@@ -121,7 +121,7 @@ def apply(review: Review, event: events.CandidateEvent) -> Review:
             return _released(review, event)
 
 
-def _evaluated(
+def _with_evaluation(
     review: Review, event: events.CandidateProposed | events.EvaluationBegun | events.EvaluationRecorded
 ) -> Review:
     match event:
@@ -146,8 +146,8 @@ def _evaluated(
         case events.EvaluationBegun():
             hands = [Hand(name=name, part="launched") for name in event.terms.launched_by]
             hands += [Hand(name=name, part="edited_suite") for name in event.terms.suite_edited_by]
-            begun = replace(review, status="evaluating", terms=event.terms, hands=_joined(review.hands, *hands))
-            return _with_entry(begun, "evaluation_begun", event.by)
+            following = replace(review, status="evaluating", terms=event.terms, hands=_joined(review.hands, *hands))
+            return _with_entry(following, "evaluation_begun", event.by)
         case events.EvaluationRecorded():
             statuses: dict[str, Status] = {"pass": "accepted", "fail": "rejected"}
             status = statuses.get(event.answer, "inconclusive")
@@ -167,7 +167,7 @@ def _released(
 ) -> Review:
     match event:
         case events.CanaryBegun():
-            begun = replace(
+            following = replace(
                 review,
                 status="canary",
                 robot_id=event.robot_id,
@@ -175,7 +175,7 @@ def _released(
                 bound=event.bound,
                 bound_missions=event.bound_missions,
             )
-            return _with_entry(begun, "canary_begun", event.by)
+            return _with_entry(following, "canary_begun", event.by)
         case events.CanaryMissionRecorded():
             return replace(review, canary=(*review.canary, CanaryEntry(measured=event.measured)))
         case events.CanaryMissionAdjudicated():

@@ -14,6 +14,7 @@ from typing import IO
 import uvicorn
 
 from harness.contracts.errors import HarnessError, StoreOwned, StoreUnavailable
+from harness.contracts.reasons import because
 from harness.contracts.values import encode
 from harness.provider_protocol.wire import ATTACHMENT, Attachment, problem
 from simulator.robot import SimulatedRobot
@@ -84,18 +85,15 @@ def _own(folder: Path, *, patience_s: float) -> IO[bytes]:
         folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / "robot.lock").open("ab")
     except OSError as error:
-        raise StoreUnavailable(
-            f"The robot's folder cannot be used ({error.strerror})", where=str(folder), do="name a writable folder"
-        ) from error
+        reason = because("robot_folder_unusable", error=error.strerror or str(error))
+        raise StoreUnavailable(reason, where=str(folder)) from error
     until_s = time.monotonic() + patience_s
     while True:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             if time.monotonic() > until_s:
-                raise StoreOwned(
-                    "Another robot process uses this folder", where=str(folder), do="end it, or name another folder"
-                ) from error
+                raise StoreOwned(because("robot_folder_in_use"), where=str(folder)) from error
             time.sleep(PARENT_POLL_S)
         else:
             return lock
@@ -107,9 +105,8 @@ def _listen(port: int) -> socket.socket:
     try:
         listener.bind(("127.0.0.1", port))
     except OSError as error:
-        raise StoreUnavailable(
-            f"Port {port} cannot be used ({error.strerror})", where="127.0.0.1", do="name a free port, or 0 for any"
-        ) from error
+        reason = because("robot_port_unusable", port=port, error=error.strerror or str(error))
+        raise StoreUnavailable(reason, where="127.0.0.1") from error
     listener.listen(64)
     return listener
 

@@ -1,5 +1,7 @@
 """Capability cards of the simulated robot's providers: two that navigate, one that photographs, one that looks."""
 
+from msgspec.structs import replace
+
 from harness.contracts import capabilities
 from harness.contracts.ids import ProviderId, ResourceId
 from harness.contracts.protocol import PROTOCOL
@@ -45,27 +47,12 @@ ROUTE_FOLLOWER = capabilities.CapabilityCard(
     software=SOFTWARE,
     protocol=PROTOCOL,
 )
-CAREFUL_PLANNER = capabilities.CapabilityCard(
+CAREFUL_PLANNER = replace(
+    ROUTE_FOLLOWER,
     provider_id=ProviderId("careful-local-planner"),
-    version="1.0.0",
-    embodiments=("quadruped", "wheeled"),
-    parameters=_NAVIGATION,
-    preconditions=("localised", "hardware_stop_released"),
     side_effects=("moves the robot near the given route, around obstacles",),
     latency=capabilities.Latency(base_s=8.0, per_metre_s=3.6),
-    resources=(BASE,),
-    cancel=capabilities.CancelBehaviour(acknowledged=True, within_s=2.0),
-    risk="low",
-    failure_words=_NAVIGATION_FAILURES,
-    evidence=_NAVIGATION_EVIDENCE,
-    capability="navigate",
     estimates=capabilities.Estimates(success=0.88, risk=0.15, uncertainty=0.2, cost=2.0),
-    moves=True,
-    sources=_SOURCES,
-    reattach="by_request",
-    resumable=True,
-    software=SOFTWARE,
-    protocol=PROTOCOL,
 )
 PANORAMA_CAMERA = capabilities.CapabilityCard(
     provider_id=ProviderId("panorama-camera"),

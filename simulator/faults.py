@@ -11,6 +11,7 @@ from typing import Literal, get_args
 
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId
+from harness.contracts.reasons import because
 from harness.contracts.values import Value
 from simulator.sensors import LocaliserMode
 
@@ -49,9 +50,7 @@ def parse_faults(texts: Sequence[str]) -> tuple[Fault, ...]:
         name, _, rest = text.partition(":")
         known = next((known for known in FAULT_NAMES if known == name), None)
         if known is None or rest not in ("", "persistent"):
-            raise UnknownName(
-                f"There is no fault {text!r}", where="faults", do=f"name one of {', '.join(FAULT_NAMES)}[:persistent]"
-            )
+            raise UnknownName(because("unknown_fault", name=text[:80], known=", ".join(FAULT_NAMES)))
         found.append(Fault(name=known, persistent=rest == "persistent"))
     return tuple(found)
 

@@ -7,6 +7,7 @@ import msgspec
 
 from harness.contracts.errors import LogDamaged, StoreUnavailable
 from harness.contracts.protocol import PhysicalStart
+from harness.contracts.reasons import because
 from harness.contracts.values import Value, decode, encode
 
 FORGOTTEN_SEQUENCE = 2000
@@ -46,11 +47,8 @@ class StartJournal:
                     file.flush()
                     os.fsync(file.fileno())
             except OSError as error:
-                raise StoreUnavailable(
-                    f"The start journal cannot be written ({error.strerror})",
-                    where=str(self._path),
-                    do="free space or make the folder writable",
-                ) from error
+                reason = because("start_journal_unwritable", error=error.strerror or str(error))
+                raise StoreUnavailable(reason, where=str(self._path)) from error
         self._starts.append(start)
 
     def all(self) -> tuple[PhysicalStart, ...]:
@@ -61,11 +59,8 @@ def _start(path: Path, number: int, line: bytes) -> PhysicalStart:
     try:
         return decode(line, PhysicalStart)
     except msgspec.MsgspecError as error:
-        raise LogDamaged(
-            f"The start journal holds an unreadable line ({error})",
-            where=f"{path}, line {number}",
-            do="restore the file from a backup; without it physical starts cannot be counted",
-        ) from error
+        reason = because("start_journal_unreadable", error=str(error))
+        raise LogDamaged(reason, where=f"{path}:{number}") from error
 
 
 def save_world(path: Path, world: SavedWorld, *, durable: bool) -> None:
@@ -86,9 +81,5 @@ def load_world(path: Path) -> SavedWorld | None:
     try:
         world = decode(path.read_bytes(), SavedWorld)
     except msgspec.MsgspecError as error:
-        raise LogDamaged(
-            f"The saved world cannot be read ({error})",
-            where=str(path),
-            do="restore the file, or move it away to start at the site's start pose",
-        ) from error
+        raise LogDamaged(because("world_unreadable", error=str(error)), where=str(path)) from error
     return msgspec.structs.replace(world, at_s=world.at_s + BOOT_S, seq=world.seq + FORGOTTEN_SEQUENCE)

@@ -46,8 +46,8 @@ def photograph_nearby(site: SiteModel, pose: Pose, *, key: str) -> bytes:
 
     Missions of a suite share what is rendered, without the noise.
     """
-    shared = _remembered(site, round(pose[0] / GRID_M), round(pose[1] / GRID_M), round(pose[2] / GRID_RAD))
-    coarse = np.asarray(cv2.imdecode(np.frombuffer(shared, dtype=np.uint8), cv2.IMREAD_COLOR_RGB), dtype=np.uint8)
+    picture = _picture(site, round(pose[0] / GRID_M), round(pose[1] / GRID_M), round(pose[2] / GRID_RAD))
+    coarse = np.asarray(cv2.imdecode(np.frombuffer(picture, dtype=np.uint8), cv2.IMREAD_COLOR_RGB), dtype=np.uint8)
     whole = cv2.resize(coarse, (CAMERA.width_px, CAMERA.height_px), interpolation=cv2.INTER_LINEAR)
     return jpeg(with_grain(np.asarray(whole, dtype=np.uint8), key=key))
 
@@ -58,7 +58,7 @@ def live_frame(site: SiteModel, pose: Pose) -> bytes:
 
 
 @lru_cache(maxsize=REMEMBERED)
-def _remembered(site: SiteModel, x: int, y: int, yaw: int) -> bytes:
+def _picture(site: SiteModel, x: int, y: int, yaw: int) -> bytes:
     """Packed without a loss: 700 kB of pixels for each of so many places would be too much."""
     coarse = render(site, (x * GRID_M, y * GRID_M, yaw * GRID_RAD), COARSE, grain=False)
     _, packed = cv2.imencode(".png", coarse[:, :, ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])

@@ -7,7 +7,7 @@ from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import FencingRefused, ProviderFailed, ProviderUnreachable
 from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId
-from harness.contracts.reasons import Reason
+from harness.contracts.reasons import because
 from harness.contracts.values import digest
 from harness.provider_protocol.journal import JournalEntry, RequestJournal
 from harness.provider_protocol.parameters import parameter_problems
@@ -155,9 +155,7 @@ class SimulatedRobot:
         self.take_up(invocation, JournalEntry(report=invocation.report(), request=request))
         if card.capability == "navigate" and world.faults.strikes("duplicate-request"):
             self._repeats.append((world.at_s + DUPLICATE_AFTER_S, card, request))
-            raise ProviderUnreachable(
-                "The acknowledgement was lost", where=card.provider_id, do="ask for the request id before sending again"
-            )
+            raise ProviderUnreachable(because("acknowledgement_lost"), where=card.provider_id)
         return invocation.report()
 
     def take_up(self, invocation: RunningSkill, entry: JournalEntry) -> None:
@@ -191,9 +189,7 @@ class SimulatedRobot:
         """Raises ProviderFailed for an unknown handle."""
         found = self.find(RequestId(handle.partition(":")[2]))
         if found is None or found.handle != handle:
-            raise ProviderFailed(
-                f"No invocation has the handle {handle}", where=self.robot_id, do="find it by its request id"
-            )
+            raise ProviderFailed(because("handle_unknown", handle=handle), where=self.robot_id)
         return found
 
     def invocation(self, handle: str) -> RunningSkill | None:
@@ -218,21 +214,23 @@ class SimulatedRobot:
     def _same(self, card: CapabilityCard, request: protocol.StartRequest) -> None:
         first = self._journal.requests[request.identity.request_id]
         if _request_digest(first) != _request_digest(request):
-            raise ProviderFailed(
-                f"Request {request.identity.request_id} came again with other contents",
-                where=card.provider_id,
-                do="repeat it unchanged, or authorise a new attempt",
-            )
+            reason = because("request_changed", request_id=request.identity.request_id)
+            raise ProviderFailed(reason, where=card.provider_id)
 
     def _check(self, card: CapabilityCard, request: protocol.StartRequest) -> None:
-        named = (request.identity.provider_id, request.capability)
-        problems: list[Reason | str] = [
-            *([f"The request is for {' / '.join(named)}"] if named != (card.provider_id, card.capability) else []),
+        named = f"{request.identity.provider_id} / {request.capability}"
+        own = f"{card.provider_id} / {card.capability}"
+        problems = (
+            *([because("request_misdirected", named=named, own=own)] if named != own else []),
             *parameter_problems(card, request.parameters),
-            *(f"No fencing token for {name}" for name in card.resources if name not in request.fencing),
-        ]
+            *(
+                because("fencing_token_missing", resource=name)
+                for name in card.resources
+                if name not in request.fencing
+            ),
+        )
         if problems:
-            raise ProviderFailed(problems[0], where=card.provider_id, do="send what the capability card declares")
+            raise ProviderFailed(problems[0], where=card.provider_id)
         self.admit(request.fencing, where=card.provider_id, moves=card.moves)
 
     def admit(self, fencing: Mapping[str, int], *, where: str, moves: bool = True) -> None:
@@ -240,14 +238,11 @@ class SimulatedRobot:
         for resource, token in fencing.items():
             newest = self._journal.tokens.get(resource, token)
             if token < newest:
-                raise FencingRefused(
-                    f"Token {token} for {resource} is older than {newest}", where=where, do="take the lease again"
-                )
+                reason = because("fencing_token_old", token=token, resource=resource, newest=newest)
+                raise FencingRefused(reason, where=where)
         mover = self._mover()
         if moves and mover is not None:
-            raise ProviderFailed(
-                f"Invocation {mover.handle} still has the base", where=where, do="stop it, then start again"
-            )
+            raise ProviderFailed(because("base_held", handle=mover.handle), where=where)
 
 
 class SimulatedProvider:

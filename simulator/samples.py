@@ -8,6 +8,7 @@ from harness.contracts.errors import BlobDamaged
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.observations import AnySample, Pose
 from harness.contracts.protocol import Observations
+from harness.contracts.reasons import because
 
 KEPT_SAMPLES = 40_000
 KEPT_BYTES = 48 * 1024 * 1024
@@ -82,9 +83,5 @@ class SensorBlobs:
         if body is None and self._folder is not None and digest.isalnum() and (self._folder / digest).exists():
             body = (self._folder / digest).read_bytes()
         if body is None or sha256(body) != digest:
-            raise BlobDamaged(
-                f"The robot does not hold the bytes {digest[:16]}",
-                where="simulated robot",
-                do="fetch blobs as they come",
-            )
+            raise BlobDamaged(because("robot_blob_not_held", blob=digest[:16]))
         return body

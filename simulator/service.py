@@ -12,6 +12,7 @@ from fastapi import FastAPI
 from harness.contracts.errors import ProviderFailed, ProviderUnreachable
 from harness.contracts.measurements import Sound
 from harness.contracts.protocol import Picture
+from harness.contracts.reasons import because
 from harness.provider_protocol import wire
 from harness.provider_protocol.operations import Names, Operation, provider_operations
 from harness.provider_protocol.operator_operations import camera_operations, hand_operations
@@ -87,9 +88,7 @@ class Pace:
         try:
             with self._lock:
                 if self._retired:
-                    raise ProviderUnreachable(
-                        "This robot process is ending", where=self.robot.robot_id, do="start the robot again"
-                    )
+                    raise ProviderUnreachable(because("robot_ending"), where=self.robot.robot_id)
                 self._asked_s = time.monotonic()
                 yield
                 self._asked_s = time.monotonic()
@@ -167,13 +166,11 @@ def simulation_operations(pace: Pace) -> tuple[Operation, ...]:
 
     def advance(names: Names, body: wire.Advance) -> wire.Done:
         if pace.speed:
-            raise ProviderFailed("This robot runs by itself", where="/simulation/advance", do="start it with speed 0")
-        if not 0 <= body.until_s - robot.at_s <= LONGEST_ADVANCE_S:
-            raise ProviderFailed(
-                f"{body.until_s - robot.at_s:.1f} s is no step forward of at most {LONGEST_ADVANCE_S:.0f} s",
-                where="/simulation/advance",
-                do="advance in smaller steps",
-            )
+            raise ProviderFailed(because("runs_by_itself"), where="/simulation/advance")
+        step_s = body.until_s - robot.at_s
+        if not 0 <= step_s <= LONGEST_ADVANCE_S:
+            reason = because("step_out_of_bounds", step_s=step_s, limit_s=LONGEST_ADVANCE_S)
+            raise ProviderFailed(reason, where="/simulation/advance")
         return wire.Done(at_s=robot.advance_to(body.until_s))
 
     def configure(names: Names, body: wire.MissionSettings) -> wire.Done:

@@ -6,6 +6,7 @@ from typing import cast
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.protocol import Parameters, StartRequest
+from harness.contracts.reasons import because
 from harness.contracts.values import Point
 from simulator.cards import CAREFUL_PLANNER, OBSERVER, PANORAMA_CAMERA
 from simulator.navigation import CarefulPlanner, Leg, RouteFollower
@@ -43,11 +44,8 @@ def skill_for(
         return Observer(_number(parameters, "duration_s", 1.0), round(_number(parameters, "frames", 0)), key)
     route = cast(tuple[Point, ...], parameters["route"])
     if parameters["frame"] != frame or len(route) < 2:
-        raise ProviderFailed(
-            f"The route has {len(route)} points in frame {parameters['frame']}",
-            where=card.provider_id,
-            do=f"send two points or more in frame {frame}",
-        )
+        reason = because("route_unusable", points=len(route), frame=str(parameters["frame"]), expected=frame)
+        raise ProviderFailed(reason, where=card.provider_id)
     careful = card is CAREFUL_PLANNER
     cap = _number(parameters, "speed_cap_mps", 0.5)
     kept_out = rings(cast(tuple[Point, ...], parameters.get("keep_out", ())))

@@ -8,6 +8,7 @@ from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, MissionId, NodeId, RequestId
+from harness.contracts.reasons import Explanation, because
 from harness.provider_protocol.journal import JournalEntry
 from simulator.bodies import Velocity
 from simulator.cards import BASE, ROUTE_FOLLOWER
@@ -69,7 +70,7 @@ class SimulatedTeleoperation:
         if running is None:
             running = self._begin(order)
         if robot.world.hardware_stop:
-            return self._report(order.session, running, reason="the hardware stop is engaged")
+            return self._report(order.session, running, reason=because("hardware_stop_engaged"))
         v = min(max(order.v_mps, -SPEED_CAP_MPS), SPEED_CAP_MPS)
         w = min(max(order.w_radps, -TURN_CAP_RADPS), TURN_CAP_RADPS)
         self._skills[order.session].order(Velocity(v_mps=v, w_radps=w), robot.at_s)
@@ -91,22 +92,18 @@ class SimulatedTeleoperation:
         robot = self._robot
         robot.admit({BASE: order.token}, where="posture")
         if not robot.world.still:
-            raise ProviderFailed("The body still moves", where=robot.robot_id, do="stop it, then ask again")
+            raise ProviderFailed(because("body_moves"), where=robot.robot_id)
         robot.lying = order.posture == "lying"
         return robot.status()
 
     def _begin(self, order: protocol.DriveOrder) -> RunningSkill:
         robot = self._robot
         if robot.find(order.session) is not None:
-            raise ProviderFailed(
-                f"Session {order.session[:12]} has ended", where=robot.robot_id, do="take control again"
-            )
+            raise ProviderFailed(because("drive_session_over", session=order.session[:12]), where=robot.robot_id)
         if robot.world.hardware_stop:
-            raise ProviderFailed(
-                "The hardware stop is engaged", where=robot.robot_id, do="release it at the robot, if it is safe"
-            )
+            raise ProviderFailed(because("hardware_stop_engaged"), where=robot.robot_id)
         if robot.lying:
-            raise ProviderFailed("The robot lies down", where=robot.robot_id, do="have it stand up first")
+            raise ProviderFailed(because("robot_lies"), where=robot.robot_id)
         robot.admit({BASE: order.token}, where="hand")
         skill = TeleoperationSkill()
         self._skills = {order.session: skill}
@@ -129,7 +126,7 @@ class SimulatedTeleoperation:
         robot.take_up(invocation, JournalEntry(report=invocation.report(), request=request))
         return invocation
 
-    def _report(self, session: RequestId, running: RunningSkill, *, reason: str = "") -> protocol.DriveReport:
+    def _report(self, session: RequestId, running: RunningSkill, *, reason: Explanation = "") -> protocol.DriveReport:
         v, w = self._robot.world.sensors.twist
         still = self._robot.world.still
         status: Literal["driving", "standing", "ended"] = (

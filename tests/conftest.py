@@ -9,8 +9,8 @@ import pytest
 
 from tools.marks import complaint
 
-hypothesis.settings.register_profile("house", deadline=None)
-hypothesis.settings.load_profile("house")
+hypothesis.settings.register_profile("regenharness", deadline=None)
+hypothesis.settings.load_profile("regenharness")
 ROOT = Path(__file__).resolve().parent.parent
 MUJOCO_MISSIONS = 6
 COST = {"architecture": 0, "unit": 1, "contract": 2, "replay": 3, "integration": 4, "faults": 5, "browser": 6}

@@ -100,10 +100,10 @@ def from_console(step: dict[str, str], printed: str) -> tuple[int, str]:
         fields = dict(re.findall(r'<input type="hidden" name="([\w-]+)" value="([^"]*)"', page))
         typed = fields | {"robot_id": step["robot"], "template": step["template"], step["name"]: step["value"]}
         typed["goal"] = f"Go to {step['value']}"
-        begun = browser.post("/missions", data=typed)
-        mission = begun.url.path.rpartition("/")[2]
+        answer = browser.post("/missions", data=typed)
+        mission = answer.url.path.rpartition("/")[2]
         if not mission.startswith("msn_"):
-            return 1, f"{begun.status_code} {begun.text[:2000]}"
+            return 1, f"{answer.status_code} {answer.text[:2000]}"
         until_s = time.monotonic() + LONGEST_S
         outcome: dict[str, Any] = {}
         while time.monotonic() < until_s:

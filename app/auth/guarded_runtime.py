@@ -209,6 +209,10 @@ class GuardedRuntime:
         """Who holds a resource now; version 0 for one that was never leased."""
         return self._runtime.lease(resource)
 
+    def leases(self, robot_id: ids.RobotId | None = None) -> list[Lease]:
+        """Every resource that was ever leased, of one robot or of all."""
+        return self._runtime.leases(robot_id)
+
     def observations(self, mission_id: ids.MissionId) -> Live | None:
         """What is observed of a running mission now; None where nothing is."""
         return self._runtime.observations(mission_id)

@@ -77,7 +77,8 @@ class Identities:
         found = {role for group in claims.groups for role in self._mapping.get(group, ())}
         if not found:
             raise RoleMissing(
-                because("role_missing"), where=f"{claims.name or claims.subject}, {len(claims.groups)} groups"[:200]
+                because("role_missing"),
+                where=because("at_groups_of", name=(claims.name or claims.subject)[:200], groups=len(claims.groups)),
             )
         return checked_roles(found)
 

@@ -86,29 +86,31 @@ class OidcLogin:
     def finish(self, cookie: str, answer: Mapping[str, str], origin: Origin) -> LoginResult:
         """Finish a sign-in with the parameters of the redirect. Raises SignInRefused; the audit log says why."""
         with self._lock:
-            begun = self._under_way.pop(sha256(cookie.encode()), None)
-        if begun is None:
+            pending = self._under_way.pop(sha256(cookie.encode()), None)
+        if pending is None:
             raise identity.StateMismatch(because("sign_in_not_begun"))
         try:
-            name = self._recognised(begun, answer, origin)
+            name = self._recognised(pending, answer, origin)
         except identity.SignInRefused as error:
             self._note("sign_in.issuer_refused", "", f"{error.code} {plain(error.where)}", origin)
             raise
         self._note("sign_in.accepted", name, f"identity provider {self.provider.issuer}", origin)
-        if begun.replaces:
-            self._sessions.accounts.store.close_sessions(digest=begun.replaces)
-        return LoginResult(self._sessions.admit(name, origin), begun.page)
+        if pending.replaces:
+            self._sessions.accounts.store.close_sessions(digest=pending.replaces)
+        return LoginResult(self._sessions.admit(name, origin), pending.page)
 
-    def _recognised(self, begun: _UnderWay, answer: Mapping[str, str], origin: Origin) -> str:
+    def _recognised(self, pending: _UnderWay, answer: Mapping[str, str], origin: Origin) -> str:
         """The name of the account that the person has here."""
-        if self._clock() >= begun.until_s or not compare_digest(
-            answer.get("state", "").encode(), begun.attempt.state.encode()
+        if self._clock() >= pending.until_s or not compare_digest(
+            answer.get("state", "").encode(), pending.attempt.state.encode()
         ):
             raise identity.StateMismatch(because("sign_in_answer_foreign"))
         code = answer.get("code", "")
         if "error" in answer or not code:
             raise identity.IssuerDeclined(because("issuer_declined"), where=answer.get("error", "")[:60])
-        claims = self.provider.finish(begun.attempt, code=code, issuer=answer.get("iss", ""), by_groups=self._by_groups)
+        claims = self.provider.finish(
+            pending.attempt, code=code, issuer=answer.get("iss", ""), by_groups=self._by_groups
+        )
         return self.identities.account_of(claims, source=origin.source).name
 
     def _by_groups(self, subject: str) -> bool:

@@ -152,7 +152,7 @@ class AlertWatch:
                 change = causes.of_handoff(HANDOFF.decode(stored), self._about(stored, opened.mission_id), name)
                 self._ask_all(change)
         elif family == "control":
-            change = causes.of_control(HOUSE.decode(stored), position=stored.position, at_s=stored.recorded_s)
+            change = causes.of_control(CONTROL.decode(stored), position=stored.position, at_s=stored.recorded_s)
             self._ask_all(change)
         elif stored.kind == QUARANTINED:
             event = POINTER.decode(stored)
@@ -291,6 +291,6 @@ class AlertWatch:
 
 
 MISSION: Codec[MissionEvent] = Codec(MissionEvent)
-HOUSE: Codec[ControlEvent] = Codec(ControlEvent)
+CONTROL: Codec[ControlEvent] = Codec(ControlEvent)
 HANDOFF: Codec[HandoffEvent] = Codec(HandoffEvent)
 POINTER: Codec[ConfigurationQuarantined] = Codec(ConfigurationQuarantined)

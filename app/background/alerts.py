@@ -7,7 +7,7 @@ from harness.contracts.errors import UnknownName
 from harness.contracts.ids import StreamId
 from harness.contracts.ports import StoredEvent
 from harness.contracts.reasons import because
-from harness.projections.alerts import Alert, status
+from harness.projections.alerts import Alert
 from harness.runtime import Runtime
 
 PREFIX = "alert/"
@@ -37,10 +37,6 @@ class Alerts:
             if alert_id not in self._known:
                 raise UnknownName(because("unknown_alert", alert_id=alert_id[:40]))
             return self._known[alert_id]
-
-    def waiting(self, now_s: float) -> int:
-        """The number of unacknowledged alerts that are neither shelved nor suppressed."""
-        return sum(status(alert, now_s) in ("unacknowledged", "returned") for _, alert in self.all())
 
     def _follow(self) -> None:
         if self._position < 0:

@@ -26,7 +26,7 @@ class PublishedResults:
     wrong: tuple[str, ...]
 
 
-def published(folder: Path) -> PublishedResults:
+def published_results(folder: Path) -> PublishedResults:
     """What docs/results holds now."""
     wrong = []
     found: dict[str, Document | None] = {}

@@ -11,9 +11,7 @@ from app.cli import output
 from app.cli.local_api import api_with_robots
 from app.i18n.reasons import rendering as reasons
 from harness.bootstrap import read_harness
-from harness.contracts.ids import ResourceId
 from harness.projections.leases import Lease
-from harness.runtime import Runtime
 
 app = typer.Typer(no_args_is_help=True, help="See who holds the robot's resources; free what nobody accounts for.")
 
@@ -22,17 +20,13 @@ app = typer.Typer(no_args_is_help=True, help="See who holds the robot's resource
 def list_leases(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Every resource that was ever leased: free, held or in quarantine, with its newest fencing token."""
     with read_harness(output.settings(data_folder=data)) as runtime:
-        rows = [_row(lease) for lease in _leases(runtime)]
+        rows = [_row(lease) for lease in runtime.leases()]
     lines = output.table(
         [["resource", "status", "token", "mission", "invocation"]]
         + [[r["resource"], r["status"], str(r["token"]), r["mission_id"], r["invocation_id"]] for r in rows]
     )
     lines += [f"{row['resource']}: {row['reason']}" for row in rows if row["status"] == "quarantined"]
     output.show({"leases": rows}, as_json=as_json, lines=lines if rows else ["Nothing was ever leased."])
-
-
-def _leases(runtime: Runtime) -> list[Lease]:
-    return [runtime.lease(ResourceId(stream.partition("/")[2])) for stream in runtime.streams("lease/")]
 
 
 def _row(lease: Lease) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from harness.conformance.provider_setup import fresh_name, installed, installed_
 from harness.conformance.subject import Stand
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import ContractInvalid, HarnessError, ProviderFailed, StoreUnavailable, UnknownName
-from harness.contracts.ids import ProviderId, ResourceId
+from harness.contracts.ids import ProviderId, RobotId
 from harness.contracts.reasons import because
 from harness.workspace.files import HttpRobotEntry
 from harness.workspace.reading import token_of
@@ -172,7 +172,7 @@ def _newest_token(data: Path, name: str) -> int:
     """The newest fencing token that this data folder gave out for the robot: an older one would be refused."""
     try:
         with read_harness(settings(data_folder=data)) as runtime:
-            leases = [runtime.lease(ResourceId(one.partition("/")[2])) for one in runtime.streams(f"lease/{name}/")]
+            leases = runtime.leases(RobotId(name))
     except StoreUnavailable:
         return FIRST_TOKEN
     return max((one.token for one in leases), default=FIRST_TOKEN) or FIRST_TOKEN

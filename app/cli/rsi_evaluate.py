@@ -147,7 +147,7 @@ def _run(trial: Trial, how: RunOptions, executor: Executor) -> TrialOutcome:
     if how.fresh:
         path.unlink(missing_ok=True)
     results = ResultsFile(path, evaluator=evaluator)
-    with _watched() as watch:
+    with _progress_bar() as watch:
         try:
             means = Means(executor=executor, now_s=time.monotonic, kept=results, held_out=held_out, watch=watch)
             return carried_out(trial, means)
@@ -169,7 +169,7 @@ def _signed(trial: Trial, word: str) -> SignedBy:
 
 
 @contextmanager
-def _watched() -> Iterator[Callable[[RunProgress], None]]:
+def _progress_bar() -> Iterator[Callable[[RunProgress], None]]:
     """A bar on standard error."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as progress:

@@ -209,10 +209,12 @@ class Steps:
         self._began_s = 0.0
 
 
-def _begin_at(harness: Harness, template: str, entered: Event | None, *, seed: int, faults: Mapping[str, str]) -> None:
+def _begin_at(
+    harness: Harness, template: str, first_sign_in: Event | None, *, seed: int, faults: Mapping[str, str]
+) -> None:
     """Begin once somebody has signed in; at once where there is nobody to wait for."""
-    if entered is not None:
-        entered.wait()
+    if first_sign_in is not None:
+        first_sign_in.wait()
     _begin(harness, template, seed=seed, faults=faults)
 
 
@@ -230,9 +232,9 @@ def _begin(harness: Harness, template: str | None, *, seed: int, faults: Mapping
             labels={"faults": faults[robot_id]} if robot_id in faults else {},
             channel="command-line",
         )
-        begun = begin(harness.runtime, start)
-        if isinstance(begun, Refused):
-            raise ContractInvalid(begun.reason)
+        decision = begin(harness.runtime, start)
+        if isinstance(decision, Refused):
+            raise ContractInvalid(decision.reason)
 
 
 def _faults(given: Sequence[str], fleet: Sequence[str]) -> dict[str, str]:

@@ -40,18 +40,14 @@ router = APIRouter(
 def missions(
     console: ConsoleDep,
     response: Response,
-    q: api_requests.Words = "",
+    request: api_requests.ListRequestDep,
     status: api_requests.Facet = "",
     robot: api_requests.Facet = "",
     template: api_requests.Facet = "",
-    order: api_requests.Order = "newest",
-    after: api_requests.After = "",
-    limit: api_requests.Limit = 50,
 ) -> Any:
     """Missions in short, newest first. The Link header leads to the next page, whatever is started meanwhile."""
     facets = {"status": status, "robot": robot, "template": template}
-    read, path = console.lists.missions, "/missions"
-    found = api_requests.listed(response, read, "mission", path, facets, q=q, after=after, limit=limit, order=order)
+    found = api_requests.listed(response, console.lists.missions, "mission", "/missions", facets, request)
     return api_requests.plain([summary(one) for one in found])
 
 

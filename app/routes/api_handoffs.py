@@ -3,7 +3,7 @@
 import json
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Depends, Query, Response
 from starlette.responses import JSONResponse
 
 from app.acts import handoffs as acts
@@ -30,17 +30,14 @@ Waits = Annotated[str, Query(alias="open", max_length=200)]
 def handoffs(
     console: ConsoleDep,
     response: Response,
-    q: api_requests.Words = "",
+    request: Annotated[api_requests.ListRequest, Depends(api_requests.list_request(100))],
     status: api_requests.Facet = "",
     waits: Waits = "",
     robot: api_requests.Facet = "",
-    after: api_requests.After = "",
-    limit: api_requests.Limit = 100,
 ) -> Any:
     """Handoffs as they stand now, newest first; with `open=yes` those that wait, claimed or taken over or not."""
     facets = {"status": status, "open": waits, "robot": robot}
-    read = console.lists.handoffs
-    found = api_requests.listed(response, read, "handoff", "/handoffs", facets, q=q, after=after, limit=limit)
+    found = api_requests.listed(response, console.lists.handoffs, "handoff", "/handoffs", facets, request)
     return [api_requests.plain(console.runtime.handoff(HandoffId(one.handoff_id))) for one in found]
 
 

@@ -24,8 +24,7 @@ router = APIRouter(
 @router.get("/leases", responses=api_requests.answers(Lease, many=True))
 def leases(console: ConsoleDep) -> Any:
     """Every resource that was ever leased: free, held or in quarantine, with its newest fencing token."""
-    streams = console.runtime.streams("lease/")
-    return api_requests.plain([console.runtime.lease(ResourceId(one.partition("/")[2])) for one in streams])
+    return api_requests.plain(console.runtime.leases())
 
 
 @router.post("/leases/{resource:path}/free", responses=api_requests.answers(Lease))

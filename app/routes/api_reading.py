@@ -61,18 +61,14 @@ def exploration(console: ConsoleDep, mission_id: MissionId) -> Any:
 def evidence(
     console: ConsoleDep,
     response: Response,
-    q: api_requests.Words = "",
+    request: api_requests.ListRequestDep,
     mission: api_requests.Facet = "",
     kind: api_requests.Facet = "",
     verdict: api_requests.Facet = "",
-    order: api_requests.Order = "newest",
-    after: api_requests.After = "",
-    limit: api_requests.Limit = 50,
 ) -> Any:
     """Evidence with what the verifier and the gate said of its packet, newest first."""
     facets = {"mission": mission, "kind": kind, "verdict": verdict}
-    read, path = console.lists.evidence, "/evidence"
-    found = api_requests.listed(response, read, "evidence", path, facets, q=q, after=after, limit=limit, order=order)
+    found = api_requests.listed(response, console.lists.evidence, "evidence", "/evidence", facets, request)
     return [api_requests.plain(one) for one in found]
 
 

@@ -1,6 +1,7 @@
 """What every part of the API shares: how lists are paged, how failures and answers are described."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any, TypeVar
 from urllib.parse import urlencode
 
@@ -26,6 +27,28 @@ After = Annotated[str, Query(max_length=100, description="Where the page before 
 Order = Annotated[ListOrder, Query()]
 Words = Annotated[str, Query(max_length=200)]
 Facet = Annotated[str, Query(max_length=200)]
+
+
+@dataclass(frozen=True)
+class ListRequest:
+    """Which page of a list is asked for: its words, its order, where it begins, and at most how many rows."""
+
+    q: str
+    order: ListOrder
+    after: str
+    limit: int
+
+
+def list_request(limit: int) -> Callable[..., ListRequest]:
+    """The parameters that every list has. `limit` is how many rows are given where nobody says."""
+
+    def request(q: Words = "", order: Order = "newest", after: After = "", limit: Limit = limit) -> ListRequest:
+        return ListRequest(q=q, order=order, after=after, limit=limit)
+
+    return request
+
+
+ListRequestDep = Annotated[ListRequest, Depends(list_request(50))]
 PROBLEM = {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
 MEANINGS = {
     400: "The request cannot be read.",
@@ -46,7 +69,8 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
 def known_parameters(request: Request) -> None:
     """Refuse a parameter that the address does not have: a misspelt filter must not show everything."""
     route = request.scope["route"]
-    known = {one.alias for one in route.dependant.query_params}
+    parts = (route.dependant, *route.dependant.dependencies)
+    known = {one.alias for part in parts for one in part.query_params}
     unknown = sorted(set(request.query_params) - known)
     if unknown:
         name = unknown[0][:40]
@@ -91,19 +115,21 @@ def listed(
     listing: Listing,
     path: str,
     facets: Mapping[str, str],
-    *,
-    q: str,
-    after: str,
-    limit: int,
-    order: ListOrder = "newest",
+    request: ListRequest,
 ) -> tuple[Item, ...]:
     """One page of a list under the facets that are set; the Link header leads to the next one."""
     chosen = {name: value for name, value in facets.items() if value}
     query = ListQuery(
-        listing=listing, facets=chosen, words=tuple(q.split()), order=order, after=place(after), limit=limit
+        listing=listing,
+        facets=chosen,
+        words=tuple(request.q.split()),
+        order=request.order,
+        after=place(request.after),
+        limit=request.limit,
     )
     found = read(query)
-    linked(response, f"/api/v1{path}", found, q=q, order="" if order == "newest" else order, limit=str(limit), **chosen)
+    order = "" if request.order == "newest" else request.order
+    linked(response, f"/api/v1{path}", found, q=request.q, order=order, limit=str(request.limit), **chosen)
     return tuple(found.items)
 
 

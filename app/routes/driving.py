@@ -7,6 +7,7 @@ from app.acts.robots import BeginTeleoperationAct, SteerAct
 from app.auth.permissions import NotPermitted, Principal
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
+from app.i18n.languages import in_words
 from app.i18n.messages import lazy_gettext, reasoned
 from app.routes.robot_acts import wheel_returned, wheel_taken
 from app.routes.robots import RobotPath, card
@@ -49,9 +50,9 @@ def turn(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body
     """Hold this velocity until the next call, for 0.8 s of the robot's time at most."""
     report = turned(console, principal, robot_id, body)
     if isinstance(report, Refused):
-        return JSONResponse({"status": "ended", "reason": reasoned(report.reason)}, status_code=409)
+        return JSONResponse({"status": "ended", "reason": in_words(report.reason)}, status_code=409)
     return JSONResponse(
-        {"status": report.status, "v_mps": report.v_mps, "w_radps": report.w_radps, "reason": report.reason}
+        {"status": report.status, "v_mps": report.v_mps, "w_radps": report.w_radps, "reason": in_words(report.reason)}
     )
 
 

@@ -8,7 +8,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from app.acts.erasures import EraseBlobAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.messages import lazy_gettext, reasoned
-from app.routes.listing import searching
+from app.routes.listing import list_params
 from app.views import evidence_list
 from app.views.evidence import Unsound, unsound
 from app.views.evidence_list import BlobPage
@@ -27,7 +27,7 @@ from harness.projections.evidence_list import BLOB_SIGNS
 
 router = APIRouter(prefix="/evidence")
 ListParamsDep = Annotated[
-    ListParams, Depends(searching("evidence", "kind", "source", "node", "verdict", "decision", "mission"))
+    ListParams, Depends(list_params("evidence", "kind", "source", "node", "verdict", "decision", "mission"))
 ]
 DigestPath = Annotated[str, Path(pattern="^[0-9a-f]{64}$")]
 USES = 100

@@ -47,7 +47,7 @@ def page_of(
     opened = handoffs.required(handoff)
     mission = console.runtime.mission(opened.mission_id)
     events = history_of(console, handoff_id)
-    watched = f"handoff/{handoff_id}"
+    topic = f"handoff/{handoff_id}"
     scene = HandoffScene(
         map=site_map(console.runtime.site),
         seen=_seen(console, mission.mission_id),
@@ -66,7 +66,7 @@ def page_of(
     inputs = HandoffInputs(
         now_s=console.clock(),
         person=actor.name,
-        viewers=console.presence.watching(watched),
+        viewers=console.presence.watching(topic),
         told=events,
         earlier=_earlier(console, opened),
         live_at=_live_at(console, mission.mission_id),
@@ -74,7 +74,7 @@ def page_of(
         scene=scene,
         form=form,
     )
-    topics = (watched, f"mission/{mission.mission_id}", f"live/{mission.mission_id}")
+    topics = (topic, f"mission/{mission.mission_id}", f"live/{mission.mission_id}")
     shell = console.shell(handoffs.title(handoff, mission), "handoffs", actor, topics=topics)
     return handoffs.handoff_page(shell, handoff, mission, inputs)
 

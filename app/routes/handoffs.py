@@ -11,7 +11,7 @@ from app.acts.base import Act
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.messages import reasoned
 from app.routes.handoff_page import SubmittedForm, answered, page_of, question_of
-from app.routes.listing import listed_page, searching
+from app.routes.listing import list_params, listed_page
 from app.views import handoffs
 from app.views.list_params import ListParams
 from app.views.tabbed_list import TabbedList
@@ -22,7 +22,7 @@ from harness.contracts.ids import HandoffId
 from harness.contracts.read_models import HandoffItem
 
 router = APIRouter(prefix="/handoffs")
-ListParamsDep = Annotated[ListParams, Depends(searching("handoff", "status", "robot", "failure", "mission"))]
+ListParamsDep = Annotated[ListParams, Depends(list_params("handoff", "status", "robot", "failure", "mission"))]
 
 
 @router.get("")

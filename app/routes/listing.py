@@ -18,7 +18,7 @@ SHOWN = 50
 LONGEST = 200
 
 
-def searching(listing: Listing, *facets: str) -> Callable[[Request], ListParams]:
+def list_params(listing: Listing, *facets: str) -> Callable[[Request], ListParams]:
     """Reads q, order, after and these filters from the address; raises ContractInvalid for an invalid position."""
 
     def params(request: Request) -> ListParams:

@@ -14,7 +14,7 @@ from app.i18n.catalogues import N_
 from app.i18n.languages import explained
 from app.i18n.messages import lazy_gettext, reasoned
 from app.routes.handoff_page import word_of
-from app.routes.listing import listed_page, searching
+from app.routes.listing import list_params, listed_page
 from app.views import events, forms, missions
 from app.views import preview as previews
 from app.views.forms import Before, FormOptions, RepeatedMission, StopPage, Wrong
@@ -45,7 +45,7 @@ from harness.runtime import Start
 
 router = APIRouter(prefix="/missions")
 T = TypeVar("T")
-ListParamsDep = Annotated[ListParams, Depends(searching("mission", "status", "robot", "template"))]
+ListParamsDep = Annotated[ListParams, Depends(list_params("mission", "status", "robot", "template"))]
 
 
 class StartRefused(ContractInvalid):
@@ -117,12 +117,12 @@ def preview(console: ConsoleDep, principal: PrincipalDep, actor: ActorDep, typed
 @router.post("")
 def start(console: ConsoleDep, actor: ActorDep, typed: SpokenFormDep) -> Response:
     key = typed.get("key", "")
-    begun = _compiled(console, actor, typed, lambda order: console.keys.once(key, lambda: started(console, order)))
-    if isinstance(begun, ReadingQuestion):
-        return _form(console, actor, typed, question=begun)
-    if isinstance(begun, tuple):
-        return _form(console, actor, typed, wrong=begun)
-    return RedirectResponse(f"/missions/{begun}", status_code=303)
+    outcome = _compiled(console, actor, typed, lambda order: console.keys.once(key, lambda: started(console, order)))
+    if isinstance(outcome, ReadingQuestion):
+        return _form(console, actor, typed, question=outcome)
+    if isinstance(outcome, tuple):
+        return _form(console, actor, typed, wrong=outcome)
+    return RedirectResponse(f"/missions/{outcome}", status_code=303)
 
 
 def ordered(console: Console, actor: Actor, act: StartMissionAct, *, channel: str) -> Start:

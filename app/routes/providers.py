@@ -21,7 +21,7 @@ COUNTED = 10_000
 @router.get("")
 def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
     """The cards of the robots that run here, and those of memory for everybody else who ever acted."""
-    cards = {card.provider_id: card for card in (*remembered(console.runtime.memory), *console.cards())}.values()
+    cards = {card.provider_id: card for card in (*cards_in_memory(console.runtime.memory), *console.cards())}.values()
     claims = {card.provider_id: claimed(card.provider_id) for card in cards}
     history: dict[ProviderId, Sequence[MemoryRecord]] = {
         card.provider_id: [
@@ -41,7 +41,7 @@ def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
     return render("providers/index.html", page)
 
 
-def remembered(memory: MemoryFabric) -> tuple[CapabilityCard, ...]:
+def cards_in_memory(memory: MemoryFabric) -> tuple[CapabilityCard, ...]:
     """Cards that roles were shown, the newest of each provider."""
     known = [one.record.knowledge for one in memory.find(MemoryQuery(kinds=("card",), limit=COUNTED))]
     newest: dict[str, CapabilityCard] = {}

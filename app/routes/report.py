@@ -42,7 +42,7 @@ from rsi_reviews.release_service import SignedBy
 router = APIRouter(prefix="/missions/{mission_id}")
 LONGEST = 200
 QUESTION: Codec[HandoffEvent] = Codec(HandoffEvent)
-HOUSE: Codec[ControlEvent] = Codec(ControlEvent)
+CONTROL_EVENTS: Codec[ControlEvent] = Codec(ControlEvent)
 
 
 @router.get("/report")
@@ -218,8 +218,8 @@ def _retreat_for(console: Console, opened: HandoffOpened) -> list[RetreatEvent]:
     """The events of the return to a safe point that this question led to, if its zone allows one."""
     if opened.no_answer != "retreat":
         return []
-    house = [HOUSE.decode(one) for one in console.runtime.stream(CONTROL)]
-    moves = [one for one in house if isinstance(one, RetreatIntended | RetreatStopping | RetreatEnded)]
+    control = [CONTROL_EVENTS.decode(one) for one in console.runtime.stream(CONTROL)]
+    moves = [one for one in control if isinstance(one, RetreatIntended | RetreatStopping | RetreatEnded)]
     intents = [one for one in moves if isinstance(one, RetreatIntended) and one.handoff_id == opened.handoff_id]
     sent = {one.invocation_id for one in intents}
     return [one for one in moves if one.invocation_id in sent]

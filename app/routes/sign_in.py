@@ -72,15 +72,15 @@ def begin(request: Request, console: ConsoleDep, page: str = "") -> Response:
     if request.headers.get("host", "").lower() != settings.address.split("://", 1)[1].lower():
         return _answer(_page(console, refusal=other_address(settings.address), page=page), status=403)
     try:
-        begun = login.begin(page, _origin(request), session=request.cookies.get(settings.cookie, ""))
+        redirection = login.begin(page, _origin(request), session=request.cookies.get(settings.cookie, ""))
     except SignInRefused as error:
         return _refused(console, error, page=page)
-    if isinstance(begun, TooManyAttempts):
-        wait_s = ceil(begun.wait_s)
+    if isinstance(redirection, TooManyAttempts):
+        wait_s = ceil(redirection.wait_s)
         return _answer(_page(console, refusal=too_fast(wait_s), page=page), status=429, wait_s=wait_s)
-    answer = RedirectResponse(begun.url, status_code=303)
+    answer = RedirectResponse(redirection.url, status_code=303)
     answer.headers.append(
-        "set-cookie", security.passing_cookie(settings.passing_cookie, begun.cookie, secure=settings.secure)
+        "set-cookie", security.passing_cookie(settings.passing_cookie, redirection.cookie, secure=settings.secure)
     )
     return answer
 
@@ -91,8 +91,8 @@ def back(request: Request, console: ConsoleDep) -> Response:
     login, settings = _oidc_login(console), console.settings
     cookie = request.cookies.get(settings.passing_cookie, "")
     try:
-        entered = login.finish(cookie, dict(request.query_params), _origin(request))
-        answer = _let_in(console, request, entered.cookie, page=entered.page)
+        session = login.finish(cookie, dict(request.query_params), _origin(request))
+        answer = _let_in(console, request, session.cookie, page=session.page)
     except SignInRefused as error:
         answer = _refused(console, error)
     if cookie:

@@ -69,7 +69,7 @@ async def relay(socket: WebSocket, address: Path, *, touch: Callable[[], None]) 
     try:
         await socket.accept(subprotocol=PROTOCOL)
         async with anyio.create_task_group() as group:
-            group.start_soon(_watched, touch)
+            group.start_soon(_watch, touch)
             group.start_soon(_out, socket, viewer, group.cancel_scope)
             await _back(socket, viewer)
             group.cancel_scope.cancel()
@@ -99,7 +99,7 @@ async def _back(socket: WebSocket, viewer: ClientConnection) -> None:
                 await socket.send_bytes(message)
 
 
-async def _watched(touch: Callable[[], None]) -> None:
+async def _watch(touch: Callable[[], None]) -> None:
     while True:
         touch()
         await anyio.sleep(TOUCH_S)

@@ -123,8 +123,8 @@ class Scenes:
                     seat.view.step()
 
     def _drop_feeds(self) -> None:
-        watched = {mission_id for mission_id, _ in self._open}
-        self._feeds = {name: feed for name, feed in self._feeds.items() if name in watched}
+        open_missions = {mission_id for mission_id, _ in self._open}
+        self._feeds = {name: feed for name, feed in self._feeds.items() if name in open_missions}
 
 
 class _ReaderViewer:

@@ -77,12 +77,12 @@ class SceneView:
         seen = stands[: self._feed.track.until(self._at_s)]
         drawing.robot(seen[-1] if seen else None)
         colours: dict[str, int] = {}
-        begun = 0
+        offset = 0
         for number, (node, stretch) in enumerate(groupby(stands, key=lambda stand: stand.node)):
             part = list(stretch)
             colour = colours.setdefault(node, len(colours))
-            count = min(max(len(seen) - begun, 0), len(part))
-            begun += len(part)
+            count = min(max(len(seen) - offset, 0), len(part))
+            offset += len(part)
             name = f"{number:04d}"
             if self._stretches.get(name) != count:
                 self._stretches[name] = count

@@ -59,7 +59,7 @@ def site_map(site: Site) -> SiteMap:
         *((one.name, "region", one.region_m) for one in site.places if one.region_m),
         *((word(one.passage_id), "passage", one.floor_m) for one in site.passages),
     ]
-    lines = [(one.name, "route", one.waypoints_m) for one in site.routes]
+    lines = [(lazy_gettext("route {name}", name=one.name), "route", one.waypoints_m) for one in site.routes]
     spots = [(one.name, one.approach_m) for one in site.places]
     every = [point for _, _, points in (*outlines, *lines) for point in points] + [at for _, at in spots]
     xs, ys = [p[0] for p in every] or [0.0], [p[1] for p in every] or [0.0]

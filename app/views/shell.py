@@ -9,6 +9,7 @@ from app.i18n.messages import lazy_gettext, listed, reasoned, word
 from harness.contracts.actors import Actor
 from harness.contracts.ids import RobotId
 from harness.contracts.retreat_events import RetreatEnded
+from harness.projections.alerts import Alert, status
 from harness.projections.control import Retreating, SiteControl
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
@@ -78,9 +79,8 @@ class Surroundings:
     now_s: float
     control: SiteControl = field(default_factory=SiteControl)
     quarantined: Sequence[Lease] = ()
-    acknowledged: Collection[str] = ()
     present: Sequence[str] = ()
-    alerts: int = 0
+    alerts: Sequence[Alert] = ()
     reviewing: int = 0
 
 
@@ -93,14 +93,28 @@ def shell(title: str, section: str, around: Surroundings, *, topics: Sequence[st
         may=permissions_of(around.actor.role.split("+")),
         running=sum(not mission.ended for mission in around.missions),
         waiting=around.waiting,
-        alerts=around.alerts,
+        alerts=sum(_waits(one, around.now_s) for one in around.alerts),
         reviewing=around.reviewing,
         robots=stop_controls(around.missions, around.robots, around.control),
-        notices=safety_notices(around.control, around.quarantined, acknowledged=around.acknowledged),
+        notices=safety_notices(around.control, around.quarantined, acknowledged=_acknowledged(around)),
         topics=" ".join((*topics, "mission/", "handoff/", "alert/", "candidate/", "release/", "control/", "lease/")),
         position=around.position,
         now_s=around.now_s,
         others=", ".join(one for one in around.present if one != around.actor.name),
+    )
+
+
+def _waits(alert: Alert, now_s: float) -> bool:
+    """Whether nobody has acknowledged it, and it is neither shelved nor suppressed."""
+    return status(alert, now_s) in ("unacknowledged", "returned")
+
+
+def _acknowledged(around: Surroundings) -> frozenset[str]:
+    """Robots whose alert about a move to safety somebody has acknowledged."""
+    return frozenset(
+        alert.newest.robot_id
+        for alert in around.alerts
+        if alert.newest and alert.newest.kind == "safety_not_reached" and not _waits(alert, around.now_s)
     )
 
 

@@ -264,10 +264,10 @@ def _note(state: NodeState) -> str:
     if state.failure is not None:
         return lazy_gettext("{failure}: {reason}", failure=word(state.failure.failure), reason=state.failure.reason)
     if state.attempt > 1 or state.spends:
-        tried = listed(word(spend.action) for spend in state.spends)
-        if not tried:
+        attempts = listed(word(spend.action) for spend in state.spends)
+        if not attempts:
             return lazy_gettext("attempt {count}", count=state.attempt)
-        return lazy_gettext("attempt {count} after {tried}", count=state.attempt, tried=tried)
+        return lazy_gettext("attempt {count} after {tried}", count=state.attempt, tried=attempts)
     return ""
 
 

@@ -68,7 +68,7 @@ class Idempotency:
         except ClientDisconnect:
             return
         request_bytes = b"\n".join((scope["method"].encode(), scope["path"].encode(), scope["query_string"], body))
-        begun = StoredAnswer(
+        claim = StoredAnswer(
             caller=caller,
             key=key,
             request=sha256(request_bytes),
@@ -79,12 +79,12 @@ class Idempotency:
         )
         name = (caller, key)
         try:
-            known = await self._known(begun)
+            known = await self._known(claim)
         except StoreUnavailable:
             await refused(scope, status=503, code="store_unavailable", wait_s=STORE_AGAIN_S)(scope, receive, send)
             return
         if known is not None:
-            await _again(begun, known, under_way=name in self._under_way)(scope, receive, send)
+            await _again(claim, known, under_way=name in self._under_way)(scope, receive, send)
             return
         done = self._under_way[name] = asyncio.Event()
         writes = RequestWrites()
@@ -94,29 +94,29 @@ class Idempotency:
         finally:
             WRITES.reset(mark)
             try:
-                await self._end(begun, answer, writes, secret=str(scope["path"]).startswith(SECRET_ANSWERS))
+                await self._end(claim, answer, writes, secret=str(scope["path"]).startswith(SECRET_ANSWERS))
             finally:
                 del self._under_way[name]
                 done.set()
 
-    async def _known(self, begun: StoredAnswer) -> StoredAnswer | None:
+    async def _known(self, claim: StoredAnswer) -> StoredAnswer | None:
         """What is known of the first request with this key, once that is over; None: this is the first, or it did
         nothing. Raises StoreUnavailable."""
-        name = (begun.caller, begun.key)
+        name = (claim.caller, claim.key)
         if (first := self._under_way.get(name)) is not None:
             with suppress(TimeoutError):
                 await asyncio.wait_for(first.wait(), PATIENCE_S)
-        known = await run_in_threadpool(self._store.begin, begun, forget_before_s=self._clock() - KEPT_S)
-        if known is None or known.status or known.request != begun.request or name not in self._unkept:
+        known = await run_in_threadpool(self._store.begin, claim, forget_before_s=self._clock() - KEPT_S)
+        if known is None or known.status or known.request != claim.request or name not in self._unkept:
             return known
         return self._unkept[name]
 
-    async def _end(self, begun: StoredAnswer, answer: "_RecordingSend", writes: RequestWrites, *, secret: bool) -> None:
+    async def _end(self, claim: StoredAnswer, answer: "_RecordingSend", writes: RequestWrites, *, secret: bool) -> None:
         """Keep the answer, or free the key where nothing was done; by memory where the store is held right now."""
-        name = (begun.caller, begun.key)
+        name = (claim.caller, claim.key)
         if answer.status < 400 or answer.status == 409:
             body = b"" if secret and answer.status < 400 else answer.body
-            stored = replace(begun, status=answer.status, media_type=answer.media_type, body=body)
+            stored = replace(claim, status=answer.status, media_type=answer.media_type, body=body)
             try:
                 await run_in_threadpool(self._store.keep, stored)
             except StoreUnavailable:

@@ -21,19 +21,19 @@ class ServerErrorMiddleware:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        begun = False
+        has_begun = False
 
-        async def watched(message: Message) -> None:
-            nonlocal begun
-            begun = True
+        async def relay(message: Message) -> None:
+            nonlocal has_begun
+            has_begun = True
             await send(message)
 
         try:
-            await self._app(scope, receive, watched)
+            await self._app(scope, receive, relay)
         except TooLarge:
             raise
         except Exception:
-            if scope["type"] != "http" or begun:
+            if scope["type"] != "http" or has_begun:
                 raise
             LOG.exception("unforeseen method=%s path=%s", scope["method"], scope["path"])
             await refused(scope, status=500, code="unexpected")(scope, receive, send)

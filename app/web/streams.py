@@ -58,7 +58,7 @@ class GuardedStream:
             with self._around:
                 if scope["type"] == "websocket":
                     await self._begin()
-                await app(scope, receive, self._watched(send))
+                await app(scope, receive, self._relay(send))
         finally:
             if self._watch is not None:
                 self._watch.cancel()
@@ -67,13 +67,13 @@ class GuardedStream:
             with suppress(RuntimeError, OSError):
                 await send(_end_of(scope))
 
-    def _watched(self, send: Send) -> Send:
-        async def watched(message: Message) -> None:
+    def _relay(self, send: Send) -> Send:
+        async def relay(message: Message) -> None:
             if message["type"] == "http.response.start" and _is_stream(message):
                 await self._begin()
             await send(message)
 
-        return watched
+        return relay
 
     async def _begin(self) -> None:
         if not self._counts.take(self._caller):

@@ -74,14 +74,14 @@ def main() -> None:
     found: list[Figure] = []
     failed = []
     for name in chosen:
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         print(f"== {name}, load {load():.1f}{' (busy: read the ratios)' if load() > QUIET else ''}", flush=True)
         try:
             rows = measures[name]()
         except Exception as error:  # noqa: BLE001 - one benchmark that breaks must not cost the others
             failed.append(f"{name}: {type(error).__name__}: {error}")
             continue
-        print(f"{table(rows)}\n   {time.perf_counter() - begun:.0f} s", flush=True)
+        print(f"{table(rows)}\n   {time.perf_counter() - start_s:.0f} s", flush=True)
         found += rows
         if not arguments.quick:
             keep(rows)

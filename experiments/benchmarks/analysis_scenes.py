@@ -44,9 +44,9 @@ def look_at(scene: Scene, *, seed: int) -> tuple[Report, float]:
         frames.append(
             OrientedFrame(digest=sha256(body), heading_rad=commanded_rad, pixels=np.asarray(pixels, dtype=np.uint8))
         )
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     report = analyse(frames, camera=CAMERA, position=position, passage=scene.passage.floor_m)
-    return report, time.perf_counter() - begun
+    return report, time.perf_counter() - start_s
 
 
 def found(scene: Scene, report: Report) -> int:

@@ -130,10 +130,10 @@ def measure(arms: Sequence[AppendArm], *, rounds: int) -> dict[str, AppendTimes]
     for number in range(WARM_UP, WARM_UP + rounds):
         turn = number % len(arms)
         for arm in (*arms[turn:], *arms[:turn]):
-            worked, begun = time.thread_time(), time.perf_counter()
+            cpu_start_s, start_s = time.thread_time(), time.perf_counter()
             arm.append(number)
-            times[arm.name].wall_us.append((time.perf_counter() - begun) * 1e6)
-            times[arm.name].cpu_us.append((time.thread_time() - worked) * 1e6)
+            times[arm.name].wall_us.append((time.perf_counter() - start_s) * 1e6)
+            times[arm.name].cpu_us.append((time.thread_time() - cpu_start_s) * 1e6)
     return times
 
 

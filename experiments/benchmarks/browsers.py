@@ -282,8 +282,10 @@ def _console(way: Connection, events: int, per_s: float, entries: int) -> None:
 
 def _under_way(harness: Harness) -> MissionId:
     """A mission that has begun; nothing advances it while it is observed."""
-    begun = harness.runtime.start(Start(actor=ADA, robot_id=RobotId("vbot-1"), template="warehouse-inspection", seed=1))
-    assert isinstance(begun, Accepted), begun
+    decision = harness.runtime.start(
+        Start(actor=ADA, robot_id=RobotId("vbot-1"), template="warehouse-inspection", seed=1)
+    )
+    assert isinstance(decision, Accepted), decision
     mission_id = harness.runtime.missions()[0].mission_id
     while harness.runtime.mission(mission_id).status != "active":
         harness.clock.wait_until(harness.supervisor.step(mission_id) or 0.0)

@@ -139,12 +139,12 @@ def _rows_found(missions: Sequence[int], *, rounds: int) -> list[dict[str, Any]]
 
 def _run(harness: Harness) -> Mission:
     """One warehouse inspection to its end, in virtual time."""
-    begun = harness.runtime.start(
+    decision = harness.runtime.start(
         Start(actor=Actor(name="bench", role="operator"), robot_id=RobotId("vbot-1"), template="warehouse-inspection")
     )
-    if not isinstance(begun, Accepted):
-        raise SystemExit(f"the mission was refused: {begun.rule}")
-    created = next(event for event in begun.events if isinstance(event, MissionCreated))
+    if not isinstance(decision, Accepted):
+        raise SystemExit(f"the mission was refused: {decision.rule}")
+    created = next(event for event in decision.events if isinstance(event, MissionCreated))
     return harness.supervisor.run(created.mission_id)
 
 

@@ -51,7 +51,7 @@ def _first_page_s() -> float:
         _clone(folder)
         log = Path(name) / "said"
         with log.open("wb") as output:
-            begun = time.perf_counter()
+            start_s = time.perf_counter()
             process = subprocess.Popen(
                 ["make", "run"],
                 cwd=folder,
@@ -62,8 +62,8 @@ def _first_page_s() -> float:
                 env=os.environ | {"REGEN_PORT": str(_free_port())},
             )
             try:
-                _wait_for_page(process, log, until=begun + LONGEST_S)
-                return time.perf_counter() - begun
+                _wait_for_page(process, log, until=start_s + LONGEST_S)
+                return time.perf_counter() - start_s
             finally:
                 os.killpg(process.pid, signal.SIGTERM)
                 process.wait(timeout=30)

@@ -74,9 +74,9 @@ def measure(*, points: int, count: int) -> list[Figure]:
     """One row: seconds to first pixels, ours and viser with one cloud; memory of the browser in its detail."""
     cloud_points = building(points)
     with simulated(HarnessSettings(), simulator=SIMULATOR, seed=1) as harness, sync_playwright() as playwright:
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         cloud = stored(harness.runtime, cloud_points)
-        split_s = time.perf_counter() - begun
+        split_s = time.perf_counter() - start_s
         browser = str(ensure(playwright))
         ours: list[dict[str, float]] = []
         whole: list[dict[str, float]] = []
@@ -132,24 +132,24 @@ def _time_to_pixels(playwright: Any, browser: str, prepare: Callable[[viser.Vise
     try:
         step = prepare(server)
         page = chromium.new_page(viewport={"width": 960, "height": 600})
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         page.goto(f"http://127.0.0.1:{server.get_port()}/", wait_until="commit")
-        first_s, all_s = _watched(page, step, begun)
+        first_s, all_s = _timing(page, step, start_s)
         return {"first_s": first_s, "all_s": all_s, "browser_mib": _resident_mib(browser)}
     finally:
         chromium.close()
         server.stop()
 
 
-def _watched(page: Page, step: Step, begun: float) -> tuple[float, float]:
+def _timing(page: Page, step: Step, start_s: float) -> tuple[float, float]:
     first_s = 0.0
     done = False
-    while time.perf_counter() - begun < LONGEST_S:
+    while time.perf_counter() - start_s < LONGEST_S:
         if not first_s and _drawn(page):
-            first_s = time.perf_counter() - begun
+            first_s = time.perf_counter() - start_s
         if first_s and done:
             page.wait_for_timeout(1000)
-            return first_s, time.perf_counter() - begun
+            return first_s, time.perf_counter() - start_s
         if first_s:
             done = step()
             page.wait_for_timeout(int(TICK_S * 1000))

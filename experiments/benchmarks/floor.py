@@ -52,9 +52,9 @@ def _appends(floor: DurabilityFloor) -> Callable[[dict[str, Any]], dict[str, Any
     def turn(request: dict[str, Any]) -> dict[str, Any]:
         waits = []
         for _ in range(request["appends"]):
-            begun = time.perf_counter()
+            start_s = time.perf_counter()
             floor.append()
-            waits.append(time.perf_counter() - begun)
+            waits.append(time.perf_counter() - start_s)
         return {"waits_s": waits}
 
     return turn
@@ -78,11 +78,11 @@ def _approvals(floor: DurabilityFloor) -> Callable[[dict[str, Any]], dict[str, A
             thread = threading.Thread(target=waiting)
             thread.start()
             time.sleep(0.005)
-            begun = time.perf_counter()
+            start_s = time.perf_counter()
             floor.append()
             approved.set()
             thread.join()
-            waits.append(at[0] - begun)
+            waits.append(at[0] - start_s)
         return {"waits_s": waits}
 
     return turn

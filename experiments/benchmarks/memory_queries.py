@@ -194,12 +194,12 @@ def records(count: int) -> Iterator[MemoryRecord]:
 
 def fill(index: SqlMemoryIndex, count: int) -> float:
     """Add `count` records in chunks; returns records per second."""
-    made, mark, begun = records(count), EMPTY, time.perf_counter()
+    made, mark, start_s = records(count), EMPTY, time.perf_counter()
     while chunk := list(islice(made, CHUNK)):
         upto = FollowPosition(fold="bench", position=mark.position + len(chunk), digest=Digest("0" * 64))
         index.add(chunk, after=mark, upto=upto)
         mark = upto
-    return count / (time.perf_counter() - begun)
+    return count / (time.perf_counter() - start_s)
 
 
 def questions(index: SqlMemoryIndex, path: Path, count: int) -> dict[str, Callable[[random.Random], int]]:
@@ -250,9 +250,9 @@ def measure(query: dict[str, Callable[[random.Random], int]], *, queries: int) -
     answers: dict[str, list[int]] = {name: [] for name in query}
     for turn in range(queries + 5):
         for name, ask in query.items():
-            begun = time.perf_counter()
+            start_s = time.perf_counter()
             found = ask(draw)
-            took_ms = (time.perf_counter() - begun) * 1e3
+            took_ms = (time.perf_counter() - start_s) * 1e3
             if turn >= 5:
                 times[name].append(took_ms)
                 answers[name].append(found)
@@ -290,13 +290,13 @@ def follow(missions: int, folder: Path) -> dict[str, Any]:
         log.append([batch], contexts, Moment(mission_s=START_S + number, wall_s=START_S + number))
     with closing(SqlMemoryIndex(f"sqlite:///{folder / 'followed.db'}")) as index:
         memory = MemoryFabric(store=log, index=index)
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         mark = memory.catch_up()
-        took_s = time.perf_counter() - begun
-        begun = time.perf_counter()
+        took_s = time.perf_counter() - start_s
+        start_s = time.perf_counter()
         for _ in range(200):
             memory.catch_up()
-        idle_ms = (time.perf_counter() - begun) * 1e3 / 200
+        idle_ms = (time.perf_counter() - start_s) * 1e3 / 200
     return {
         "events": mark.position,
         "events_per_s": round(mark.position / took_s),

@@ -104,13 +104,13 @@ def _in_a_new_process(folder: Path, mission_id: MissionId, way: str) -> float:
 
 def _open(folder: Path, mission_id: MissionId, way: str) -> None:
     """What a restarted process does first, with its modules loaded: prints {ms, version}."""
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     with ExitStack() as stack:
         store = stack.enter_context(closing(SqlEventStore(log_url(folder))))
         snapshots = StoredSnapshots(store, KEY, keeping=False) if way == "snapshots" else None
         gate = Gate(store=store, clock=SystemClock(), deciders=DECIDERS, snapshots=snapshots)
         version = gate.state(mission_stream(mission_id)).version
-        print(json.dumps({"ms": 1e3 * (time.perf_counter() - begun), "version": version}))
+        print(json.dumps({"ms": 1e3 * (time.perf_counter() - start_s), "version": version}))
 
 
 def main() -> None:

@@ -125,10 +125,10 @@ def rebuild(store: SqlEventStore, decider: Decider[Any, Any, Any], *, events: in
     """Turns {}: every mission of the log folded from its events, as the gate does at the first touch of each."""
 
     def turn(request: dict[str, Any]) -> dict[str, Any]:
-        begun, ended = time.perf_counter(), 0
+        start_s, ended = time.perf_counter(), 0
         for stream in store.streams("mission/"):
             ended += _folded(store, decider, stream).ended
-        return {"wall_s": time.perf_counter() - begun, "events": events, "ended": ended}
+        return {"wall_s": time.perf_counter() - start_s, "events": events, "ended": ended}
 
     return turn
 

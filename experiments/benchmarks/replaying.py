@@ -70,10 +70,10 @@ def _replay(path: Path, folder: Path) -> tuple[float, float]:
     """Seconds of the whole command, start of Python included, and its peak memory in MiB."""
     with TemporaryDirectory(dir=folder) as data, (Path(data) / "said").open("w+b") as output:
         command = [str(Path(sys.executable).parent / "regen"), "mission", "replay", str(path), "--data", data, "--json"]
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         process = subprocess.Popen(command, cwd=ROOT, stdout=output, stderr=subprocess.STDOUT)
         _, status, used = os.wait4(process.pid, 0)
-        wall_s = time.perf_counter() - begun
+        wall_s = time.perf_counter() - start_s
         process.returncode = os.waitstatus_to_exitcode(status)
         if process.returncode not in (0, 1) or wall_s > LONGEST_S:
             output.seek(0)

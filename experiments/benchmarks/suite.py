@@ -36,11 +36,11 @@ def measure(*, missions: int) -> list[Figure]:
 
 
 def _seconds(seeds: list[int], *, processes: int) -> float:
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     tally = simulated_campaign(seeds, processes=processes)
     if tally.missions != len(seeds):
         raise RuntimeError(f"{tally.missions} of {len(seeds)} missions ran")
-    return time.perf_counter() - begun
+    return time.perf_counter() - start_s
 
 
 def main() -> None:

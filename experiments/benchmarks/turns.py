@@ -41,7 +41,7 @@ def timed_missions(mission: Callable[[int], None], *, first: int, count: int, at
     `cpu_s` is the process's own work in that time, which a busy machine distorts less than wall time.
     """
     numbers = range(first, first + count)
-    begun, worked = time.perf_counter(), time.process_time()
+    start_s, cpu_start_s = time.perf_counter(), time.process_time()
     if at_once == 1:
         for number in numbers:
             mission(number)
@@ -49,8 +49,8 @@ def timed_missions(mission: Callable[[int], None], *, first: int, count: int, at
         with ThreadPoolExecutor(at_once) as threads:
             list(threads.map(mission, numbers))
     return {
-        "wall_s": time.perf_counter() - begun,
-        "cpu_s": time.process_time() - worked,
+        "wall_s": time.perf_counter() - start_s,
+        "cpu_s": time.process_time() - cpu_start_s,
         "missions": count,
         "steps": count * STAGES,
     }

@@ -186,7 +186,7 @@ def _found(arguments: argparse.Namespace, *, share: float) -> dict[str, tuple[di
         "releases": lambda: _plain("release_races", release_races(sizes["releases"])),
         "suspended": lambda: _plain("suspended_holders", suspensions(sizes["suspensions"])),
         "damage": lambda: _plain("damage", damages()),
-        "kills": lambda: _killed(kill_campaign(most=points, seed=arguments.seed)),
+        "kills": lambda: _kill_report(kill_campaign(most=points, seed=arguments.seed)),
         "instants": lambda: _plain(
             "random_kills", random_kills(sizes["instants"], seed=arguments.seed, minutes=arguments.minutes)
         ),
@@ -205,9 +205,9 @@ def _planted(bugs: PlantedReport) -> tuple[dict[str, Any], list[str]]:
     return {"planted_bugs": figures}, [f"planted and missed: {name}" for name in bugs.missed]
 
 
-def _killed(killed: KillReport) -> tuple[dict[str, Any], list[str]]:
-    figures, offences = _plain("kill_campaign", killed)
-    return {"kills": killed.kills + killed.second_kills, **figures}, offences
+def _kill_report(report: KillReport) -> tuple[dict[str, Any], list[str]]:
+    figures, offences = _plain("kill_campaign", report)
+    return {"kills": report.kills + report.second_kills, **figures}, offences
 
 
 def _plain(name: str, report: Report) -> tuple[dict[str, Any], list[str]]:

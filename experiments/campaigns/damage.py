@@ -41,13 +41,13 @@ def damages() -> DamageReport:
         root = Path(folder)
         whole = root / "whole"
         regen("mission", "run", "circuit", "--data", whole, *KINEMATIC)
-        tried = {name: case for name, case in CASES.items() if name != READ_ONLY or _modes_bind()}
-        for name, case in tried.items():
+        cases = {name: case for name, case in CASES.items() if name != READ_ONLY or _modes_bind()}
+        for name, case in cases.items():
             copy = root / name.replace(" ", "-")
             shutil.copytree(whole, copy)
             offences += [f"{name}: {sentence}" for sentence in case(copy)]
-    skipped = tuple(name for name in CASES if name not in tried)
-    return DamageReport(cases=len(tried), skipped=skipped, offences=tuple(offences))
+    skipped = tuple(name for name in CASES if name not in cases)
+    return DamageReport(cases=len(cases), skipped=skipped, offences=tuple(offences))
 
 
 def _blob(data: Path) -> list[str]:
@@ -160,6 +160,6 @@ def _modes_bind() -> bool:
     """Whether a child can be kept from writing by a folder's modes here."""
     with TemporaryDirectory(prefix="modes-") as folder:
         Path(folder).chmod(0o555)
-        tried = subprocess.run(["touch", f"{folder}/x"], capture_output=True, check=False, preexec_fn=_bound_by_modes)
+        attempt = subprocess.run(["touch", f"{folder}/x"], capture_output=True, check=False, preexec_fn=_bound_by_modes)
         Path(folder).chmod(0o700)
-    return tried.returncode != 0
+    return attempt.returncode != 0

@@ -22,12 +22,12 @@ from pypcd4.pypcd4 import PointCloud
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
+from harness.adapters.bounded_yaml import plain_values
 from harness.adapters.clouds import read_cloud
 from harness.adapters.limited_process import LimitedProcess, Limits, Work
 from harness.adapters.providers.recording.reader import open_recording
 from harness.adapters.stores.anchors import parsed_anchors
 from harness.adapters.stores.dossier import open_dossier
-from harness.adapters.yaml_reader import plain_values
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.reasons import Reason
 

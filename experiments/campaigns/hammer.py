@@ -96,11 +96,11 @@ def hammer(
         with ExitStack() as stack:
             store = SqlEventStore(prepare(data).log_url)
             stack.callback(store.close)
-            house = _CallerPool(data, store, seed=seed, callers=callers, between_s=between_s)
-            stack.callback(house.close)
-            house.run(decisions)
-            house.keys.follow(store)
-            return house.report([*house.offences, *wrong(data, house.keys, house.journals())])
+            pool = _CallerPool(data, store, seed=seed, callers=callers, between_s=between_s)
+            stack.callback(pool.close)
+            pool.run(decisions)
+            pool.keys.follow(store)
+            return pool.report([*pool.offences, *wrong(data, pool.keys, pool.journals())])
 
 
 def _prepare(data: Path) -> None:

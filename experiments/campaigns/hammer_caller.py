@@ -74,8 +74,8 @@ def opened(data: Path, *, failpoint: str = "", keeping: bool = True, afresh: boo
         log = stack.enter_context(closing(SqlEventStore(folder.log_url, busy_s=60.0)))
         index: MemoryIndex = VolatileMemoryIndex()
         if not afresh:
-            shared = SqlMemoryIndex(f"sqlite:///{folder.root / 'memory.db'}", busy_s=60.0)
-            index = stack.enter_context(closing(shared))
+            opened_index = SqlMemoryIndex(f"sqlite:///{folder.root / 'memory.db'}", busy_s=60.0)
+            index = stack.enter_context(closing(opened_index))
         parts = Parts(
             store=with_failpoint(log, parse(failpoint) if failpoint else None),
             blobs=FileBlobStore(folder.blobs),

@@ -97,9 +97,9 @@ def _refolded(data: Path) -> Iterator[str]:
         for stream in (stream for family in FAMILIES for stream in snapshots.streams(family)):
             if encode(snapshots.fold(stream)) != encode(zero.fold(stream)):
                 yield f"{stream} folded from zero is not, byte for byte, the one that was kept"
-        if _remembered(snapshots) != _remembered(zero):
+        if _memory_bytes(snapshots) != _memory_bytes(zero):
             yield "the memory index built from zero is not the one that was kept"
 
 
-def _remembered(runtime: Runtime) -> bytes:
+def _memory_bytes(runtime: Runtime) -> bytes:
     return encode([runtime.memory.catch_up(), runtime.memory.find(EVERYTHING)])

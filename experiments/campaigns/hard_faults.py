@@ -153,14 +153,14 @@ def struck_by(fault: HardFault) -> HardFaultOutcome:
         stack.callback(lambda: end_host(scene.host))
         struck = _under(fault, scene, reader)
         lives = 1
-        while not reader.settled() and lives < MOST_LIVES:
-            until(lambda: reader.settled() or scene.host.poll() is not None, reader, seconds=PATIENCE_S)
+        while not reader.is_over() and lives < MOST_LIVES:
+            until(lambda: reader.is_over() or scene.host.poll() is not None, reader, seconds=PATIENCE_S)
             reader.look()
-            if reader.settled() or scene.host.poll() is None:
+            if reader.is_over() or scene.host.poll() is None:
                 break
             lives += 1
             scene.host = started("worker", data, first=False, mission_id=reader.mission_id, changes=changes)
-        until(lambda: reader.settled() or scene.host.poll() is not None, reader, seconds=PATIENCE_S)
+        until(lambda: reader.is_over() or scene.host.poll() is not None, reader, seconds=PATIENCE_S)
         end_host(scene.host)
         reader.look()
         return _judged(fault, data, reader, struck=struck, lives=lives)
@@ -169,7 +169,7 @@ def struck_by(fault: HardFault) -> HardFaultOutcome:
 def _judged(fault: HardFault, data: Path, reader: LogReader, *, struck: bool, lives: int) -> HardFaultOutcome:
     log = stored_log(data)
     errors = (data.parent / f"{data.name}.err").read_text(errors="replace")
-    wrong = [] if reader.settled() else [f"the mission has no end: {reader.status}"]
+    wrong = [] if reader.is_over() else [f"the mission has no end: {reader.status}"]
     wrong += ["a traceback was shown"] if "Traceback (most recent call last)" in errors else []
     wrong += offences_in(data, reader.mission_id) if reader.mission_id else ["no mission was created"]
     return HardFaultOutcome(
@@ -193,8 +193,8 @@ def _under(fault: HardFault, scene: FaultScene, reader: LogReader) -> bool:
         truth = truth_of(scene.data)
         return bool(truth) and truth[-1].at_s - truth[0].at_s >= fault.at_s
 
-    until(lambda: due() or reader.settled() or scene.host.poll() is not None, reader, seconds=PATIENCE_S)
-    if reader.settled() or scene.host.poll() is not None:
+    until(lambda: due() or reader.is_over() or scene.host.poll() is not None, reader, seconds=PATIENCE_S)
+    if reader.is_over() or scene.host.poll() is not None:
         return False
     strike = STRIKES[fault.name](scene)
     try:

@@ -86,17 +86,17 @@ def kill_campaign(*, most: int | None = None, seed: int = 1) -> KillReport:
         points = sorted(points, key=lambda point: uniform(seed, point.faults, point.name))[:most]
     with ThreadPoolExecutor(SIDE_BY_SIDE) as threads:
         done = []
-        for number, killed in enumerate(threads.map(killed_twice, points), start=1):
-            done.append(killed)
+        for number, kill in enumerate(threads.map(killed_twice, points), start=1):
+            done.append(kill)
             print(f"{number} of {len(points)} fail-points", file=sys.stderr, flush=True)
     found = list(zip(points, done, strict=True))
     return KillReport(
         points=len(points),
-        kills=sum(killed.first for killed in done),
-        second_kills=sum(killed.second for killed in done),
-        idle=tuple(_title(point) for point, killed in found if not killed.first),
-        ends=dict(Counter(killed.end for killed in done)),
-        offences=tuple(f"{_title(point)}: {sentence}" for point, killed in found for sentence in killed.wrong),
+        kills=sum(kill.first for kill in done),
+        second_kills=sum(kill.second for kill in done),
+        idle=tuple(_title(point) for point, kill in found if not kill.first),
+        ends=dict(Counter(kill.end for kill in done)),
+        offences=tuple(f"{_title(point)}: {sentence}" for point, kill in found for sentence in kill.wrong),
     )
 
 

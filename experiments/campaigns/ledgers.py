@@ -11,29 +11,10 @@ from typing import Any
 
 import msgspec
 
+from harness.contracts import events
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
 from harness.contracts.errors import LogDamaged
-from harness.contracts.events import (
-    CommitRejected,
-    ContractCompiled,
-    ContractRecompiled,
-    DispatchIntended,
-    EffectDeclared,
-    EpochChanged,
-    GoalVerified,
-    HandoffAnswered,
-    MissionCreated,
-    MissionEnded,
-    NodeCommitted,
-    ObservationRecorded,
-    OperatorRetryGranted,
-    PacketRetained,
-    RecoveryAuthorised,
-    VerdictRecorded,
-    VetoCleared,
-    VetoRaised,
-)
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.handoff_events import HandoffApproved, HandoffRejected
 from harness.contracts.lease_events import LeaseAcquired, LeaseFreed, LeaseQuarantined, LeaseReleased
@@ -67,18 +48,18 @@ _DECODER: msgspec.json.Decoder[AnyEvent] = msgspec.json.Decoder(AnyEvent)
 class Books:
     """Everything that the log records of one mission, and what is wrong with it."""
 
-    created: MissionCreated | None = None
+    created: events.MissionCreated | None = None
     contract: TaskContract | None = None
-    intents: dict[str, DispatchIntended] = field(default_factory=dict)
+    intents: dict[str, events.DispatchIntended] = field(default_factory=dict)
     retreats: set[str] = field(default_factory=set)
     packets: dict[str, EvidencePacket] = field(default_factory=dict)
-    committed: list[NodeCommitted] = field(default_factory=list)
+    committed: list[events.NodeCommitted] = field(default_factory=list)
     rules: int = 1
     standing: set[str] = field(default_factory=set)
     declared: set[str] = field(default_factory=set)
     granted: set[str] = field(default_factory=set)
     """Stages that a revision lets begin once more: it was paid for when it was made, before the dispatch."""
-    rejected: list[CommitRejected] = field(default_factory=list)
+    rejected: list[events.CommitRejected] = field(default_factory=list)
     succeeded: bool = False
     partly: bool = False
     unauthorised: list[str] = field(default_factory=list)
@@ -128,26 +109,26 @@ def _unreadable(stored: StoredEvent, codec: Codec[Any]) -> Iterator[str]:
 def _fold(books: Books, together: Sequence[AnyEvent]) -> None:
     for event in together:
         match event:
-            case MissionCreated():
+            case events.MissionCreated():
                 books.created = event
-            case ContractCompiled():
+            case events.ContractCompiled():
                 books.contract, books.rules = event.contract, event.rules
-            case ContractRecompiled():
+            case events.ContractRecompiled():
                 books.contract, books.rules = event.contract, event.rules
                 books.k += 1
-            case DispatchIntended():
+            case events.DispatchIntended():
                 books.breaches.extend(_dispatched(books, event, together))
                 books.intents[event.invocation_id] = event
             case RetreatIntended():
                 books.retreats.add(event.request_id)
-            case PacketRetained():
+            case events.PacketRetained():
                 books.packets[event.packet.identity.packet_id] = event.packet
-            case NodeCommitted():
+            case events.NodeCommitted():
                 books.unauthorised.extend(_committed(books, event, together))
                 books.committed.append(event)
                 books.standing.add(event.node_id)
                 books.k += 1
-            case EffectDeclared():
+            case events.EffectDeclared():
                 books.unauthorised.extend(_declared(books, event, together))
                 books.declared.add(event.node_id)
                 books.k += 1
@@ -156,48 +137,53 @@ def _fold(books: Books, together: Sequence[AnyEvent]) -> None:
                 books.k += 1
             case ConstraintsTightened() | AttestationRecorded() | CompletionDisputed():
                 books.k += 1
-            case CommitRejected():
+            case events.CommitRejected():
                 books.rejected.append(event)
                 books.k += 1
-            case RecoveryAuthorised():
+            case events.RecoveryAuthorised():
                 books.breaches.extend(_spent(books, event.node_id, event.action, event.cost))
                 books.k += event.cost
-            case MissionEnded(status="succeeded"):
+            case events.MissionEnded(status="succeeded"):
                 books.succeeded = True
                 books.unauthorised.extend(_ended(books, together))
-            case MissionEnded(status="partly_verified"):
+            case events.MissionEnded(status="partly_verified"):
                 books.partly = True
                 books.unauthorised.extend(_ended_partly(books))
-            case VetoRaised():
+            case events.VetoRaised():
                 books.vetoes.add(event.layer)
                 books.k += 1
-            case VetoCleared():
+            case events.VetoCleared():
                 books.vetoes.discard(event.layer)
                 books.k += 1
-            case EpochChanged() | OperatorRetryGranted() | HandoffAnswered(decision="approved"):
+            case events.EpochChanged() | events.OperatorRetryGranted() | events.HandoffAnswered(decision="approved"):
                 books.k += 1
-            case ObservationRecorded():
+            case events.ObservationRecorded():
                 books.k += 1 if event.contradicts else 0
-            case GoalVerified():
+            case events.GoalVerified():
                 books.relooks += event.relook
                 books.k += event.relook
             case _:
                 pass
 
 
-def _committed(books: Books, event: NodeCommitted, together: Sequence[AnyEvent]) -> Iterator[str]:
+def _committed(books: Books, event: events.NodeCommitted, together: Sequence[AnyEvent]) -> Iterator[str]:
     """Why this commit was not authorised: what the same commit does not show."""
     where = f"commit of {event.node_id}"
     packet = next(
         (
             e.packet
             for e in together
-            if isinstance(e, PacketRetained) and e.packet.identity.packet_id == event.packet_id
+            if isinstance(e, events.PacketRetained) and e.packet.identity.packet_id == event.packet_id
         ),
         None,
     )
     verdict = next(
-        (e.verdict for e in together if isinstance(e, VerdictRecorded) and e.invocation_id == event.invocation_id), None
+        (
+            e.verdict
+            for e in together
+            if isinstance(e, events.VerdictRecorded) and e.invocation_id == event.invocation_id
+        ),
+        None,
     )
     node, intent = books.node(event.node_id), books.intents.get(event.invocation_id)
     if packet is None or verdict is None or node is None or intent is None or books.created is None:
@@ -222,13 +208,18 @@ def _committed(books: Books, event: NodeCommitted, together: Sequence[AnyEvent])
         yield f"{where}: {', '.join(sorted(books.vetoes))} vetoed"
 
 
-def _declared(books: Books, event: EffectDeclared, together: Sequence[AnyEvent]) -> Iterator[str]:
+def _declared(books: Books, event: events.EffectDeclared, together: Sequence[AnyEvent]) -> Iterator[str]:
     """Why this stage may not end declared: what its contract does not name, or what was not otherwise shown."""
     where = f"declared end of {event.node_id}"
     verdict = next(
-        (e.verdict for e in together if isinstance(e, VerdictRecorded) and e.invocation_id == event.invocation_id), None
+        (
+            e.verdict
+            for e in together
+            if isinstance(e, events.VerdictRecorded) and e.invocation_id == event.invocation_id
+        ),
+        None,
     )
-    packets = (e.packet for e in together if isinstance(e, PacketRetained))
+    packets = (e.packet for e in together if isinstance(e, events.PacketRetained))
     packet = next((one for one in packets if one.identity.packet_id == event.packet_id), None)
     node = books.node(event.node_id)
     if verdict is None or packet is None or node is None:
@@ -267,7 +258,7 @@ def _identity(packet: EvidencePacket, judged: str) -> tuple[object, ...]:
     )  # fmt: skip
 
 
-def _expected(mission_id: str, event: NodeCommitted, intent: DispatchIntended) -> tuple[object, ...]:
+def _expected(mission_id: str, event: events.NodeCommitted, intent: events.DispatchIntended) -> tuple[object, ...]:
     request = hashlib.sha256(f"{mission_id}\n{intent.node_id}\n{intent.attempt}".encode()).hexdigest()
     return (
         mission_id, event.node_id, intent.attempt, request, event.invocation_id, intent.provider_id,
@@ -278,7 +269,7 @@ def _expected(mission_id: str, event: NodeCommitted, intent: DispatchIntended) -
 def _ended(books: Books, together: Sequence[AnyEvent]) -> Iterator[str]:
     """Why this success was not earned."""
     contract = books.contract
-    verdict = next((event.verdict for event in together if isinstance(event, GoalVerified)), None)
+    verdict = next((event.verdict for event in together if isinstance(event, events.GoalVerified)), None)
     if contract is None or verdict is None:
         yield "success without a goal verdict in the same commit"
         return
@@ -296,7 +287,7 @@ def _ended(books: Books, together: Sequence[AnyEvent]) -> Iterator[str]:
         yield f"success with {', '.join(sorted(books.declared))} declared"
 
 
-def _dispatched(books: Books, intent: DispatchIntended, together: Sequence[AnyEvent]) -> Iterator[str]:
+def _dispatched(books: Books, intent: events.DispatchIntended, together: Sequence[AnyEvent]) -> Iterator[str]:
     """Why this dispatch should not have been made."""
     taken = {event.resource: event.token for event in together if isinstance(event, LeaseAcquired)}
     where = f"dispatch of {intent.node_id}, attempt {intent.attempt}"
@@ -305,7 +296,7 @@ def _dispatched(books: Books, intent: DispatchIntended, together: Sequence[AnyEv
         yield f"{where}: leases {taken} for resources {intent.resources} of {robot_id}"
     if books.vetoes:
         yield f"{where}: under a veto"
-    paid = any(isinstance(event, RecoveryAuthorised | OperatorRetryGranted) for event in together)
+    paid = any(isinstance(event, events.RecoveryAuthorised | events.OperatorRetryGranted) for event in together)
     if intent.attempt > 1 and not paid and intent.node_id not in books.granted:
         yield f"{where}: nobody authorised a further attempt"
     books.granted.discard(intent.node_id)
@@ -320,7 +311,7 @@ def _revised(books: Books, event: GraphRevised, together: Sequence[AnyEvent]) ->
     if event.cause != "recovery":
         yield from _spent(books, event.responsible, "local_replan", 1)
         return
-    steps = [one for one in together if isinstance(one, RecoveryAuthorised) and one.node_id == event.responsible]
+    steps = [one for one in together if isinstance(one, events.RecoveryAuthorised) and one.node_id == event.responsible]
     if not any(step.cost for step in steps):
         yield f"revision {event.revision} for {event.responsible}: no step of its commit paid for it"
 

@@ -55,7 +55,7 @@ class LogReader:
         except HarnessError:
             return
 
-    def settled(self) -> bool:
+    def is_over(self) -> bool:
         """Whether the mission is over or waits for a person."""
         return self.status in ("succeeded", "partly_verified", "failed", "cancelled", "safe_stopped", "awaiting_human")
 

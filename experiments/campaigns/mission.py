@@ -40,7 +40,7 @@ from harness.planning.templates import by_name
 from harness.projections.mission import Mission
 from harness.runtime import Start
 from harness.settings import HarnessSettings
-from harness.workspace.yaml_reader import read_yaml
+from harness.workspace.contract_yaml import read_yaml
 from simulator.camera import CAMERA
 from simulator.room import SimulatedRoom
 from simulator.truth import Truth

@@ -139,9 +139,9 @@ def _move(harness: Harness, kind: Kind, *, seed: int) -> Move:
     """Out along the circuit, then back to the safe place, by a person's order or because nobody answers."""
     harness.teleoperation.rest(ROBOT, posture="standing", actor=PERSON, reason="the next move")
     labels = {"faults": "interrupted:persistent"} if kind == "no_answer" else {}
-    begun = harness.runtime.start(Start(actor=PERSON, robot_id=ROBOT, template="circuit", seed=seed, labels=labels))
-    assert isinstance(begun, Accepted), begun
-    mission_id = next(event.mission_id for event in begun.events if isinstance(event, MissionCreated))
+    decision = harness.runtime.start(Start(actor=PERSON, robot_id=ROBOT, template="circuit", seed=seed, labels=labels))
+    assert isinstance(decision, Accepted), decision
+    mission_id = next(event.mission_id for event in decision.events if isinstance(event, MissionCreated))
     before = _newest(harness)
     stop_ms = _sent(harness, mission_id) if kind == "person" else _unanswered(harness, mission_id)
     until_s = time.monotonic() + PATIENCE_S

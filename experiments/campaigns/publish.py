@@ -81,18 +81,18 @@ def _others(result: dict[str, Any]) -> list[str]:
     return [*(["| other campaigns | |", "|---|---|"] if rows else []), *(f"| {a} | {b} |" for a, b in rows), ""]
 
 
-def _kills(killed: dict[str, Any]) -> list[tuple[str, str]]:
-    ends = ", ".join(f"{count} {end.replace('_', ' ')}" for end, count in sorted(killed["ends"].items()))
-    struck = f"{killed['points']}, {killed['kills']} kills, {killed['second_kills']} second ones{_offences(killed)}"
+def _kills(kills: dict[str, Any]) -> list[tuple[str, str]]:
+    ends = ", ".join(f"{count} {end.replace('_', ' ')}" for end, count in sorted(kills["ends"].items()))
+    struck = f"{kills['points']}, {kills['kills']} kills, {kills['second_kills']} second ones{_offences(kills)}"
     return [("fail-points with SIGKILL", struck), ("how those missions ended", ends)]
 
 
-def _random_kills(killed: dict[str, Any]) -> list[tuple[str, str]]:
-    counts = f"{killed['false_completions']} false completions, {killed['lost_events']} of {killed['read_events']:,} "
-    counts += f"read events lost, {killed['duplicate_starts']} starts doubled{_offences(killed)}"
-    struck = killed["instants"] - killed["missed"]
-    rows = [("SIGKILL at random instants over HTTP", f"{struck} of {killed['instants']} struck: {counts}")]
-    for name, found in killed["targets"].items():
+def _random_kills(kills: dict[str, Any]) -> list[tuple[str, str]]:
+    counts = f"{kills['false_completions']} false completions, {kills['lost_events']} of {kills['read_events']:,} "
+    counts += f"read events lost, {kills['duplicate_starts']} starts doubled{_offences(kills)}"
+    struck = kills["instants"] - kills["missed"]
+    rows = [("SIGKILL at random instants over HTTP", f"{struck} of {kills['instants']} struck: {counts}")]
+    for name, found in kills["targets"].items():
         questions = ", ".join(f"{times} about {about}" for about, times in sorted(found["questions"].items()))
         ends = ", ".join(f"{times} {end.replace('_', ' ')}" for end, times in sorted(found["ends"].items()))
         alone = f"{found['succeeded']} of {found['struck']} succeeded without a person ({ends})"
@@ -137,14 +137,14 @@ def _hammered(found: dict[str, Any]) -> list[tuple[str, str]]:
     return [("gate decisions under random SIGKILL", decided), ("their kills", kills), ("those decisions", summary)]
 
 
-def _worked(found: dict[str, Any]) -> list[tuple[str, str]]:
-    played = f"{found['missions']:,} by {found['workers']} workers with {found['robots']} robots"
+def _work(found: dict[str, Any]) -> list[tuple[str, str]]:
+    volume = f"{found['missions']:,} by {found['workers']} workers with {found['robots']} robots"
     ends = ", ".join(f"{count} {end.replace('_', ' ')}" for end, count in found["ends"].items())
     away = f"{found['restarts']} restarts ({found['crashes']} crashes), met {found['outages']} times by a worker"
     leases = f"{found['dispatches']:,} dispatches, {found['foreign_leases']:,} leases taken from outside"
     summary = f"{found['lost']} lost, {found['doubled']} doubled of {found['acknowledged']:,} appends{_offences(found)}"
     return [
-        ("missions on one PostgreSQL", f"{played}: {ends}"),
+        ("missions on one PostgreSQL", f"{volume}: {ends}"),
         ("its outages", f"{away}, in {found['seconds']:.0f} s"),
         ("its leases", f"{leases}, {found['contended']:,} refused: somebody else had it"),
         ("what was acknowledged", summary),
@@ -161,7 +161,7 @@ CAMPAIGNS = {
     "suspended_holders": _suspended,
     "damage": _damage,
     "hammer": _hammered,
-    "workers": _worked,
+    "workers": _work,
 }
 
 

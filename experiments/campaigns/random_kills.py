@@ -155,8 +155,8 @@ def killed_at(kill: InstantKill) -> tuple[InstantOutcome, int]:
             struck = _strike(kill, data, host, reader)
             if struck and kill.target != "robot":
                 host = started(kill.host, data, first=False, mission_id=reader.mission_id)
-            ended = until(lambda: reader.settled() or host.poll() is not None, reader, seconds=PATIENCE_S)
-            ended = (ended and until(reader.settled, reader, seconds=POLL_S)) or reader.settled()
+            ended = until(lambda: reader.is_over() or host.poll() is not None, reader, seconds=PATIENCE_S)
+            ended = (ended and until(reader.is_over, reader, seconds=POLL_S)) or reader.is_over()
         finally:
             end_host(host)
         log = stored_log(data)
@@ -182,8 +182,8 @@ def _strike(kill: InstantKill, data: Path, host: subprocess.Popen[bytes], reader
         truth = truth_of(data)
         return bool(truth) and truth[-1].at_s - truth[0].at_s >= kill.at_s
 
-    until(lambda: due() or reader.settled() or host.poll() is not None, reader, seconds=PATIENCE_S)
-    if reader.settled() or host.poll() is not None or not due():
+    until(lambda: due() or reader.is_over() or host.poll() is not None, reader, seconds=PATIENCE_S)
+    if reader.is_over() or host.poll() is not None or not due():
         return False
     pid = host.pid if kill.target != "robot" else int(json.loads(attachment(data).read_text())["pid"])
     try:

@@ -23,33 +23,7 @@ from harness.contracts.ids import Digest, RobotId
 from harness.contracts.reasons import plain
 from harness.contracts.values import digest
 from harness.gate.commit import CommandEnvelope, Gate
-from rsi_reviews.commands import (
-    ApproveCandidate,
-    AuthoriseRelease,
-    BeginCanary,
-    BeginEvaluation,
-    Confirm,
-    MovePointer,
-    OpenPointer,
-    OpenReview,
-    ProposeCandidate,
-    RecordEvaluation,
-    RejectCandidate,
-    RollBack,
-)
-from rsi_reviews.contracts import (
-    CLAUSES,
-    AcceptanceReport,
-    Author,
-    Candidate,
-    CaseResult,
-    ClauseAnswer,
-    EvaluationTerms,
-    HeldOutAnswer,
-    Manifest,
-    ReleasePolicy,
-    ResultSet,
-)
+from rsi_reviews import commands, contracts
 from rsi_reviews.deciders import DECIDERS
 from rsi_reviews.pointers import POINTER, Pointer, candidate_stream
 from rsi_reviews.projections import Review
@@ -60,7 +34,7 @@ ROBOT = RobotId("vbot-1")
 H0 = baseline()
 PLAIN = digest("nothing is run here")
 LEA = Actor(name="lea", role="operator")
-POLICY = ReleasePolicy()
+POLICY = contracts.ReleasePolicy()
 
 
 def release_races(rounds: int) -> RaceReport:
@@ -70,7 +44,9 @@ def release_races(rounds: int) -> RaceReport:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="release-races-")))
         gates = [_gate(stack, folder) for _ in range(RESPONDERS)]
-        gates[0].commit([CommandEnvelope(POINTER, OpenPointer(configuration=H0.configuration_id, actor=DESK), None)])
+        gates[0].commit(
+            [CommandEnvelope(POINTER, commands.OpenPointer(configuration=H0.configuration_id, actor=DESK), None)]
+        )
         kinds = (_authorise_or_reject, _release, _one_canary)
         for number in range(rounds):
             wrong, taken = kinds[number % len(kinds)](gates, number)
@@ -93,7 +69,9 @@ def _authorise_or_reject(gates: Sequence[Gate], number: int) -> tuple[list[str],
     def decide(responder: int) -> Any:
         remark = {**_fields_of(responder), "cycle": before.cycle, "subject": before.subject_digest}
         if responder % 2:
-            return gates[responder].commit([CommandEnvelope(candidate_stream(name), RejectCandidate(**remark), None)])
+            return gates[responder].commit(
+                [CommandEnvelope(candidate_stream(name), commands.RejectCandidate(**remark), None)]
+            )
         return gates[responder].commit(_authorising(before, remark))
 
     winners = _winners(together(decide))
@@ -133,7 +111,7 @@ def _moved_once(gate: Gate, before: int, winners: list[int]) -> list[str]:
         back = _move(review, "rolled_back", fields)
         decided = gate.commit(
             [
-                CommandEnvelope(candidate_stream(review.candidate), RollBack(**fields), None),
+                CommandEnvelope(candidate_stream(review.candidate), commands.RollBack(**fields), None),
                 CommandEnvelope(POINTER, back, None),
             ]
         )
@@ -150,25 +128,27 @@ def _authorised(gate: Gate, number: int) -> Digest:
 
 
 def _authorising(review: Review, fields: dict[str, Any]) -> list[CommandEnvelope]:
-    command = AuthoriseRelease(policy=POLICY, rollback=review.baseline, proven=review.baseline, **fields)
+    command = commands.AuthoriseRelease(policy=POLICY, rollback=review.baseline, proven=review.baseline, **fields)
     return [
         CommandEnvelope(candidate_stream(review.candidate), command, None),
-        CommandEnvelope(POINTER, Confirm(baseline=review.baseline), None),
+        CommandEnvelope(POINTER, commands.Confirm(baseline=review.baseline), None),
     ]
 
 
 def _releasing(gate: Gate, name: Digest, responder: int) -> list[CommandEnvelope]:
     review = _review(gate, name)
     fields = _fields_of(responder)
-    command = BeginCanary(robot_id=ROBOT, policy=POLICY, cycle=review.cycle, subject=review.subject_digest, **fields)
+    command = commands.BeginCanary(
+        robot_id=ROBOT, policy=POLICY, cycle=review.cycle, subject=review.subject_digest, **fields
+    )
     return [
         CommandEnvelope(candidate_stream(name), command, None),
         CommandEnvelope(POINTER, _move(review, "canary", fields), None),
     ]
 
 
-def _move(review: Review, cause: Any, fields: dict[str, Any]) -> MovePointer:
-    return MovePointer(
+def _move(review: Review, cause: Any, fields: dict[str, Any]) -> commands.MovePointer:
+    return commands.MovePointer(
         cause=cause,
         candidate=review.candidate,
         configuration=review.configuration,
@@ -185,25 +165,27 @@ def _reviewed(gate: Gate, number: int) -> Digest:
     name = made.candidate_id
     stream = candidate_stream(name)
     terms = _terms(made)
-    results = ResultSet(
+    results = contracts.ResultSet(
         terms=digest(terms),
         results=tuple(_result(one) for one in (terms.baseline, terms.configuration)),
-        held_out=HeldOutAnswer(answer="pass", look=1, alpha=0.025, cases=1),
+        held_out=contracts.HeldOutAnswer(answer="pass", look=1, alpha=0.025, cases=1),
     )
-    clauses = tuple(ClauseAnswer(clause=clause, answer="pass", sentence="made up") for clause in CLAUSES[:3])
-    report = AcceptanceReport(
+    clauses = tuple(
+        contracts.ClauseAnswer(clause=clause, answer="pass", sentence="made up") for clause in contracts.CLAUSES[:3]
+    )
+    report = contracts.AcceptanceReport(
         terms=digest(terms), result_set=digest(results), predicate=terms.predicate, clauses=clauses
     )
     fields: dict[str, Any] = {"actor": LEA, "reason": "a race"}
     for command in (
-        ProposeCandidate(candidate=made, baseline=H0, key="propose", **fields),
-        BeginEvaluation(terms=terms, key="begin", **fields),
-        RecordEvaluation(terms=terms, results=results, report=report, key="record", **fields),
-        OpenReview(key="open", **fields),
+        commands.ProposeCandidate(candidate=made, baseline=H0, key="propose", **fields),
+        commands.BeginEvaluation(terms=terms, key="begin", **fields),
+        commands.RecordEvaluation(terms=terms, results=results, report=report, key="record", **fields),
+        commands.OpenReview(key="open", **fields),
     ):
         _taken(gate.commit([CommandEnvelope(stream, command, None)]))
     review = _review(gate, name)
-    yes = ApproveCandidate(
+    yes = commands.ApproveCandidate(
         policy=POLICY,
         cycle=review.cycle,
         subject=review.subject_digest,
@@ -215,10 +197,10 @@ def _reviewed(gate: Gate, number: int) -> Digest:
     return name
 
 
-def _candidate(number: int) -> Candidate:
+def _candidate(number: int) -> contracts.Candidate:
     wait_s = 1.0 + number / 100_000.0
     changed = replace(H0, recovery=replace(H0.recovery, wait_s=wait_s))
-    manifest = Manifest(
+    manifest = contracts.Manifest(
         component="recovery",
         reason=f"Wait {wait_s:g} s.",
         intended_effect="Shorter waits.",
@@ -227,13 +209,13 @@ def _candidate(number: int) -> Candidate:
         smallest_effect=0.1,
         baseline=H0.configuration_id,
         rollback=H0.configuration_id,
-        author=Author(name="trace-miner 1", kind="optimiser"),
+        author=contracts.Author(name="trace-miner 1", kind="optimiser"),
     )
-    return Candidate(configuration=changed, manifest=manifest, baseline=H0.configuration_id)
+    return contracts.Candidate(configuration=changed, manifest=manifest, baseline=H0.configuration_id)
 
 
-def _terms(made: Candidate) -> EvaluationTerms:
-    return EvaluationTerms(
+def _terms(made: contracts.Candidate) -> contracts.EvaluationTerms:
+    return contracts.EvaluationTerms(
         candidate=made.candidate_id,
         configuration=made.configuration.configuration_id,
         manifest=digest(made.manifest),
@@ -248,8 +230,8 @@ def _terms(made: Candidate) -> EvaluationTerms:
     )
 
 
-def _result(configuration: Digest) -> CaseResult:
-    return CaseResult(case=PLAIN, family="nominal", seed=1, configuration=configuration, outcome="finished")
+def _result(configuration: Digest) -> contracts.CaseResult:
+    return contracts.CaseResult(case=PLAIN, family="nominal", seed=1, configuration=configuration, outcome="finished")
 
 
 def _fields_of(responder: int) -> dict[str, Any]:

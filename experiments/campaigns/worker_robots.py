@@ -69,7 +69,7 @@ class Robots:
         self.clocks = {name: LockstepClock(one.advance_to, at_s=one.at_s) for name, one in self.robots.items()}
         self.connections = {RobotId(name): self._connection(name) for name in shift.robots}
 
-    def house(self, store: AcknowledgedStore) -> Harness:
+    def harness(self, store: AcknowledgedStore) -> Harness:
         """One harness over these robots on that log."""
         clocks: dict[RobotId, Clock] = {robot_id: connection.clock for robot_id, connection in self.connections.items()}
         clock = next(iter(clocks.values()))

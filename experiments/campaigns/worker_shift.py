@@ -115,7 +115,7 @@ class _ShiftWorker:
     def _more(self) -> bool:
         return bool(self._left) and not (Path(self._shift.folder) / ENOUGH).exists()
 
-    # the house ------------------------------------------------------------------------------------------------------
+    # the harness ------------------------------------------------------------------------------------------------------
 
     def _opened(self) -> tuple[AcknowledgedStore, Harness]:
         """Log and harness, as soon as the database answers; raises StoreUnavailable if it stays away too long."""
@@ -125,7 +125,7 @@ class _ShiftWorker:
                 try:
                     store = AcknowledgedStore(self._shift.url, self._worked.acknowledged)
                     stack.callback(store.close)
-                    harness = self._robots.house(store)
+                    harness = self._robots.harness(store)
                 except StoreUnavailable:
                     if time.monotonic() > until_s:
                         raise
@@ -218,7 +218,7 @@ class _ShiftWorker:
         runtime, robot = self._harness.runtime, self._robots.robots[name]
         log = self._log(name, errand)
         mission = runtime.mission(errand.mission_id)
-        played = PlayedMission(
+        record = PlayedMission(
             plan=errand.plan,
             mission=mission,
             log=log,
@@ -230,8 +230,8 @@ class _ShiftWorker:
             course=errand.course,
             harness=self._harness,
         )
-        findings = judged(played)
-        self._worked.tally.add(errand.plan.seed, findings, struck=played.struck, end=mission.status)
+        findings = judged(record)
+        self._worked.tally.add(errand.plan.seed, findings, struck=record.struck, end=mission.status)
         del self._errands[name]
         with (Path(self._shift.folder) / f"done-{self._shift.number}").open("ab") as done:
             done.write(b".")

@@ -88,7 +88,7 @@ def worked_missions(
         shifts = _shifts(seeds_of(seed, missions), url=url, folder=folder, workers=workers)
         PostgresEventStore(url).close()
         restarter = _Restarter(server, seed=seed, every_s=every_s, most=most)
-        worked = _worked(shifts, restarter, minutes=minutes)
+        findings = _findings(shifts, restarter, minutes=minutes)
         store = PostgresEventStore(url)
         try:
             store.verify()
@@ -98,8 +98,8 @@ def worked_missions(
             log, broken = [], [f"the log does not verify: {error}"]
         finally:
             store.close()
-    offences = [*broken, *_wrong(log, worked)]
-    return _report(worked, log, restarter, offences=offences, seconds=time.monotonic() - begun_s)
+    offences = [*broken, *_wrong(log, findings)]
+    return _report(findings, log, restarter, offences=offences, seconds=time.monotonic() - begun_s)
 
 
 def _shifts(seeds: Sequence[int], *, url: str, folder: str, workers: int) -> list[Shift]:
@@ -149,7 +149,7 @@ class _Restarter:
         self.plan()
 
 
-def _worked(shifts: Sequence[Shift], restarter: _Restarter, *, minutes: float | None) -> list[WorkerFindings]:
+def _findings(shifts: Sequence[Shift], restarter: _Restarter, *, minutes: float | None) -> list[WorkerFindings]:
     """The workers' findings. Raises WorkersLost where one of them dies."""
     folder, begun_s, told_s = Path(shifts[0].folder), time.monotonic(), time.monotonic()
     context = multiprocessing.get_context("forkserver")
@@ -185,13 +185,13 @@ def _done(folder: Path) -> int:
     return sum(file.stat().st_size for file in folder.glob("done-*"))
 
 
-def _wrong(log: Sequence[StoredEvent], worked: Sequence[WorkerFindings]) -> Iterator[str]:
+def _wrong(log: Sequence[StoredEvent], findings: Sequence[WorkerFindings]) -> Iterator[str]:
     """Contradictions between log and workers, and what is in the log twice."""
-    for one in worked:
+    for one in findings:
         yield from (f"mission of seed {seed}: {sentence}" for seed, sentence in one.tally.offences)
         yield from lost(log, one.acknowledged)
     yield from doubled(log)
-    created, judged = sum(event.kind == "MissionCreated" for event in log), sum(one.tally.missions for one in worked)
+    created, judged = sum(event.kind == "MissionCreated" for event in log), sum(one.tally.missions for one in findings)
     if created != judged:
         yield f"{created} missions are in the log, {judged} were judged"
     yield from exclusive_leases(log)
@@ -215,29 +215,29 @@ def _field(event: StoredEvent, name: str) -> str:
 
 
 def _report(
-    worked: Sequence[WorkerFindings],
+    findings: Sequence[WorkerFindings],
     log: Sequence[StoredEvent],
     restarter: _Restarter,
     *,
     offences: Sequence[str],
     seconds: float,
 ) -> WorkersReport:
-    tally: Tally = tallied(one.tally for one in worked)
+    tally: Tally = tallied(one.tally for one in findings)
     conflicts = sum(b'"resource_conflict"' in event.body for event in log if event.kind == "FailureClassified")
     return WorkersReport(
         missions=tally.missions,
-        workers=len(worked),
-        robots=len(worked) * ROBOTS_EACH,
+        workers=len(findings),
+        robots=len(findings) * ROBOTS_EACH,
         restarts=restarter.restarts,
         crashes=restarter.crashes,
-        outages=sum(one.outages for one in worked),
-        acknowledged=sum(len(one.acknowledged) for one in worked),
+        outages=sum(one.outages for one in findings),
+        acknowledged=sum(len(one.acknowledged) for one in findings),
         events=len(log),
         dispatches=tally.acts["dispatches"],
         starts=tally.acts["starts"],
         commits=tally.acts["commits"],
-        foreign_leases=sum(one.taken for one in worked),
-        contended=sum(one.refused for one in worked) + conflicts,
+        foreign_leases=sum(one.taken for one in findings),
+        contended=sum(one.refused for one in findings) + conflicts,
         ends=dict(sorted(tally.ends.items())),
         lost=sum(one.endswith("is lost") for one in offences),
         doubled=sum(one.endswith("times") for one in offences) + tally.found["duplicate_starts"],

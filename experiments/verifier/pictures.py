@@ -470,17 +470,17 @@ def _still(name: str, effect: Visual, run: SimulatedExecution, chance: Random, p
     receipts: Sequence[Receipt] = run.report.receipts
     track = run.between(run.from_s, run.until_s)
     truth, epistemic = name in ("none", "no receipt", "odometry missing", "no picture"), False
-    begun = run.from_s
+    start_s = run.from_s
     match name:
         case "body moves during the look":
             speed = chance.choice((0.002, 0.05, 0.2, 0.5))
             truth = speed < 0.004
-            odometry = tuple(replace(one, x_m=one.x_m + speed * (one.at_s - begun)) for one in track.odometry)
+            odometry = tuple(replace(one, x_m=one.x_m + speed * (one.at_s - start_s)) for one in track.odometry)
             track = replace(track, odometry=odometry)
         case "body turns during the look":
             rate = chance.choice((0.004, 0.05, 0.3))
             truth = rate < 0.01
-            turned = tuple(replace(one, yaw_rad=one.yaw_rad + rate * (one.at_s - begun)) for one in track.odometry)
+            turned = tuple(replace(one, yaw_rad=one.yaw_rad + rate * (one.at_s - start_s)) for one in track.odometry)
             track = replace(track, odometry=turned)
         case "picture cut short" | "camera gives out another picture, freshly stamped":
             other = chance.choice([one for one in pool.pictures if one is not run])

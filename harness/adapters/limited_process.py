@@ -78,7 +78,7 @@ class LimitedProcess:
         self._failure = failure
         self._children: list[subprocess.Popen[bytes]] = []
         self._lock = Lock()
-        finalize(self, _killed, self._children)
+        finalize(self, _end_all, self._children)
 
     def run(self, request: bytes, *, where: str = "") -> bytes:
         """The answer of the work. Raises the HarnessError that the work raised, or `failure` with the reason."""
@@ -86,10 +86,10 @@ class LimitedProcess:
             try:
                 status, body = self._exchanged(request)
             except BaseException:
-                _killed(self._children)
+                _end_all(self._children)
                 raise
             if status not in (ANSWERED, REFUSED):
-                ended = _killed(self._children, grace_s=0.0 if status else _DYING_S)
+                ended = _end_all(self._children, grace_s=0.0 if status else _DYING_S)
                 raise self._failure(self._reason(status, body, ended), where=where)
         if status == REFUSED:
             raise self._raised(body, where)
@@ -98,12 +98,12 @@ class LimitedProcess:
     def close(self) -> None:
         """End the child. A later request starts another one."""
         with self._lock:
-            _killed(self._children)
+            _end_all(self._children)
 
     def _exchanged(self, request: bytes) -> tuple[bytes, bytes]:
         """Status and body; no status where the child did not answer in time or died."""
         if self._children and self._children[0].poll() is not None:  # it ended between two requests
-            _killed(self._children)
+            _end_all(self._children)
         child = self._children[0] if self._children else self._started()
         assert child.stdin is not None and child.stdout is not None
         with _killed_after(self._limits.wall_s, child), suppress(BrokenPipeError):
@@ -168,7 +168,7 @@ def run_limited(
         return child.run(request, where=where)
 
 
-def _killed(children: list[subprocess.Popen[bytes]], *, grace_s: float = 0.0) -> int:
+def _end_all(children: list[subprocess.Popen[bytes]], *, grace_s: float = 0.0) -> int:
     """End the child, if there is one, and wait for it; its exit code, negative for a signal.
 
     Within `grace_s` a child that closed its output may end by itself, so that the code says why it did.

@@ -11,8 +11,8 @@ from pathlib import Path
 import cv2
 import msgspec
 import numpy as np
-import yaml
 
+from harness.adapters.bounded_yaml import plain_values
 from harness.adapters.limited_process import Limits, run_limited
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.exploration import FREE, OCCUPIED, UNKNOWN, GridMap
@@ -122,13 +122,11 @@ def coarser(grid: GridMap, *, cell_m: float) -> GridMap:
 
 def _described(file: Path) -> MapServerFile:
     try:
-        text = file.read_text(encoding="utf-8")
-        if len(text) > LONGEST_YAML:
-            raise _invalid(because("text_too_long", characters=len(text), limit=LONGEST_YAML), file)
-        return msgspec.convert(yaml.safe_load(text), MapServerFile, strict=False)
+        described = plain_values(file.read_text(encoding="utf-8"), where=str(file), longest=LONGEST_YAML)
+        return msgspec.convert(described, MapServerFile, strict=False)
     except OSError as error:
         raise _invalid(because("map_unreadable", error=error.strerror or str(error)), file) from error
-    except (UnicodeError, yaml.YAMLError, msgspec.ValidationError, ValueError, RecursionError) as error:
+    except (UnicodeError, msgspec.ValidationError) as error:
         raise _invalid(because("map_file_invalid", error=str(error)[:200]), file) from error
 
 

@@ -14,7 +14,7 @@ from harness.contracts.values import decode, encode
 from harness.exploration.frontiers import edges
 from harness.exploration.grid import merged, usable
 from harness.exploration.paths import Ways
-from harness.exploration.targets import NEAREST_EDGE, given_up, nearest_edge, settled
+from harness.exploration.targets import NEAREST_EDGE, given_up, nearest_edge, target_choice
 from harness.projections.exploration import choices, feedback, newest_image, unmapped, updates
 from harness.projections.floor import cells_of
 from harness.projections.mission import Mission, required_contract
@@ -53,7 +53,7 @@ def target_differences(
     found = [f"the target was proposed from {what}" for what, (original, again) in inputs.items() if original != again]
     original = nearest_edge(question) if answer.planner == NEAREST_EDGE.name else answer.said
     silent: Explanation = answer.refused if answer.said is None else ""
-    again = settled(answer.planner, original, refused=silent, question=question, grid=grid)
+    again = target_choice(answer.planner, original, refused=silent, question=question, grid=grid)
     if not same(again, answer, old=True):
         found.append(f"the target was {_place(answer)}; derived again it is {_place(again)}")
     admitted = (answer.chosen.target_m, answer.chosen.reason) if answer.chosen else None

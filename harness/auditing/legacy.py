@@ -2,68 +2,8 @@
 
 from collections.abc import Sequence
 
-from harness.contracts.commands import (
-    AcceptInvocation,
-    AcknowledgeStop,
-    ActivateMission,
-    AnswerMission,
-    AskPerson,
-    AuthoriseDispatch,
-    AuthoriseWait,
-    ChangeEpoch,
-    ClearVeto,
-    CompleteNode,
-    CreateMission,
-    EndInvocation,
-    EndMission,
-    FailNode,
-    JudgeGoal,
-    MissionCommand,
-    PauseMission,
-    RaiseVeto,
-    RecompileContract,
-    RecordObservation,
-    RefusePrecondition,
-    ReportFailure,
-    ResumeInvocation,
-    ResumeMission,
-    StopInvocation,
-    StopMission,
-)
+from harness.contracts import commands, events
 from harness.contracts.control import AutonomySet, SetAutonomy
-from harness.contracts.events import (
-    ContractCompiled,
-    ContractRecompiled,
-    DispatchIntended,
-    EpochChanged,
-    FailureClassified,
-    FailureReported,
-    GoalVerified,
-    HandoffAnswered,
-    HandoffRequested,
-    InvocationAccepted,
-    InvocationEnded,
-    InvocationResumed,
-    InvocationStopRequested,
-    MissionActivated,
-    MissionCreated,
-    MissionEnded,
-    MissionEvent,
-    MissionPaused,
-    MissionResumed,
-    NodeFailed,
-    NodePlanned,
-    ObservationRecorded,
-    OperatorRetryGranted,
-    PacketRetained,
-    PreconditionRefused,
-    RecoveryAuthorised,
-    StopAcknowledged,
-    StopRequested,
-    VerdictRecorded,
-    VetoCleared,
-    VetoRaised,
-)
 from harness.contracts.proposals import RecoveryProposal
 from harness.contracts.revision_commands import DisputeCompletion, RecordAttestation, ReviseContract, TightenConstraints
 from harness.contracts.revision_events import (
@@ -73,20 +13,20 @@ from harness.contracts.revision_events import (
     GraphRevised,
 )
 
-Tail = Sequence[MissionEvent]
+Tail = Sequence[events.MissionEvent]
 LONGEST = 5
 """No command has more events than this: an approval, a spend, a plan, an intent, an attestation."""
 
 
-def guessed_command(tail: Tail) -> MissionCommand | None:
+def guessed_command(tail: Tail) -> commands.MissionCommand | None:
     """The command whose events `tail` begins with; None if no command leads to such a beginning."""
-    return _started(tail) or _worked(tail) or _recovered(tail) or _spoken(tail) or _noted(tail)
+    return _started(tail) or _work(tail) or _recovered(tail) or _spoken(tail) or _noted(tail)
 
 
-def _started(tail: Tail) -> MissionCommand | None:
+def _started(tail: Tail) -> commands.MissionCommand | None:
     match tail:
-        case [MissionCreated() as created, ContractCompiled() as compiled, *_]:
-            return CreateMission(
+        case [events.MissionCreated() as created, events.ContractCompiled() as compiled, *_]:
+            return commands.CreateMission(
                 mission_id=created.mission_id,
                 robot_id=created.robot_id,
                 goal=created.goal,
@@ -104,44 +44,44 @@ def _started(tail: Tail) -> MissionCommand | None:
                 channel=created.channel,
                 spoken=created.spoken,
             )
-        case [ContractRecompiled() as again, *_]:
-            return RecompileContract(
+        case [events.ContractRecompiled() as again, *_]:
+            return commands.RecompileContract(
                 configuration=again.configuration,
                 contract=again.contract,
                 policy=again.policy,
                 trial=again.trial,
                 rules=again.rules,
             )
-        case [MissionActivated(), *_]:
-            return ActivateMission()
+        case [events.MissionActivated(), *_]:
+            return commands.ActivateMission()
         case _:
             return None
 
 
-def _worked(tail: Tail) -> MissionCommand | None:
+def _work(tail: Tail) -> commands.MissionCommand | None:
     match tail:
-        case [PacketRetained() as retained, VerdictRecorded() as recorded, *_]:
-            return CompleteNode(packet=retained.packet, verdict=recorded.verdict)
-        case [GoalVerified() as verified, *_]:
-            return JudgeGoal(verdict=verified.verdict)
-        case [InvocationAccepted() as accepted, *_]:
-            return AcceptInvocation(invocation_id=accepted.invocation_id, handle=accepted.handle)
-        case [InvocationResumed() as resumed, *_]:
-            return ResumeInvocation(invocation_id=resumed.invocation_id)
-        case [InvocationEnded() as ended, FailureClassified() as failure, *_]:
-            return EndInvocation(
+        case [events.PacketRetained() as retained, events.VerdictRecorded() as recorded, *_]:
+            return commands.CompleteNode(packet=retained.packet, verdict=recorded.verdict)
+        case [events.GoalVerified() as verified, *_]:
+            return commands.JudgeGoal(verdict=verified.verdict)
+        case [events.InvocationAccepted() as accepted, *_]:
+            return commands.AcceptInvocation(invocation_id=accepted.invocation_id, handle=accepted.handle)
+        case [events.InvocationResumed() as resumed, *_]:
+            return commands.ResumeInvocation(invocation_id=resumed.invocation_id)
+        case [events.InvocationEnded() as ended, events.FailureClassified() as failure, *_]:
+            return commands.EndInvocation(
                 invocation_id=ended.invocation_id,
                 status=ended.status,
                 failure=ended.failure,
                 reason=ended.reason,
                 at_s=failure.at_s,
             )
-        case [PreconditionRefused() as refused, FailureClassified() as failure, *_]:
-            return RefusePrecondition(
+        case [events.PreconditionRefused() as refused, events.FailureClassified() as failure, *_]:
+            return commands.RefusePrecondition(
                 node_id=refused.node_id, precondition=refused.precondition, reason=refused.reason, at_s=failure.at_s
             )
-        case [FailureClassified() as failure, *_]:
-            return ReportFailure(
+        case [events.FailureClassified() as failure, *_]:
+            return commands.ReportFailure(
                 node_id=failure.node_id,
                 invocation_id=failure.invocation_id,
                 failure=failure.failure,
@@ -152,26 +92,26 @@ def _worked(tail: Tail) -> MissionCommand | None:
             return _dispatched(tail)
 
 
-def _dispatched(tail: Tail) -> MissionCommand | None:
+def _dispatched(tail: Tail) -> commands.MissionCommand | None:
     """An intent with what paid for it: a plan, a recovery step, or an approval."""
     near = tail[:LONGEST]
-    place = next((index for index, event in enumerate(near) if isinstance(event, DispatchIntended)), None)
+    place = next((index for index, event in enumerate(near) if isinstance(event, events.DispatchIntended)), None)
     if place is None:
         return None
     intent, before = near[place], near[:place]
-    if not isinstance(intent, DispatchIntended) or not all(_pays(event) for event in before):
+    if not isinstance(intent, events.DispatchIntended) or not all(_pays(event) for event in before):
         return None
-    planned = next((event for event in before if isinstance(event, NodePlanned)), None)
-    answered = next((event for event in before if isinstance(event, HandoffAnswered)), None)
-    paid = next((event for event in before if isinstance(event, RecoveryAuthorised)), None)
-    granted = next((event for event in before if isinstance(event, OperatorRetryGranted)), None)
+    planned = next((event for event in before if isinstance(event, events.NodePlanned)), None)
+    answered = next((event for event in before if isinstance(event, events.HandoffAnswered)), None)
+    paid = next((event for event in before if isinstance(event, events.RecoveryAuthorised)), None)
+    granted = next((event for event in before if isinstance(event, events.OperatorRetryGranted)), None)
     recovery = _proposal(paid) if paid else None
     if granted is not None:
         recovery = RecoveryProposal(
             action=granted.action, failure="violated", provider_id=granted.provider_id, cost=0, reason="granted"
         )
     seen = next((event for event in before if isinstance(event, AttestationRecorded)), None)
-    return AuthoriseDispatch(
+    return commands.AuthoriseDispatch(
         intent=intent,
         planned=planned,
         recovery=recovery,
@@ -197,34 +137,38 @@ def _attestation(seen: AttestationRecorded) -> RecordAttestation:
     )
 
 
-def _pays(event: MissionEvent) -> bool:
+def _pays(event: events.MissionEvent) -> bool:
     """Whether it may precede an intent in the same commit; a step that waits is a commit of its own."""
-    if isinstance(event, RecoveryAuthorised):
+    if isinstance(event, events.RecoveryAuthorised):
         return event.until_s is None
-    return isinstance(event, NodePlanned | HandoffAnswered | OperatorRetryGranted | AttestationRecorded)
+    return isinstance(
+        event, events.NodePlanned | events.HandoffAnswered | events.OperatorRetryGranted | AttestationRecorded
+    )
 
 
-def _proposal(paid: RecoveryAuthorised) -> RecoveryProposal:
+def _proposal(paid: events.RecoveryAuthorised) -> RecoveryProposal:
     return RecoveryProposal(
         action=paid.action, failure=paid.failure, provider_id=None, cost=paid.cost, reason=paid.reason
     )
 
 
-def _recovered(tail: Tail) -> MissionCommand | None:
+def _recovered(tail: Tail) -> commands.MissionCommand | None:
     match tail:
-        case [RecoveryAuthorised() as step, InvocationStopRequested() as requested, *_]:
-            return StopInvocation(
+        case [events.RecoveryAuthorised() as step, events.InvocationStopRequested() as requested, *_]:
+            return commands.StopInvocation(
                 invocation_id=requested.invocation_id,
                 reason=requested.reason,
                 recovery=_proposal(step),
                 recovery_context=step.context,
             )
-        case [InvocationStopRequested() as requested, *_]:
-            return StopInvocation(invocation_id=requested.invocation_id, reason=requested.reason)
-        case [RecoveryAuthorised(until_s=float() as until_s) as step, *_]:
-            return AuthoriseWait(node_id=step.node_id, proposal=_proposal(step), context=step.context, until_s=until_s)
-        case [NodeFailed() as failed, *_]:
-            return FailNode(node_id=failed.node_id, reason=failed.reason, context=failed.context)
+        case [events.InvocationStopRequested() as requested, *_]:
+            return commands.StopInvocation(invocation_id=requested.invocation_id, reason=requested.reason)
+        case [events.RecoveryAuthorised(until_s=float() as until_s) as step, *_]:
+            return commands.AuthoriseWait(
+                node_id=step.node_id, proposal=_proposal(step), context=step.context, until_s=until_s
+            )
+        case [events.NodeFailed() as failed, *_]:
+            return commands.FailNode(node_id=failed.node_id, reason=failed.reason, context=failed.context)
         case [GraphRevised(contract=None), *_]:
             return None
         case [GraphRevised() as revised, *_]:
@@ -240,51 +184,59 @@ def _recovered(tail: Tail) -> MissionCommand | None:
             return None
 
 
-def _spoken(tail: Tail) -> MissionCommand | None:
+def _spoken(tail: Tail) -> commands.MissionCommand | None:
     match tail:
-        case [HandoffRequested() as requested, *_]:
-            return AskPerson(
+        case [events.HandoffRequested() as requested, *_]:
+            return commands.AskPerson(
                 handoff_id=requested.handoff_id,
                 node_id=requested.node_id,
                 failure=requested.failure,
                 reason=requested.reason,
                 context=requested.context,
             )
-        case [HandoffAnswered(decision="rejected" | "expired" | "superseded" | "closed" as decision) as answered, *_]:
-            return AnswerMission(
+        case [
+            events.HandoffAnswered(decision="rejected" | "expired" | "superseded" | "closed" as decision) as answered,
+            *_,
+        ]:
+            return commands.AnswerMission(
                 handoff_id=answered.handoff_id, decision=decision, actor=answered.actor, reason=answered.reason
             )
         case [AutonomySet() as said, *_]:
             return SetAutonomy(autonomy=said.autonomy, scope=said.scope, actor=said.actor, reason=said.reason)
-        case [MissionPaused() as paused, *_]:
-            return PauseMission(actor=paused.actor, reason=paused.reason)
-        case [MissionResumed() as resumed, *_]:
-            return ResumeMission(actor=resumed.actor, reason=resumed.reason)
-        case [StopRequested() as requested, *_]:
-            return StopMission(actor=requested.actor, reason=requested.reason)
-        case [StopAcknowledged() as acknowledged, *_]:
-            return AcknowledgeStop(
+        case [events.MissionPaused() as paused, *_]:
+            return commands.PauseMission(actor=paused.actor, reason=paused.reason)
+        case [events.MissionResumed() as resumed, *_]:
+            return commands.ResumeMission(actor=resumed.actor, reason=resumed.reason)
+        case [events.StopRequested() as requested, *_]:
+            return commands.StopMission(actor=requested.actor, reason=requested.reason)
+        case [events.StopAcknowledged() as acknowledged, *_]:
+            return commands.AcknowledgeStop(
                 static=acknowledged.static, measured=acknowledged.measured, reason=acknowledged.reason
             )
         case [CompletionDisputed() as disputed, *_]:
             return DisputeCompletion(condition_id=disputed.condition_id, actor=disputed.actor, reason=disputed.reason)
-        case [FailureReported(), MissionEnded(status="failed" | "cancelled" | "safe_stopped" | "handed_off" as status)
-              as ended, *_]:  # fmt: skip
-            return EndMission(status=status, reason=ended.reason)
+        case [
+            events.FailureReported(),
+            events.MissionEnded(status="failed" | "cancelled" | "safe_stopped" | "handed_off" as status) as ended,
+            *_,
+        ]:
+            return commands.EndMission(status=status, reason=ended.reason)
         case _:
             return None
 
 
-def _noted(tail: Tail) -> MissionCommand | None:
+def _noted(tail: Tail) -> commands.MissionCommand | None:
     match tail:
-        case [ObservationRecorded() as noted, *_]:
-            return RecordObservation(node_id=noted.node_id, reference=noted.reference, contradicts=noted.contradicts)
-        case [EpochChanged() as changed, *_]:
-            return ChangeEpoch(map_version=changed.map_version, reason=changed.reason)
-        case [VetoRaised() as raised, *_]:
-            return RaiseVeto(layer=raised.layer, reason=raised.reason)
-        case [VetoCleared() as cleared, *_]:
-            return ClearVeto(layer=cleared.layer, reason=cleared.reason)
+        case [events.ObservationRecorded() as noted, *_]:
+            return commands.RecordObservation(
+                node_id=noted.node_id, reference=noted.reference, contradicts=noted.contradicts
+            )
+        case [events.EpochChanged() as changed, *_]:
+            return commands.ChangeEpoch(map_version=changed.map_version, reason=changed.reason)
+        case [events.VetoRaised() as raised, *_]:
+            return commands.RaiseVeto(layer=raised.layer, reason=raised.reason)
+        case [events.VetoCleared() as cleared, *_]:
+            return commands.ClearVeto(layer=cleared.layer, reason=cleared.reason)
         case [ConstraintsTightened() as tightened, *_]:
             return TightenConstraints(layer=tightened.layer, constraints=tightened.constraints, reason=tightened.reason)
         case _:

@@ -9,8 +9,8 @@ from harness.contracts.places import Site
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Value, decode
 from harness.recovery.policy import check_policy
+from harness.workspace.contract_yaml import read_yaml
 from harness.workspace.reading import Workspace, open_workspace
-from harness.workspace.yaml_reader import read_yaml
 
 _PACKAGE = "harness.baseline"
 

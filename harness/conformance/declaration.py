@@ -14,7 +14,7 @@ from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.protocol import Parameters, ParameterValue
 from harness.contracts.reasons import because
 from harness.contracts.values import Name, Value
-from harness.workspace.yaml_reader import read_yaml
+from harness.workspace.contract_yaml import read_yaml
 
 _SHIPPED = files("harness.baseline").joinpath("conformance")
 

@@ -44,13 +44,13 @@ def check(
             bound = f"its file exempts it ({reason}), but its card binds it to this row"
             finding = ConformanceFinding(row=row.name, title=row.title, outcome="not met", text=bound)
         else:
-            finding = _tried(row, stand, declaration, log=log, mission_id=mission_id, fencing=fencing)
+            finding = _trial(row, stand, declaration, log=log, mission_id=mission_id, fencing=fencing)
         watch(finding)
         found.append(finding)
     return ConformanceResult(provider_id=card.provider_id, version=card.version, card=card, findings=tuple(found))
 
 
-def _tried(
+def _trial(
     row: ConformanceRule, stand: Stand, declaration: ConformanceFile, *, log: Log, mission_id: MissionId, fencing: int
 ) -> ConformanceFinding:
     try:

@@ -54,11 +54,11 @@ def idempotent_start(bench: Bench) -> RuleObservation:
     first = bench.start(request)
     bench.wait(0.5, keep=first.handle)
     again = bench.start(replace(request, k_ctx=request.k_ctx + 3))
-    begun = bench.starts_of(request)
+    starts = bench.starts_of(request)
     return judged(
-        f"two starts, one handle, {begun if begun is not None else 'no journal of'} physical start",
+        f"two starts, one handle, {starts if starts is not None else 'no journal of'} physical start",
         unless(again.handle == first.handle, f"the repeat became another execution ({again.handle})"),
-        unless(begun in (None, 1), f"the robot's journal counts {begun} physical starts"),
+        unless(starts in (None, 1), f"the robot's journal counts {starts} physical starts"),
     )
 
 
@@ -81,9 +81,9 @@ def other_parameters_refused(bench: Bench) -> RuleObservation:
 
 def unfit_request_refused(bench: Bench) -> RuleObservation:
     """What the card does not declare is refused by name, and nothing begins."""
-    wrongs, tried = [], 0
+    wrongs, attempts = [], 0
     for what, unfit in _unfit(bench):
-        tried += 1
+        attempts += 1
         wrong = refusal(partial(bench.provider.start, unfit))
         if wrong:
             wrongs.append(f"{what}: {wrong}")
@@ -91,7 +91,7 @@ def unfit_request_refused(bench: Bench) -> RuleObservation:
             wrongs.append(f"{what}: refused, but the robot's journal holds a start")
         elif bench.card.reattach == "by_request" and bench.provider.find(unfit.identity.request_id) is not None:
             wrongs.append(f"{what}: refused, but the request is remembered")
-    return judged(f"{tried} unfit requests refused, nothing begun", *wrongs)
+    return judged(f"{attempts} unfit requests refused, nothing begun", *wrongs)
 
 
 def found_by_request(bench: Bench) -> RuleObservation:

@@ -56,7 +56,7 @@ def compile_context(view: StateView, items: Iterable[SelectionItem], *, selectio
             selected.append(item)
         else:
             withheld.append(refusal)
-    selected, contradicted = _settled(selected)
+    selected, contradicted = _without_contradictions(selected)
     withheld.extend(contradicted)
     selected, dropped = _within_budget(selected, selection)
     withheld.extend(dropped)
@@ -120,7 +120,7 @@ def _aged(item: SelectionItem) -> Withheld | None:
     return old if age_s > item.limit_s else None
 
 
-def _settled(items: list[SelectionItem]) -> tuple[list[SelectionItem], list[Withheld]]:
+def _without_contradictions(items: list[SelectionItem]) -> tuple[list[SelectionItem], list[Withheld]]:
     statements = [
         Statement(
             source=item.record.source,

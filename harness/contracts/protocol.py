@@ -14,6 +14,7 @@ from msgspec import UNSET, UnsetType
 from harness.contracts import ids
 from harness.contracts.effects import AnyEffect
 from harness.contracts.observations import AnySample, Camera
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Name, Point, Value
 
 PROTOCOL = "1.1"
@@ -177,7 +178,7 @@ class DriveReport(Value):
     status: Literal["driving", "standing", "ended"]
     v_mps: float = 0.0
     w_radps: float = 0.0
-    reason: str = ""
+    reason: Explanation = ""
 
 
 class PostureOrder(Value):

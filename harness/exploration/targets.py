@@ -102,10 +102,10 @@ def answered(
         refused = because(
             "proposed_nothing_usable", planner=proposer.name, kind=type(error).__name__, error=_short(str(error))
         )
-    return settled(proposer.name, proposal, refused=refused, question=question, grid=grid)
+    return target_choice(proposer.name, proposal, refused=refused, question=question, grid=grid)
 
 
-def settled(
+def target_choice(
     planner: str,
     proposal: exploration.TargetProposal | None,
     *,

@@ -83,14 +83,14 @@ def claimed_by(held: Claim) -> Refused:
 def over(handoff: Handoff, now: Moment) -> Refused | None:
     """Why nothing can be done at it any more: decided, ended, or past its deadline."""
     if not handoff.waits:
-        return settled(handoff)
+        return already_settled(handoff)
     opened = handoff.opened
     if handoff.answerable and opened is not None and now.wall_s >= opened.deadline_at_s:
         return refused("expired", because("answer_time_over"))
     return None
 
 
-def settled(handoff: Handoff) -> Refused:
+def already_settled(handoff: Handoff) -> Refused:
     """Who decided what, and when; or how it ended without anybody."""
     answer = handoff.answer
     if answer is None:
@@ -182,7 +182,7 @@ def _take(
     opened, control = handoff.opened, handoff.control
     refusal = over(handoff, now) or not_yours(handoff, command.actor, command.claim, now)
     if refusal or opened is None:
-        return refusal or settled(handoff)
+        return refusal or already_settled(handoff)
     if handoff.status == "taken_over":
         again = control is not None and control.device == command.device and control.reason == command.reason
         return Accepted(()) if again else refused("taken_over", because("in_control_already"))

@@ -136,7 +136,7 @@ def _open(handoff: Handoff, command: commands.OpenHandoff, now: Moment) -> Decis
 def _refresh(handoff: Handoff, command: commands.RefreshHandoff, now: Moment) -> Decision[handoff_events.HandoffEvent]:
     if not handoff.answerable:
         return (
-            claims.settled(handoff)
+            claims.already_settled(handoff)
             if handoff.answer
             else refused("not_open", because("handoff_is", status=handoff.status))
         )
@@ -192,8 +192,8 @@ def _approve(handoff: Handoff, command: commands.ApproveHandoff, now: Moment) ->
 
 
 def _reject(handoff: Handoff, command: commands.RejectHandoff, now: Moment) -> Decision[handoff_events.HandoffEvent]:
-    if settled := _answered(handoff, command, "rejected") or _unanswerable(handoff, command, now):
-        return settled
+    if refusal := _answered(handoff, command, "rejected") or _unanswerable(handoff, command, now):
+        return refusal
     rejected = handoff_events.HandoffRejected(
         actor=command.actor,
         reason=command.reason,
@@ -217,8 +217,8 @@ def _unanswerable(
 
 
 def _attest(handoff: Handoff, command: commands.AttestHandoff, now: Moment) -> Decision[handoff_events.HandoffEvent]:
-    if settled := _answered(handoff, command, "attested") or _unanswerable(handoff, command, now):
-        return settled
+    if refusal := _answered(handoff, command, "attested") or _unanswerable(handoff, command, now):
+        return refusal
     attested = handoff_events.HandoffAttested(
         actor=command.actor,
         reason=command.reason,
@@ -240,7 +240,7 @@ def _answered(
         return refused("taken_over", because("robot_driven", actor=handoff.claim.actor.name))
     answer = handoff.answer
     if answer is None:
-        return claims.settled(handoff)
+        return claims.already_settled(handoff)
     same = (answer.decision, answer.key, answer.cycle, answer.subject, answer.reason, answer.actor.name) == (
         decision,
         command.key,
@@ -249,7 +249,7 @@ def _answered(
         command.reason,
         command.actor.name,
     )
-    return Accepted(()) if same else claims.settled(handoff)
+    return Accepted(()) if same else claims.already_settled(handoff)
 
 
 def _unseen(handoff: Handoff, command: commands.ApproveHandoff) -> Refused | None:

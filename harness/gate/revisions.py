@@ -132,7 +132,7 @@ def pass_over(mission: Mission, command: PassOverStep) -> Decision[MissionEvent]
     if broken:
         return broken
     paid = spend(state, proposal, attempt=state.attempt, context=command.context, until_s=None)
-    tried = accounted(mission, replace(paid, signature=command.signature))
+    charge = accounted(mission, replace(paid, signature=command.signature))
     stands = FailureClassified(
         node_id=command.node_id,
         invocation_id=None,
@@ -140,7 +140,7 @@ def pass_over(mission: Mission, command: PassOverStep) -> Decision[MissionEvent]
         reason=command.reason,
         at_s=command.at_s,
     )
-    return Accepted((tried, stands))
+    return Accepted((charge, stands))
 
 
 def _unpaid(mission: Mission, command: ReviseContract) -> Refused | None:

@@ -272,9 +272,9 @@ class _Ordering:
 
     def names_only(self, part: Sequence[Item]) -> bool:
         """Whether a part names things whose verb is still to come: "给基站和储物区各拍一张照片"."""
-        begun = len(self._state.clauses) > self._began
+        has_clause = len(self._state.clauses) > self._began
         kinds = {item.kind for item in part}
-        return not begun and "name" in kinds and kinds <= {"name", "preposition", "filler"}
+        return not has_clause and "name" in kinds and kinds <= {"name", "preposition", "filler"}
 
     def _place(self, drafts: list[ClauseDraft], kinds: Sequence[str], links: Sequence[Item]) -> None:
         clauses, began = self._state.clauses, self._began

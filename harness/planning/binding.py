@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.places import Passage, Place, Route, Site, Zone
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Explanation, because
 from harness.projections.region import contains
 
 Sigil = Literal["$", "@"]
@@ -133,7 +133,7 @@ def names_in(value: Any, *, sigil: Sigil = "$") -> frozenset[str]:
             return frozenset()
 
 
-def unknown(noun: str, name: str, *, known: Iterable[str], where: str = "") -> UnknownName:
+def unknown(noun: str, name: str, *, known: Iterable[str], where: Explanation = "") -> UnknownName:
     """The error for an unknown name: lists what exists, and the nearest match."""
     names = sorted(set(known), key=str.casefold)
     near = get_close_matches(_folded(name), [_folded(word) for word in names], n=1, cutoff=0.6)

@@ -95,7 +95,9 @@ def _arguments(template: tasks.TaskTemplate, arguments: Mapping[str, Argument]) 
     parameters = {parameter.name: parameter for parameter in template.parameters}
     for name in arguments:
         if name not in parameters:
-            raise binding.unknown("parameter", name, known=parameters, where=f"template {template.name}")
+            raise binding.unknown(
+                "parameter", name, known=parameters, where=because("at_template", template=template.name)
+            )
     chosen = {}
     for name, parameter in parameters.items():
         value = arguments.get(name, parameter.default)

@@ -38,6 +38,6 @@ def _allowed(one: Constraints, other: Constraints) -> tuple[ResourceId, ...]:
     if not common:
         raise ContractInvalid(
             because("no_common_resource"),
-            where=f"constraints.resources: {', '.join(one.resources)} against {', '.join(other.resources)}",
+            where=because("at_resources", first=tuple(one.resources), second=tuple(other.resources)),
         )
     return tuple(sorted(common))

@@ -110,10 +110,10 @@ def _stages(
 ) -> Refused | None:
     after = {node.node_id: node for node in proposed.nodes}
     for node in current.nodes:
-        begun = mission.of(node.node_id).attempt > 0
+        was_attempted = mission.of(node.node_id).attempt > 0
         unchanged = after.get(node.node_id)
         if unchanged is None:
-            if node.required or begun:
+            if node.required or was_attempted:
                 return refused("node_removed", because("stage_not_removable", node_id=node.node_id))
             continue
         if mission.of(node.node_id).status in SETTLED and node.node_id not in reopened and unchanged != node:

@@ -107,8 +107,8 @@ def _heeding(parameters: Parameters, attempt: _Attempt, context: Context) -> Par
     speed = parameters.get("speed_cap_mps")
     if not attempt.heeds_examples or attempt.action not in REPEATED or not isinstance(speed, int | float):
         return parameters
-    worked = [one.read(_Example).parameters.get("speed_cap_mps") for one in context.all("example")]
-    speeds = [one for one in worked if isinstance(one, int | float)]
+    caps = [one.read(_Example).parameters.get("speed_cap_mps") for one in context.all("example")]
+    speeds = [one for one in caps if isinstance(one, int | float)]
     return {**parameters, "speed_cap_mps": min(speed, max(speeds) if speeds else round(SLOWER * speed, 3))}
 
 

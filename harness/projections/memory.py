@@ -5,45 +5,8 @@ from typing import Any, TypeVar, assert_never
 import msgspec
 from msgspec.structs import replace
 
+from harness.contracts import events
 from harness.contracts.control import AutonomySet
-from harness.contracts.events import (
-    CommitRejected,
-    CompletionReported,
-    ContractCompiled,
-    ContractRecompiled,
-    DispatchIntended,
-    EffectDeclared,
-    EpochChanged,
-    FailureClassified,
-    FailureReported,
-    GoalVerified,
-    HandoffAnswered,
-    HandoffRequested,
-    InvocationAccepted,
-    InvocationEnded,
-    InvocationResumed,
-    InvocationStopRequested,
-    MissionActivated,
-    MissionCreated,
-    MissionEnded,
-    MissionEvent,
-    MissionPaused,
-    MissionResumed,
-    NodeCommitted,
-    NodeFailed,
-    NodePlanned,
-    ObservationRecorded,
-    OperatorRetryGranted,
-    PacketRetained,
-    PartialCompletionReported,
-    PreconditionRefused,
-    RecoveryAuthorised,
-    StopAcknowledged,
-    StopRequested,
-    VerdictRecorded,
-    VetoCleared,
-    VetoRaised,
-)
 from harness.contracts.evidence import CommittedFact, EvidencePacket
 from harness.contracts.ids import ConditionId, Digest, InvocationId, MissionId, NodeId, PacketId, RobotId
 from harness.contracts.places import Passage, Place, Route
@@ -70,8 +33,8 @@ class VerifiedAttempt(Value):
     last attempt that acted.
     """
 
-    intent: DispatchIntended
-    acting: DispatchIntended
+    intent: events.DispatchIntended
+    acting: events.DispatchIntended
     packet: EvidencePacket
     verdict: NodeVerdict
     committed: bool
@@ -92,7 +55,7 @@ class MissionThread(Value):
     robot_id: RobotId = RobotId("")
     configuration: Digest = Digest("")
     contract: TaskContract | None = None
-    intents: dict[InvocationId, DispatchIntended] = msgspec.field(default_factory=dict)
+    intents: dict[InvocationId, events.DispatchIntended] = msgspec.field(default_factory=dict)
     acting: dict[NodeId, InvocationId] = msgspec.field(default_factory=dict)
     facts: dict[ConditionId, CommittedFact] = msgspec.field(default_factory=dict)
     terminals: dict[InvocationId, float] = msgspec.field(default_factory=dict)
@@ -115,19 +78,19 @@ class MissionThread(Value):
         return place_of(self.contract, node_id) if self.contract else ""
 
 
-def follow(thread: MissionThread, event: MissionEvent) -> MissionThread:
+def follow(thread: MissionThread, event: events.MissionEvent) -> MissionThread:
     """The thread after one more event."""
     nxt = replace(thread, version=thread.version + 1)
     match event:
-        case MissionCreated():
+        case events.MissionCreated():
             return replace(nxt, mission_id=event.mission_id, robot_id=event.robot_id, configuration=event.configuration)
-        case ContractCompiled():
+        case events.ContractCompiled():
             return replace(nxt, contract=event.contract)
-        case ContractRecompiled():
+        case events.ContractRecompiled():
             return replace(nxt, contract=event.contract, configuration=event.configuration)
         case GraphRevised():
             return replace(nxt, contract=event.contract or nxt.contract)
-        case DispatchIntended():
+        case events.DispatchIntended():
             acting = {} if event.verify_only else {event.node_id: event.invocation_id}
             return replace(
                 nxt,
@@ -136,33 +99,36 @@ def follow(thread: MissionThread, event: MissionEvent) -> MissionThread:
                 packet=None,
                 verdict=None,
             )
-        case PacketRetained():
+        case events.PacketRetained():
             ended = {event.packet.identity.invocation_id: event.packet.terminal_s}
             return replace(nxt, packet=event.packet, verdict=None, terminals=nxt.terminals | ended)
-        case VerdictRecorded():
+        case events.VerdictRecorded():
             return replace(nxt, verdict=event.verdict)
-        case NodeCommitted():
+        case events.NodeCommitted():
             facts = nxt.facts | {fact.condition_id: fact for fact in event.facts}
-            return _settled(replace(nxt, facts=facts), event)
-        case CommitRejected():
-            return _settled(nxt, event)
-        case MissionEnded():
+            return _with_outcome(replace(nxt, facts=facts), event)
+        case events.CommitRejected():
+            return _with_outcome(nxt, event)
+        case events.MissionEnded():
             return replace(nxt, ended=True)
         case (
-            MissionActivated() | NodePlanned() | InvocationAccepted() | InvocationStopRequested() | InvocationResumed()
-            | InvocationEnded() | PreconditionRefused() | ObservationRecorded() | EpochChanged() | VetoRaised()
-            | VetoCleared() | FailureClassified() | RecoveryAuthorised() | NodeFailed() | HandoffRequested()
-            | HandoffAnswered() | OperatorRetryGranted() | MissionPaused() | MissionResumed() | StopRequested()
-            | StopAcknowledged() | GoalVerified() | CompletionReported() | FailureReported() | EffectDeclared()
-            | PartialCompletionReported()
-            | AutonomySet() | ConstraintsTightened() | AttestationRecorded() | CompletionDisputed()
+            events.MissionActivated() | events.NodePlanned() | events.InvocationAccepted()
+            | events.InvocationStopRequested() | events.InvocationResumed() | events.InvocationEnded()
+            | events.PreconditionRefused() | events.ObservationRecorded() | events.EpochChanged()
+            | events.VetoRaised() | events.VetoCleared() | events.FailureClassified() | events.RecoveryAuthorised()
+            | events.NodeFailed() | events.HandoffRequested() | events.HandoffAnswered()
+            | events.OperatorRetryGranted() | events.MissionPaused() | events.MissionResumed()
+            | events.StopRequested() | events.StopAcknowledged() | events.GoalVerified()
+            | events.CompletionReported() | events.FailureReported() | events.EffectDeclared()
+            | events.PartialCompletionReported() | AutonomySet() | ConstraintsTightened() | AttestationRecorded()
+            | CompletionDisputed()
         ):  # fmt: skip
             return nxt
         case _:
             assert_never(event)
 
 
-def judgement(thread: MissionThread, event: NodeCommitted | CommitRejected) -> VerifiedAttempt | None:
+def judgement(thread: MissionThread, event: events.NodeCommitted | events.CommitRejected) -> VerifiedAttempt | None:
     """The verified attempt that this event closes; none if nothing was decided about the effect.
 
     Ambiguous and stale evidence, packets of another identity, version or configuration, vetoed ones and executions
@@ -174,8 +140,8 @@ def judgement(thread: MissionThread, event: NodeCommitted | CommitRejected) -> V
         return None
     if not packet.identity.packet_id == verdict.packet_id == event.packet_id:
         return None
-    committed = isinstance(event, NodeCommitted)
-    if isinstance(event, CommitRejected) and not (event.rule == REFUTED and verdict.verdict in DECIDED):
+    committed = isinstance(event, events.NodeCommitted)
+    if isinstance(event, events.CommitRejected) and not (event.rule == REFUTED and verdict.verdict in DECIDED):
         return None
     acting = thread.intents[thread.acting[intent.node_id]] if intent.node_id in thread.acting else intent
     return VerifiedAttempt(intent=intent, acting=acting, packet=packet, verdict=verdict, committed=committed)
@@ -207,7 +173,7 @@ def _converted(value: Any, kind: type[T]) -> T | None:
         return None
 
 
-def _settled(thread: MissionThread, event: NodeCommitted | CommitRejected) -> MissionThread:
+def _with_outcome(thread: MissionThread, event: events.NodeCommitted | events.CommitRejected) -> MissionThread:
     """Remember who a result is credited to, so that a later look counts as a second verdict, and a dispute finds it."""
     closed = judgement(thread, event)
     if closed is None:

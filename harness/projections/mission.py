@@ -238,12 +238,12 @@ def eligible(mission: Mission) -> tuple[ids.NodeId, ...]:
     ready = []
     for node_id in order(contract):
         node, state = contract.node(node_id), mission.of(node_id)
-        settled = all(mission.of(dependency).status in SETTLED for dependency in node.depends_on)
+        is_ready = all(mission.of(dependency).status in SETTLED for dependency in node.depends_on)
         salvage = node.runs_after_failure and all(
             mission.of(dependency).status in (*SETTLED, "failed", "pending") for dependency in node.depends_on
         )
         open_to_start = state.status in ("pending", "recovering") and state.failure is None
-        if open_to_start and (settled or (salvage and failed(mission))):
+        if open_to_start and (is_ready or (salvage and failed(mission))):
             ready.append(node_id)
     return tuple(ready)
 

@@ -9,6 +9,7 @@ import msgspec
 from harness.contracts.errors import LogDamaged, StoreUnavailable
 from harness.contracts.ids import RequestId
 from harness.contracts.protocol import InvocationReport, StartRequest
+from harness.contracts.reasons import because
 from harness.contracts.values import Value, decode, encode
 
 
@@ -52,9 +53,8 @@ class RequestJournal:
                 self._fold(decode(line, JournalEntry))
             except msgspec.MsgspecError as error:
                 raise LogDamaged(
-                    f"A provider's journal holds an unreadable line ({error})",
-                    where=f"{path}, line {number}",
-                    do="restore the file from a backup, or move it away and let a person judge the open requests",
+                    because("journal_line_unreadable", error=str(error)),
+                    where=f"{path}:{number}",
                 ) from error
 
     def _fold(self, entry: JournalEntry) -> None:
@@ -70,9 +70,7 @@ class RequestJournal:
             act(path, *rest)
         except OSError as error:
             raise StoreUnavailable(
-                f"A provider's journal cannot be used ({error.strerror})",
-                where=str(path),
-                do="free space or make the folder writable, then start again",
+                because("journal_unusable", error=error.strerror or str(error)), where=str(path)
             ) from error
 
 

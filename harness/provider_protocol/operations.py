@@ -21,6 +21,7 @@ from harness.contracts.protocol import (
     RobotStatus,
     StartRequest,
 )
+from harness.contracts.reasons import because
 from harness.contracts.values import Value
 from harness.provider_protocol.wire import Problem
 
@@ -163,7 +164,7 @@ def _provider(robot: Robot, provider_id: str) -> Provider:
     for provider in robot.providers():
         if provider.card.provider_id == provider_id:
             return provider
-    raise UnknownName(f"This robot has no provider {provider_id}", where="providers", do="read the list of providers")
+    raise UnknownName(because("provider_not_here", provider_id=provider_id[:80]))
 
 
 def _holder(robot: Robot, handle: str) -> Provider:
@@ -176,7 +177,7 @@ def _holder(robot: Robot, handle: str) -> Provider:
             unknown = error
         else:
             return provider
-    raise unknown or UnknownName("This robot has no providers", where="providers")
+    raise unknown or UnknownName(because("providers_not_here"))
 
 
 def _found(robot: Robot, request: RequestId) -> InvocationReport:
@@ -184,7 +185,7 @@ def _found(robot: Robot, request: RequestId) -> InvocationReport:
         report = provider.find(request)
         if report is not None:
             return report
-    raise UnknownName(f"Request {request} never came here", where="requests", do="send it once")
+    raise UnknownName(because("request_never_came", request_id=request[:80]))
 
 
 def _whole(names: Names, name: str, default: int) -> int:

@@ -9,9 +9,10 @@ from fastapi import FastAPI, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from harness.contracts.errors import HarnessError
+from harness.contracts.reasons import Reason, because, plain
 from harness.contracts.values import encode
 from harness.provider_protocol.operations import Operation, openapi
-from harness.provider_protocol.wire import Problem, problem, status_of
+from harness.provider_protocol.wire import LONGEST_FACT, Problem, problem, status_of
 
 JSON = "application/json"
 LARGEST_BODY = 2 * 1024 * 1024
@@ -45,11 +46,12 @@ def _endpoint(operation: Operation, *, token: str, turn: Turn) -> Endpoint:
     async def endpoint(request: Request) -> Response:
         given = request.headers.get("authorization", "").encode()
         if not secrets.compare_digest(given, f"Bearer {token}".encode()):
-            wrong = Problem(code="unauthorised", what="The token is missing or wrong", where="authorization header")
-            return _refused(401, wrong)
+            return _refused(401, "unauthorised", because("robot_token_wrong"), where="Authorization")
         raw = await request.body()
         if len(raw) > LARGEST_BODY:
-            return _refused(413, Problem(code="too_large", what=f"The body exceeds {LARGEST_BODY} bytes"))
+            return _refused(
+                413, "too_large", because("request_body_too_large", limit=LARGEST_BODY), where=operation.path
+            )
         try:
             body = None if operation.body is None else msgspec.json.decode(raw, type=operation.body)
             names = {**request.query_params, **request.path_params}
@@ -59,11 +61,10 @@ def _endpoint(operation: Operation, *, token: str, turn: Turn) -> Endpoint:
                 with turn():
                     answer = operation.call(names, body)
         except msgspec.MsgspecError as error:
-            do = "send what the OpenAPI document describes"
-            wrong = Problem(code="invalid_body", what=str(error), where=operation.path, do=do)
-            return _refused(422, wrong)
+            reason = because("request_body_invalid", error=str(error)[:LONGEST_FACT])
+            return _refused(422, "invalid_body", reason, where=operation.path)
         except HarnessError as error:
-            return _refused(status_of(error), problem(error))
+            return _answered(status_of(error), problem(error))
         if operation.answer is bytes:
             return Response(answer, media_type="application/octet-stream")
         return Response(encode(answer), media_type=JSON)
@@ -71,5 +72,9 @@ def _endpoint(operation: Operation, *, token: str, turn: Turn) -> Endpoint:
     return endpoint
 
 
-def _refused(status: int, wrong: Problem) -> Response:
+def _refused(status: int, code: str, reason: Reason, *, where: str) -> Response:
+    return _answered(status, Problem(code=code, what=plain(reason), where=where, reason=reason))
+
+
+def _answered(status: int, wrong: Problem) -> Response:
     return Response(encode(wrong), status_code=status, media_type=JSON)

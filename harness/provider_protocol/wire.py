@@ -1,18 +1,68 @@
 """Bodies of the HTTP provider protocol that are not contracts: problems, clock readings, simulation commands."""
 
+from collections.abc import Mapping
+
 from harness.contracts import errors
 from harness.contracts.ids import MissionId, RequestId
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import Explanation, Reason, plain
 from harness.contracts.values import Value
+
+REFUSALS: Mapping[str, frozenset[str]] = {
+    "acknowledgement_lost": frozenset(),
+    "base_held": frozenset({"handle"}),
+    "body_moves": frozenset(),
+    "drive_session_over": frozenset({"session"}),
+    "fencing_token_missing": frozenset({"resource"}),
+    "fencing_token_old": frozenset({"token", "resource", "newest"}),
+    "handle_unknown": frozenset({"handle"}),
+    "hardware_stop_engaged": frozenset(),
+    "journal_line_unreadable": frozenset({"error"}),
+    "journal_unusable": frozenset({"error"}),
+    "parameter_of_another_type": frozenset({"name", "type"}),
+    "parameter_required": frozenset({"name"}),
+    "parameter_too_large": frozenset({"name", "value", "bound", "unit"}),
+    "parameter_too_small": frozenset({"name", "value", "bound", "unit"}),
+    "parameter_undeclared": frozenset({"name"}),
+    "provider_not_here": frozenset({"provider_id"}),
+    "providers_not_here": frozenset(),
+    "request_body_invalid": frozenset({"error"}),
+    "request_body_too_large": frozenset({"limit"}),
+    "request_changed": frozenset({"request_id"}),
+    "request_misdirected": frozenset({"named", "own"}),
+    "request_never_came": frozenset({"request_id"}),
+    "robot_blob_not_held": frozenset({"blob"}),
+    "robot_ending": frozenset(),
+    "robot_folder_in_use": frozenset(),
+    "robot_folder_unusable": frozenset({"error"}),
+    "robot_lies": frozenset(),
+    "robot_port_unusable": frozenset({"port", "error"}),
+    "robot_token_wrong": frozenset(),
+    "route_unusable": frozenset({"points", "frame", "expected"}),
+    "runs_by_itself": frozenset(),
+    "start_journal_unreadable": frozenset({"error"}),
+    "start_journal_unwritable": frozenset({"error"}),
+    "step_out_of_bounds": frozenset({"step_s", "limit_s"}),
+    "unknown_fault": frozenset({"name", "known"}),
+    "world_unreadable": frozenset({"error"}),
+}
+"""The reasons that a robot may give by code, each with its facts: of any other its text counts."""
+FIGURES = frozenset({"bound", "limit", "limit_s", "newest", "points", "port", "step_s", "token", "value"})
+"""Facts that are numbers; the others are text."""
+LONGEST_FACT = 2000
 
 
 class Problem(Value):
-    """The body of every 4xx and 5xx answer: a code for machines, and what, where and what to do for people."""
+    """The body of every 4xx and 5xx answer: a code for machines, and what, where and what to do for people.
+
+    `reason` is what happened as a code with facts, where the robot's program has one: it is shown in the reader's
+    language, and `what` is not.
+    """
 
     code: str
     what: str
     where: str = ""
     do: str = ""
+    reason: Reason | None = None
 
 
 ATTACHMENT = "robot.json"
@@ -89,7 +139,8 @@ _BY_CODE = {kind.code: kind for kind in STATUS}
 
 def problem(error: errors.HarnessError) -> Problem:
     """An error as it travels."""
-    return Problem(code=error.code, what=plain(error.what), where=plain(error.where), do=plain(error.do))
+    reason = error.what if isinstance(error.what, Reason) else None
+    return Problem(code=error.code, what=plain(error.what), where=plain(error.where), do=plain(error.do), reason=reason)
 
 
 def status_of(error: errors.HarnessError) -> int:
@@ -100,4 +151,20 @@ def status_of(error: errors.HarnessError) -> int:
 def error_of(received: Problem) -> errors.HarnessError:
     """The same error on the other side; an unknown code becomes ProviderFailed."""
     kind = _BY_CODE.get(received.code, errors.ProviderFailed)
+    if received.reason is not None and _known(received.reason):
+        return kind(received.reason, where=received.where)
     return kind(received.what, where=received.where, do=received.do)
+
+
+def trusted(explanation: Explanation) -> Explanation:
+    """What a robot's answer explains, as it may be shown: a reason that nobody knows is text."""
+    return explanation if isinstance(explanation, str) or _known(explanation) else plain(explanation)
+
+
+def _known(reason: Reason) -> bool:
+    """Whether a robot may give this reason: its code with exactly its facts, each of its type."""
+    fits = (
+        isinstance(value, int | float) if name in FIGURES else isinstance(value, str) and len(value) <= LONGEST_FACT
+        for name, value in reason.facts.items()
+    )
+    return REFUSALS.get(reason.code) == reason.facts.keys() and all(fits)

@@ -138,12 +138,12 @@ class HandoffTimeouts:
         if instead is not None and instead.rule == "already_there":
             return RecordNoAnswer(action="retreat", done=rest.static, measured=rest.measured, reason=instead.reason)
         action: Otherwise = ((opened.otherwise if opened else "") or "hold") if choice == "retreat" else choice
-        settled = settle(self._connection, action, rest=rest, token=self._newest_token(), look=self._rest_now)
-        reason = settled.reason
+        outcome = settle(self._connection, action, rest=rest, token=self._newest_token(), look=self._rest_now)
+        reason = outcome.reason
         if choice == "retreat":
             why = instead.reason if instead else because("retreat_not_sent")
-            reason = because("no_retreat_instead", why=why, instead=settled.reason)
-        return RecordNoAnswer(action=action, done=settled.done, measured=rest.measured, reason=reason)
+            reason = because("no_retreat_instead", why=why, instead=outcome.reason)
+        return RecordNoAnswer(action=action, done=outcome.done, measured=rest.measured, reason=reason)
 
     def _rest_now(self) -> tuple[Rest, RobotStatus | None]:
         seen = self._roles.observations

@@ -148,8 +148,8 @@ class HandoffService:
     ) -> Decision[AnyEvent]:
         """The one invocation that was shown, prepared again from the current observation, and committed with the
         approval."""
-        if settled := self._settled(mission, handoff, command):
-            return settled
+        if refusal := self._already_decided(mission, handoff, command):
+            return refusal
         fresh = self._questions.snapshot(mission, opened.node_id)
         digest = command.shown or self._runtime.keep(encode(opened))
         approve = replace(command, k=mission.k, fresh=fresh, shown=digest)
@@ -166,8 +166,8 @@ class HandoffService:
         self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: commands.AttestHandoff
     ) -> Decision[AnyEvent]:
         """A person's own observation: recorded as evidence, with the one look without motion that it opens (D17)."""
-        if settled := self._settled(mission, handoff, command):
-            return settled
+        if refusal := self._already_decided(mission, handoff, command):
+            return refusal
         self._roles.observations.collect(None)
         record = RecordAttestation(
             handoff_id=handoff.handoff_id,
@@ -186,8 +186,8 @@ class HandoffService:
     ) -> Decision[AnyEvent]:
         """The harness has control of the robot again: a new observation, and one look without motion at the present
         version."""
-        if settled := self._settled(mission, handoff, command):
-            return settled
+        if refusal := self._already_decided(mission, handoff, command):
+            return refusal
         back = replace(command, k=mission.k, fresh=self._questions.snapshot(mission, opened.node_id))
         word = Approval(handoff_id=handoff.handoff_id, command=back)
         return self._look(mission, handoff, opened, word, why="a person handed it back")
@@ -218,7 +218,7 @@ class HandoffService:
             requests.append(CommandEnvelope(mission_stream(mission.mission_id), ended, mission.robot_id))
         return self._runtime.commit(requests)
 
-    def _settled(
+    def _already_decided(
         self,
         mission: Mission,
         handoff: Handoff,

@@ -307,8 +307,8 @@ class InvocationMonitor:
         intent = invocation.intent
         self._ended_since = now_s if self._ended_since is None else self._ended_since
         ended_s = min(report.at_s, self._ended_since)
-        watched = intent.moves or intent.verify_only
-        if watched and now_s < ended_s + SETTLE_S:
+        needs_watch = intent.moves or intent.verify_only
+        if needs_watch and now_s < ended_s + SETTLE_S:
             return min(now_s + POLL_S, ended_s + SETTLE_S)
         rest = self._roles.observations.rest()
         if intent.moves and not rest.static and now_s < ended_s + SETTLE_S + REST_WITHIN_S:
@@ -328,7 +328,7 @@ class InvocationMonitor:
             protocol=protocol.version_of(card.protocol),
             images=self._pictures.examined(mission, images),
             measured=self._measurements.of_invocation(mission, invocation, report=report, until_s=until_s),
-            begun=self._starts(mission, intent),
+            starts=self._starts(mission, intent),
         )
         try:
             c3, verdict = judgement(self._roles, mission, packet, card=card)
@@ -422,12 +422,12 @@ class InvocationMonitor:
             reason=reason,
             at_s=self._connection.clock.now().mission_s,
         )
-        settled = rest.static and failure in ("provider_unavailable", "verifier_unavailable")
+        is_over = rest.static and failure in ("provider_unavailable", "verifier_unavailable")
         self._runtime.commit(
             [
                 CommandEnvelope(mission_stream(mission.mission_id), ended, mission.robot_id),
                 *give_back(
-                    self._runtime, HeldLeases(self._connection.robot_id, intent), at_rest=settled, reason=reason
+                    self._runtime, HeldLeases(self._connection.robot_id, intent), at_rest=is_over, reason=reason
                 ),
             ]
         )

@@ -131,13 +131,12 @@ def free(runtime: Runtime, mission: Mission, *, static: dict[str, float]) -> lis
     acknowledged = {p.identity.invocation_id for node in mission.nodes.values() for p in node.packets}
     return [
         CommandEnvelope(
-            stream,
+            ids.lease_stream(lease.resource),
             FreeLease(actor=SUPERVISOR, static=static, reason=because("stop_shown_static")),
             mission.robot_id,
         )
-        for stream in runtime.streams("lease/")
-        if (lease := runtime.lease(ids.ResourceId(stream.partition("/")[2]))).status == "quarantined"
-        and lease.invocation_id in acknowledged
+        for lease in runtime.leases()
+        if lease.status == "quarantined" and lease.invocation_id in acknowledged
     ]
 
 

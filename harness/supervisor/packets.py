@@ -26,13 +26,13 @@ def build_packet(
     protocol: str,
     images: Sequence[EvidenceReference] = (),
     measured: Sequence[EvidenceReference] = (),
-    begun: int | UnsetType = UNSET,
+    starts: int | UnsetType = UNSET,
 ) -> EvidencePacket:
     """Z = (I, k_ctx, O_before, O_after, P, proposed facts). Identity and proposals are the provider's own, never ours.
 
     `protocol` is the version of the provider protocol that the provider speaks. `images` are those among the samples,
     `measured` is what independent
-    sources found, `begun` how many starts of the request the robot's own journal holds.
+    sources found, `starts` how many starts of the request the robot's own journal holds.
     """
     intent = invocation.intent
     estimates: tuple[EvidenceReference, ...] = ()
@@ -68,7 +68,7 @@ def build_packet(
         cites=intent.cites,
         verify_only=intent.verify_only,
         protocol=protocol,
-        begun=begun,
+        begun=starts,
     )
 
 

@@ -201,7 +201,7 @@ class Revisions:
         sweeps = usable(nothing, self._trajectories(_estimates(mission)))
         own = merged(nothing, sweeps, self._runtime.blob)
         yield DrawnMap(own, Ways(own, position, keep_out_m=keep_out, clearance_cells=clearance_cells))
-        earlier = self._remembered(mission, nothing)
+        earlier = self._memories(mission, nothing)
         seen = usable(nothing, self._trajectories(blob for one in earlier for blob in one.provenance.blobs))
         if not seen:
             return
@@ -209,7 +209,7 @@ class Revisions:
         missions = tuple(dict.fromkeys(one.provenance.mission_id for one in earlier))
         yield DrawnMap(whole, Ways(whole, position, keep_out_m=keep_out, clearance_cells=clearance_cells), missions)
 
-    def _remembered(self, mission: Mission, grid: GridMap) -> tuple[MemoryRecord, ...]:
+    def _memories(self, mission: Mission, grid: GridMap) -> tuple[MemoryRecord, ...]:
         """What spatial memory holds of this floor: accepted arrivals of other missions within a shift."""
         (low_x, low_y), size = grid.origin_m, grid.cell_m
         floor = FloorBox(

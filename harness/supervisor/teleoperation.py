@@ -115,7 +115,7 @@ class Teleoperation:
         if teleoperation is None:
             return refused("not_at_the_wheel", because("nobody_drives", robot_id=robot_id))
         rest = (
-            self._settled(connection, teleoperation)
+            self._rest_after(connection, teleoperation)
             if connection.hand is not None
             else Rest(static=False, reason=None, measured={})
         )
@@ -274,7 +274,7 @@ class Teleoperation:
         taken_by = handoff.taken_by
         return handoff.status == "taken_over" and taken_by is not None and taken_by.name == actor.name
 
-    def _settled(self, connection: RobotConnection, teleoperation: TeleoperationSession) -> Rest:
+    def _rest_after(self, connection: RobotConnection, teleoperation: TeleoperationSession) -> Rest:
         """Ask for standstill, then look until odometry shows it or SETTLE_WITHIN_S of mission time have passed."""
         hand, until_s = connection.hand, connection.clock.now().mission_s + SETTLE_WITHIN_S
         rest = Rest(static=False, reason=because("robot_did_not_answer"), measured={})

@@ -115,9 +115,7 @@ def _content(image: Digest, examined: Examined, evidence: Evidence) -> PictureCo
         raise Undecidable(because("image_unreadable", image=image[:12], problem=look.problem))
     if image_size(body) != (look.width_px, look.height_px):
         raise Undecidable(
-            because(
-                "image_unreadable", image=image[:12], problem=because("image_not_whole", image=image[:12], error="size")
-            )
+            because("image_unreadable", image=image[:12], problem=because("image_of_other_size_than_decoded"))
         )
     return content_of(look)
 
@@ -228,26 +226,28 @@ def _check_png(body: bytes, digest: Digest, *, width: int, height: int) -> None:
     expected = (row + 1) * height
     try:
         packed = _chunks(body)
-        found = zlib.decompressobj().decompress(packed, expected + 1)
-    except (zlib.error, struct.error, ValueError) as error:
+        found = None if packed is None else zlib.decompressobj().decompress(packed, expected + 1)
+    except (zlib.error, struct.error) as error:
         raise Undecidable(because("image_not_whole", image=digest[:12], error=str(error)[:120])) from error
+    if found is None:
+        raise Undecidable(because("image_not_whole", image=digest[:12], error=because("image_chunks_damaged")))
     if interlaced or colour not in CHANNELS or len(found) != expected:
         raise Undecidable(because("image_not_whole", image=digest[:12], error=because("image_rows_missing")))
 
 
-def _chunks(body: bytes) -> bytes:
-    """The packed pixels of a PNG whose chunks all match their checksums. Raises ValueError."""
+def _chunks(body: bytes) -> bytes | None:
+    """The packed pixels of a PNG; None where a chunk does not match its checksum or the end is missing."""
     at, packed = 8, bytearray()
     while at + 12 <= len(body):
         size = struct.unpack_from(">I", body, at)[0]
         name, data = body[at + 4 : at + 8], body[at + 8 : at + 8 + size]
         if len(data) != size or struct.unpack_from(">I", body, at + 8 + size)[0] != zlib.crc32(name + data):
-            raise ValueError("a checksum is wrong")
+            return None
         packed += data if name == b"IDAT" else b""
         at += 12 + size
         if name == b"IEND":
             return bytes(packed)
-    raise ValueError("the end is missing")
+    return None
 
 
 def _unbound(frames: Sequence[EvidenceReference], captures: dict[Digest, Receipt], evidence: Evidence) -> Reason | None:

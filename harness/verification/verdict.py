@@ -59,7 +59,7 @@ def verify(context: Context, blobs: Blobs) -> verdicts.NodeVerdict:
     """
     evidence = Evidence(context, blobs)
     if context.role != "verifier" or context.one("execution") is None:
-        raise ContractInvalid(because("context_without_execution"), where=f"context {context.role}")
+        raise ContractInvalid(because("context_without_execution"), where=context.role)
     tested = _results(evidence)
     results = tuple(result for result, _ in tested)
     verdict, reason = _overall(results)

@@ -17,15 +17,15 @@ from harness.goals.names import check_names
 from harness.goals.sources import world_sources
 from harness.planning.compile import compile_contract
 from harness.supervisor.zones import ARRIVED_M, way_of
+from harness.workspace.contract_yaml import Lines, Step
 from harness.workspace.files import HttpRobotEntry, RobotsFile, SecretReference
-from harness.workspace.yaml_reader import Lines, Step
 
 STEP_M = 0.05
 
 
 def at(file: Path, line: int) -> str:
     """Where a problem stands, as an editor opens it."""
-    return f"{file}, line {line}"
+    return f"{file}:{line}"
 
 
 def relocated(error: HarnessError, file: Path, line: int) -> HarnessError:

@@ -20,8 +20,8 @@ from harness.contracts.places import Site
 from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskTemplate
 from harness.workspace import checks
+from harness.workspace.contract_yaml import Lines, read_yaml
 from harness.workspace.files import HttpRobotEntry, RobotEntry, RobotsFile, SecretReference, SiteDescription
-from harness.workspace.yaml_reader import Lines, read_yaml
 
 T = TypeVar("T")
 SITE, ROBOTS, MISSIONS, CONFORMANCE = "site.yaml", "robots.yaml", "missions", "conformance"

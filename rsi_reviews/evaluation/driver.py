@@ -167,11 +167,11 @@ class Driver:
         request = self._robot.request(
             node, attempt=number, provider=provider, parameters=parameters_of(node, attempt=number)
         )
-        begun = self._started(provider, request, node)
-        if begun is None:
+        start = self._started(provider, request, node)
+        if start is None:
             return None
-        request, first = begun
-        report = self._watched(provider, first, node, dispatched_s)
+        request, first = start
+        report = self._watch(provider, first, node, dispatched_s)
         self._robot.wait(max(self._policy.settle_s, POLL_S))
         return LegExecution(
             node=node,
@@ -209,7 +209,7 @@ class Driver:
                     node, attempt=self._next(node), provider=provider, parameters=request.parameters
                 )
 
-    def _watched(
+    def _watch(
         self, provider: Provider, report: protocol.InvocationReport, node: Node, dispatched_s: float
     ) -> protocol.InvocationReport:
         """Keeps the execution alive until it ends; past a deadline, where there is one, it is stopped.

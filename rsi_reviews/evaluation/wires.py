@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from harness.contracts import protocol
-from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import Digest, MissionId, RequestId
 from harness.contracts.ports import Provider, Robot
+from harness.provider_protocol.delegation import DelegatingProvider
 
 AFTER_S, FOR_S = 1.0, 4.0
 """The late report takes the place of the real ones from this long after a mission's first navigation began."""
@@ -40,22 +40,18 @@ class MisdeliveringWire:
         return self._robot.starts()
 
 
-class LateProvider:
+class LateProvider(DelegatingProvider):
     """One provider over that wire. Only the first request of the second mission is affected."""
 
     def __init__(self, provider: Provider) -> None:
-        self._provider = provider
+        super().__init__(provider)
         self._missions: list[MissionId] = []
         self._struck: RequestId | None = None
         self._began_s = 0.0
         self._late: protocol.InvocationReport | None = None
 
-    @property
-    def card(self) -> CapabilityCard:
-        return self._provider.card
-
     def start(self, request: protocol.StartRequest) -> protocol.InvocationReport:
-        report = self._provider.start(request)
+        report = super().start(request)
         if request.identity.mission_id not in self._missions:
             self._missions.append(request.identity.mission_id)
             if len(self._missions) > 1 and self._late is not None:
@@ -63,22 +59,10 @@ class LateProvider:
         return report
 
     def report(self, handle: str) -> protocol.InvocationReport:
-        real = self._provider.report(handle)
+        real = super().report(handle)
         if real.identity.request_id == self._struck and self._late is not None:
             due = AFTER_S <= real.at_s - self._began_s <= AFTER_S + FOR_S
             return self._late if due else real
         if real.status in protocol.TERMINAL:
             self._late = real
         return real
-
-    def find(self, request: RequestId) -> protocol.InvocationReport | None:
-        return self._provider.find(request)
-
-    def keepalive(self, handle: str) -> None:
-        self._provider.keepalive(handle)
-
-    def resume(self, handle: str) -> protocol.InvocationReport:
-        return self._provider.resume(handle)
-
-    def stop(self, handle: str) -> protocol.InvocationReport:
-        return self._provider.stop(handle)

@@ -42,10 +42,10 @@ def ladder_changes(trace: Trace, current: Configuration) -> Iterator[changes.Pro
         episodes = _episodes(trace, failure)
         if episodes < LEAST_EPISODES or failure in LOCKED_LADDERS or ladder[0] in ("stop", "safe_stop"):
             continue
-        tried = {action: _tried(trace, failure, action) for action in (*ladder, *OBSERVING, "switch_skill", "retry")}
-        now = _expected(ladder, tried)
+        trials = {action: _trial(trace, failure, action) for action in (*ladder, *OBSERVING, "switch_skill", "retry")}
+        now = _expected(ladder, trials)
         for other in _ladders(failure, ladder):
-            saved = now - _expected(other, tried)
+            saved = now - _expected(other, trials)
             if saved > 0:
                 yield _change(trace, current, failure=failure, ladder=other, saved=saved)
 
@@ -54,7 +54,7 @@ def _episodes(trace: Trace, failure: FailureClass) -> int:
     return sum(1 for mission in trace.missions for one in mission.failures if one.failure == failure)
 
 
-def _tried(trace: Trace, failure: FailureClass, action: RecoveryAction) -> StepTrial:
+def _trial(trace: Trace, failure: FailureClass, action: RecoveryAction) -> StepTrial:
     rungs = [one for one in _rungs(trace, failure) if one.action == action and one.came != "open"]
     return StepTrial(action=action, times=len(rungs), helped=sum(1 for one in rungs if one.came == "committed"))
 
@@ -63,14 +63,14 @@ def _rungs(trace: Trace, failure: FailureClass) -> list[TracedStep]:
     return [step for mission in trace.missions for step in mission.rungs if step.failure == failure]
 
 
-def _expected(ladder: changes.Ladder, tried: dict[RecoveryAction, StepTrial]) -> float:
+def _expected(ladder: changes.Ladder, trials: dict[RecoveryAction, StepTrial]) -> float:
     """Expected recovery cost of one episode on this ladder, with the steps taken as independent."""
     cost, left = 0.0, 1.0
     for action in ladder:
         if action == "human":
             return cost + left * TASK_BUDGET
         cost += left * (1.0 if action in SPENDING else 0.0)
-        one = tried.get(action)
+        one = trials.get(action)
         left *= 1.0 - (one.chance if one is not None else UNTRIED)
     return cost
 
@@ -93,7 +93,7 @@ def _change(
     trace: Trace, current: Configuration, *, failure: FailureClass, ladder: changes.Ladder, saved: float
 ) -> changes.ProposedChange:
     episodes, missions = _episodes(trace, failure), len(trace.missions)
-    text = "; ".join(_reason_text(_tried(trace, failure, action)) for action in current.recovery.ladders[failure][:-1])
+    text = "; ".join(_reason_text(_trial(trace, failure, action)) for action in current.recovery.ladders[failure][:-1])
     handoffs = sum(1 for mission in trace.missions for one in mission.handoffs if one.failure == failure)
     old, new = " > ".join(current.recovery.ladders[failure]), " > ".join(ladder)
     return changes.ProposedChange(
@@ -108,5 +108,5 @@ def _change(
     )
 
 
-def _reason_text(tried: StepTrial) -> str:
-    return f"{tried.action} helped {tried.helped} of {tried.times} times"
+def _reason_text(trials: StepTrial) -> str:
+    return f"{trials.action} helped {trials.helped} of {trials.times} times"

@@ -7,7 +7,7 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.reasons import because
 from harness.contracts.values import Positive, Value
-from harness.workspace.yaml_reader import read_yaml
+from harness.workspace.contract_yaml import read_yaml
 from rsi_reviews import contracts
 from rsi_reviews.candidates import read_configuration
 from rsi_reviews.errors import CandidateInvalid

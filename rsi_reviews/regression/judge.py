@@ -109,8 +109,8 @@ def lasting(account: MissionAccount) -> list[tuple[LoggedEvent, Any]]:
     return [(one, _plain(one.body)) for one in account.log if _in_mission_time(one)]
 
 
-def _in_mission_time(happened: LoggedEvent) -> bool:
-    return happened.kind not in ("MissionCreated", "ContractCompiled") and not happened.stream.startswith("handoff/")
+def _in_mission_time(logged: LoggedEvent) -> bool:
+    return logged.kind not in ("MissionCreated", "ContractCompiled") and not logged.stream.startswith("handoff/")
 
 
 VERSIONED = frozenset({"configuration", "context", "candidates", "question", "proposal", "reason", "policy"})
@@ -132,8 +132,8 @@ def _without(value: Any) -> Any:
 
 def _read(account: MissionAccount) -> _MissionTotals:
     books = _MissionTotals()
-    for happened in account.log:
-        match happened.event:
+    for logged in account.log:
+        match logged.event:
             case events.DispatchIntended() as intent:
                 books.intents[intent.invocation_id] = intent
                 if books.vetoes:
@@ -159,11 +159,11 @@ def _read(account: MissionAccount) -> _MissionTotals:
             case events.VetoCleared(layer=layer):
                 books.vetoes.discard(layer)
             case LeaseAcquired() as lease:
-                if happened.stream in books.holders:
-                    books.unsafe.append(f"{lease.resource} was leased while {books.holders[happened.stream]} had it")
-                books.holders[happened.stream] = lease.invocation_id
+                if logged.stream in books.holders:
+                    books.unsafe.append(f"{lease.resource} was leased while {books.holders[logged.stream]} had it")
+                books.holders[logged.stream] = lease.invocation_id
             case LeaseReleased() | LeaseFreed():
-                books.holders.pop(happened.stream, None)
+                books.holders.pop(logged.stream, None)
             case _:
                 pass
     return books

@@ -10,7 +10,7 @@ import yaml
 from harness.contracts.ids import Digest
 from harness.contracts.reasons import because
 from harness.contracts.values import Value
-from harness.workspace.yaml_reader import read_yaml
+from harness.workspace.contract_yaml import read_yaml
 from rsi_reviews.regression.cases import CaseGroup, Suite, cases_of
 from rsi_reviews.regression.errors import SuiteEdited, SuiteInvalid, SuiteShrunk
 

@@ -16,8 +16,8 @@ from tools.mutations import OPERATORS, mutated, planted
 
 USES = {
     "command line": ("from app.cli.main import app", "tests.integration.runs import", '"-m", "mypy"'),
-    "API": ("tests.builders.house", "tests.builders.serving", "TestClient", "tests.builders.consoles"),
-    "page": ("tests.builders.house", "tests.builders.serving", "TestClient", "tests.builders.consoles", "playwright"),
+    "API": ("tests.builders.serving", "TestClient", "tests.builders.consoles"),
+    "page": ("tests.builders.serving", "TestClient", "tests.builders.consoles", "playwright"),
 }
 """How a test module of an entry point looks: it runs the program, or asks the served console."""
 SYMBOL = "harness.contracts.values:digest"

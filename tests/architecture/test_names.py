@@ -104,7 +104,12 @@ RETIRED = frozenset(
     }
 )
 """Names that gave way to the field's terms. What is stored keeps its name: events, records, configuration keys."""
-PARTICIPLES = frozenset({"asked", "heard", "kept", "meant", "said", "shown", "sought", "told", "wanted"})
+PARTICIPLES = frozenset(
+    {
+        "asked", "begun", "entered", "evaluated", "happened", "heard", "kept", "killed", "meant", "published", "said",
+        "searching", "settled", "shared", "shown", "sought", "told", "wanted", "watched", "worked",
+    }
+)  # fmt: skip
 """What happened to a thing names neither a function, nor a parameter, nor a variable."""
 PREDICATES = "harness/verification/predicates"
 """A function here has the name of its predicate, which is stored in contracts."""

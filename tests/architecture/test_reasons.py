@@ -10,9 +10,12 @@ from app.i18n.catalogues import LOCALES
 from app.i18n.reasons.rendering import BETWEEN, REMEDIES, SENTENCES
 from app.settings import ROOT
 from harness.contracts.reasons import RECORDED, SEVERAL
+from harness.provider_protocol.wire import REFUSALS
 from tools import translations
 
-SPEAKERS = ("harness", "rsi_reviews", "app")
+SPEAKERS = ("harness", "rsi_reviews", "app", "simulator")
+ROBOTS = ("simulator/", "harness/provider_protocol/")
+"""What runs at the robot's end of the provider protocol."""
 MAKERS = {"because": 0, "refused": 0, "_refusal": 4}
 """Functions that make a reason, and which of their arguments is its code."""
 UNSAID = {"first_eligible": {"subgoal"}, "first_waiting": {"subgoal"}, "skill_proposed": {"subgoal"}}
@@ -74,6 +77,13 @@ def test_the_holes_of_a_sentence_and_of_what_to_do_are_the_facts_that_are_given(
         for one in told
         if one[1] - UNSAID.get(one[0], set()) != holes(SENTENCES[one[0]]) | holes(REMEDIES.get(one[0], ""))
     ] == []
+
+
+def test_what_a_robots_program_says_crosses_the_protocol_and_nothing_else_does() -> None:
+    said = {code: facts for code, facts, where in given() if where.startswith(ROBOTS)}
+    assert {code: facts for code, facts in said.items() if REFUSALS.get(code) != facts} == {}
+    unsaid = REFUSALS.keys() - said.keys()
+    assert unsaid == set()
 
 
 def test_what_to_do_is_said_of_a_code_that_has_a_sentence() -> None:

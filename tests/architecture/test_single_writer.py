@@ -7,7 +7,7 @@ from tests.architecture.sources import PACKAGES, Module, module, modules
 
 APPENDS = ("harness/gate/commit.py",)
 DISPATCHES = ("harness/supervisor/",)
-# The robot's own side of the protocol, and the two exemptions that the house names.
+# The robot's own side of the protocol, and the two exemptions that are named.
 PROVIDERS_THEMSELVES = (
     "harness/adapters/providers/",
     "harness/conformance/",

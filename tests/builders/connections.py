@@ -12,18 +12,18 @@ from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, Me
 from harness.baseline.load import baseline
 from harness.baseline.load import site as shipped_site
 from harness.bootstrap import Deciders, Harness, NullSignals, Parts, Select, assemble, local_services, nothing_selected
-from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.decisions import Accepted
-from harness.contracts.ids import Digest, MissionId, RequestId
+from harness.contracts.ids import Digest, MissionId
 from harness.contracts.places import Site
 from harness.contracts.ports import Provider
-from harness.contracts.protocol import InvocationReport, Observations, PhysicalStart, RobotStatus, StartRequest
+from harness.contracts.protocol import InvocationReport, Observations, PhysicalStart, RobotStatus
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.tasks import TaskTemplate
 from harness.exploration.targets import NEAREST_EDGE, Proposer
 from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.planning.templates import by_name
 from harness.projections.mission import Mission
+from harness.provider_protocol.delegation import DelegatingProvider
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from harness.verification.verdict import Verifier, verify
@@ -36,36 +36,7 @@ from tests.builders.missions_run import OPERATOR, ROBOT, Ran
 Wrap = Callable[[Provider], Provider]
 
 
-class Wrapped:
-    """A provider that passes every call on; tests override what is to fail."""
-
-    def __init__(self, inner: Provider) -> None:
-        self.inner = inner
-
-    @property
-    def card(self) -> CapabilityCard:
-        return self.inner.card
-
-    def start(self, request: StartRequest) -> InvocationReport:
-        return self.inner.start(request)
-
-    def report(self, handle: str) -> InvocationReport:
-        return self.inner.report(handle)
-
-    def find(self, request: RequestId) -> InvocationReport | None:
-        return self.inner.find(request)
-
-    def keepalive(self, handle: str) -> None:
-        self.inner.keepalive(handle)
-
-    def resume(self, handle: str) -> InvocationReport:
-        return self.inner.resume(handle)
-
-    def stop(self, handle: str) -> InvocationReport:
-        return self.inner.stop(handle)
-
-
-class Failing(Wrapped):
+class Failing(DelegatingProvider):
     """A provider that reports the first `times` executions that end as failed, with a failure word."""
 
     def __init__(self, inner: Provider, *, word: str, times: int = 1_000) -> None:

@@ -39,6 +39,7 @@ from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.gate.handoffs import DECIDER
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
+from harness.provider_protocol.delegation import DelegatingProvider
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.candidate_queries import selected
@@ -48,7 +49,7 @@ from simulator.faults import parse_faults
 from simulator.robot import SimulatedRobot
 from simulator.teleoperation import SimulatedTeleoperation
 from simulator.world import WorldSettings
-from tests.builders.connections import CrewRobot, Wrapped
+from tests.builders.connections import CrewRobot
 from tests.builders.missions_run import ROBOT
 
 ADA, BOB = Actor(name="ada", role="operator"), Actor(name="bob", role="operator")
@@ -69,7 +70,7 @@ class Link:
         self.authority: Authority = unquestioned
 
 
-class Linked(Wrapped):
+class Linked(DelegatingProvider):
     """A provider at the other end of that connection."""
 
     def __init__(self, inner: Provider, link: Link) -> None:

@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager
 
 import pytest
 
+from app.i18n.reasons.rendering import explained
 from harness.adapters.clock import LockstepClock, RobotClock
 from harness.adapters.providers.http.exchange import DEEPEST, nested_too_deep
 from harness.adapters.providers.http.robot import HttpProvider, HttpRobot
@@ -17,6 +18,9 @@ from harness.conformance.hostile.proxy import Answer, Ask, LyingProxy, ProxyStat
 from harness.conformance.motion import SampleLog
 from harness.contracts.errors import BlobDamaged, ProviderFailed, ProviderUnreachable
 from harness.contracts.ids import Digest, RequestId
+from harness.contracts.reasons import Reason, because
+from harness.contracts.values import encode
+from harness.provider_protocol.wire import Problem
 from simulator.cards import ROUTE_FOLLOWER
 from tests.saying import raises_saying
 
@@ -75,6 +79,26 @@ def test_a_refusal_in_the_protocols_words_is_one_and_speaks_of_the_robot_alone()
             with raises_saying(ProviderFailed, match="Not now") as refused:
                 HttpProvider(robot, ROUTE_FOLLOWER).stop("handle")
             assert not isinstance(refused.value, ProviderUnreachable)
+
+
+@pytest.mark.parametrize(
+    ("reason", "shown"),
+    [
+        (because("base_held", handle="h-1"), "调用 h-1"),
+        (because("base_held", handle=7), "Not now"),
+        (because("base_held", handle="h-1", more="x"), "Not now"),
+        (because("base_held", handle="h" * 3000), "Not now"),
+        (because("handoff_was_answered", decision="approved"), "Not now"),
+    ],
+)
+def test_a_robots_reason_is_shown_in_the_readers_language_and_any_that_it_may_not_give_as_its_text(
+    reason: Reason, shown: str
+) -> None:
+    problem = Problem(code="provider_failed", what="Not now", reason=reason)
+    with answering(Answer(status=409, body=encode(problem))) as robot:
+        with pytest.raises(ProviderFailed) as refused:
+            HttpProvider(robot, ROUTE_FOLLOWER).stop("handle")
+        assert shown in explained(refused.value, "zh-Hans")
 
 
 def test_a_request_never_came_only_if_the_robot_says_so_itself() -> None:

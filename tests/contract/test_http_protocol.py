@@ -97,7 +97,7 @@ def test_problems_say_what_where_and_what_to_do_and_arrive_as_their_own_type(sta
         wrong = known.post("/providers/route-follower/invocations", content=b'{"identity":{}}')
         assert (wrong.status_code, wrong.json()["code"]) == (422, "invalid_body")
         assert "identity" in wrong.json()["what"]
-        assert wrong.json()["do"]
+        assert wrong.json()["reason"]["code"] == "request_body_invalid"
         assert known.post("/simulation/advance", content=b"not json").status_code == 422
         assert known.get("/observations?after=-1").status_code == 422
         assert known.post("/simulation/save", content=b"x" * (3 * 1024 * 1024)).status_code == 413
@@ -109,7 +109,7 @@ def test_problems_say_what_where_and_what_to_do_and_arrive_as_their_own_type(sta
     made.tokens["mobile_base"] = 1
     with pytest.raises(FencingRefused):
         made.start("route-follower", along("A-B"), attempt=2)
-    with raises_saying(ProviderFailed, match="no step forward"):
+    with raises_saying(ProviderFailed, match="step of -5.0 s.*smaller steps"):
         made.advance_to(made.at_s - 5.0)
 
 

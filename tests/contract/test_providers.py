@@ -135,7 +135,7 @@ def test_a_stop_is_acknowledged_only_once_the_body_stands(made: Bench) -> None:
 @pytest.mark.ledger("R90", symbol="simulator.robot:SimulatedRobot._mover")
 def test_a_second_mover_is_refused_while_the_first_has_the_base(made: Bench) -> None:
     report = made.watch(made.start("route-follower", along("A-B")), until_s=2.0)
-    with raises_saying(ProviderFailed, match="still has the base"):
+    with raises_saying(ProviderFailed, match="still holds the base"):
         made.start("panorama-camera", {"frames": 8.0}, node="pano")
     made.watch(made.provider("route-follower").stop(report.handle))
     assert made.start("careful-local-planner", along("A-B"), attempt=2).status == "accepted"

@@ -15,13 +15,13 @@ from harness.contracts.measurements import Sound, StoredMessage
 from harness.contracts.ports import BlobStore, Provider, Room
 from harness.contracts.protocol import InvocationReport, Receipt, StartRequest
 from harness.contracts.values import Point
-from tests.builders.connections import Wrapped
+from harness.provider_protocol.delegation import DelegatingProvider
 
 Said = Callable[[str], str]
 Told = Callable[[dict[str, Any]], dict[str, Any]]
 
 
-class Misspeaking(Wrapped):
+class Misspeaking(DelegatingProvider):
     """A voice that says something else than it was asked, and reports a complete playback."""
 
     def __init__(self, inner: Provider, say: Said) -> None:
@@ -33,7 +33,7 @@ class Misspeaking(Wrapped):
         return self.inner.start(replace(request, parameters={**request.parameters, "text": text}))
 
 
-class LookingElsewhere(Wrapped):
+class LookingElsewhere(DelegatingProvider):
     """An analyser that looks at another part of the floor, and signs for the one it was asked about."""
 
     def __init__(self, inner: Provider, blobs: BlobStore, *, passage: tuple[Point, ...], confess: bool = False) -> None:
@@ -50,7 +50,7 @@ class LookingElsewhere(Wrapped):
         return said if self.confess else retold(said, self.blobs, lambda told: {**told, "passage": self.asked})
 
 
-class Retelling(Wrapped):
+class Retelling(DelegatingProvider):
     """An analyser whose report is rewritten after it looked at the right frames."""
 
     def __init__(self, inner: Provider, blobs: BlobStore, tell: Told) -> None:
@@ -61,7 +61,7 @@ class Retelling(Wrapped):
         return retold(super().report(handle), self.blobs, self.tell)
 
 
-class TakingDown(Wrapped):
+class TakingDown(DelegatingProvider):
     """An intake that takes down another request."""
 
     def start(self, request: StartRequest) -> InvocationReport:

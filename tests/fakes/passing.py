@@ -4,10 +4,10 @@ from msgspec.structs import replace
 
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ports import Provider
-from tests.builders.connections import Wrapped
+from harness.provider_protocol.delegation import DelegatingProvider
 
 
-class Passing(Wrapped):
+class Passing(DelegatingProvider):
     """The Provider port over another provider; `card` fields may be changed."""
 
     def __init__(self, inner: Provider, **card: object) -> None:

@@ -26,10 +26,11 @@ from harness.planning.decomposition import (
 )
 from harness.planning.templates import by_name
 from harness.projections.mission import required_contract
+from harness.provider_protocol.delegation import DelegatingProvider
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from simulator.in_process import SIMULATOR
-from tests.builders.connections import Wrapped, only, staged
+from tests.builders.connections import only, staged
 from tests.builders.missions_run import OPERATOR, ROBOT, Ran
 from tests.builders.tampering import rewritten
 
@@ -126,7 +127,7 @@ def test_a_planner_that_breaks_stops_nothing() -> None:
         assert "plan" not in ran.mission.labels and ran.mission.status == "partly_verified"
 
 
-class Exchanging(Wrapped):
+class Exchanging(DelegatingProvider):
     """Says that it kept another picture than the one it was given."""
 
     def report(self, handle: str) -> object:  # type: ignore[override]

@@ -27,11 +27,12 @@ from harness.contracts.values import encode
 from harness.contracts.verdicts import NodeVerdict
 from harness.extra_templates import begin
 from harness.projections.mission import declared_goals
+from harness.provider_protocol.delegation import DelegatingProvider
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from harness.verification.verdict import verify
 from simulator.in_process import SIMULATOR
-from tests.builders.connections import Stage, Wrapped, only, staged, template, with_node
+from tests.builders.connections import Stage, only, staged, template, with_node
 from tests.builders.declared import DESCRIBE, DESCRIBED, FIRST, ORDER, SECOND, strict, two_pictures
 from tests.builders.lies import Lie, emptied, lied_to
 from tests.builders.missions_run import OPERATOR, ROBOT, Ran
@@ -190,7 +191,7 @@ def test_a_verifier_that_calls_a_word_enough_is_overruled_by_the_gate() -> None:
         assert not any(fact.node_id == DESCRIBE for fact in ran.mission.facts)
 
 
-class Silent(Wrapped):
+class Silent(DelegatingProvider):
     """Says that it described the picture, and leaves no report of it."""
 
     def report(self, handle: str) -> InvocationReport:

@@ -15,15 +15,16 @@ from harness.contracts.ports import Provider
 from harness.contracts.protocol import InvocationReport, StartRequest
 from harness.contracts.verdicts import NodeVerdict
 from harness.gate.commit import CommandEnvelope
+from harness.provider_protocol.delegation import DelegatingProvider
 from harness.verification.verdict import verify
-from tests.builders.connections import Failing, Stage, Wrapped, only, staged
+from tests.builders.connections import Failing, Stage, only, staged
 from tests.builders.missions_run import Ran
 
 BASE = ResourceId("vbot-1/mobile_base")
 OTHER = InvocationId("inv_other")
 
 
-class Endless(Wrapped):
+class Endless(DelegatingProvider):
     """Goes on for ever, unless it is stopped."""
 
     stopping = False
@@ -49,14 +50,14 @@ class Deaf(Endless):
         return self.report(handle)
 
 
-class Refusing(Wrapped):
+class Refusing(DelegatingProvider):
     """Takes no request."""
 
     def start(self, request: StartRequest) -> InvocationReport:
         raise ProviderFailed("the motor controller does not answer")
 
 
-class Silent(Wrapped):
+class Silent(DelegatingProvider):
     """Cannot be reached for the first `silent` reports after `after` good ones."""
 
     def __init__(self, inner: Provider, *, silent: int, after: int = 4) -> None:
@@ -79,7 +80,7 @@ class Silent(Wrapped):
         return self.inner.find(request)
 
 
-class Stranger(Wrapped):
+class Stranger(DelegatingProvider):
     """Its first execution ends in another provider's name."""
 
     first = ""
@@ -92,7 +93,7 @@ class Stranger(Wrapped):
         return replace(said, identity=replace(said.identity, provider_id="somebody-else"))
 
 
-class Crossed(Wrapped):
+class Crossed(DelegatingProvider):
     """Answers of somebody else's request arrive on its connection a few times."""
 
     left = 3

@@ -19,9 +19,10 @@ from harness.contracts.reasons import Reason
 from harness.contracts.tasks import TaskTemplate
 from harness.goals.sources import RESTS_ON, Reachable, RobotSources
 from harness.projections.mission import required_contract
+from harness.provider_protocol.delegation import DelegatingProvider
 from harness.verification.predicates.registry import PREDICATES
 from simulator.camera import CAMERA
-from tests.builders.connections import Stage, Wrapped, only, staged, template, with_node
+from tests.builders.connections import Stage, only, staged, template, with_node
 from tests.builders.declared import two_pictures
 from tests.builders.pointers import DECIDERS, release, select
 
@@ -82,7 +83,7 @@ def test_a_level_that_the_sources_cannot_give_is_refused_with_what_is_missing(st
     assert sentence(error.what, ZH) != said
 
 
-class Blind(Wrapped):
+class Blind(DelegatingProvider):
     """A navigator that steers by its wheels alone: pose and odometry are none of its own sensors."""
 
     @property

@@ -29,7 +29,8 @@ from harness.contracts.reasons import Reason
 from harness.contracts.values import decode
 from harness.gate.decide import DECIDER
 from harness.projections.mission import Mission
-from tests.builders.connections import Stage, Wrapped, staged
+from harness.provider_protocol.delegation import DelegatingProvider
+from tests.builders.connections import Stage, staged
 from tests.builders.gate import NOW, POLICY, after, complete, created, dispatch
 from tests.builders.missions_run import Ran
 
@@ -46,7 +47,7 @@ PHASES = {
 }
 
 
-class Counting(Wrapped):
+class Counting(DelegatingProvider):
     """Counts how often it was asked how far it is."""
 
     polls = 0

@@ -19,10 +19,11 @@ from harness.contracts.revision_commands import DisputeCompletion
 from harness.contracts.revision_events import GraphRevised
 from harness.contracts.values import decode
 from harness.gate.decide import DECIDER
+from harness.provider_protocol.delegation import DelegatingProvider
 from harness.routing.question import RoutingQuestion
 from harness.settings import HarnessSettings
 from simulator.in_process import SIMULATOR
-from tests.builders.connections import CrewRobot, Stage, Wrapped, staged
+from tests.builders.connections import CrewRobot, Stage, staged
 from tests.builders.missions_run import OPERATOR, begin
 
 GO, CIRCUIT = NodeId("go"), NodeId("circuit")
@@ -50,7 +51,7 @@ def explored_then_blocked(stage: Stage, *, disputed: bool) -> tuple[MissionId, M
 
 
 @pytest.mark.ledger("R137", symbol="harness.memory.fabric:MemoryFabric.arrivals")
-@pytest.mark.ledger("R137", symbol="harness.supervisor.revisions:Revisions._remembered")
+@pytest.mark.ledger("R137", symbol="harness.supervisor.revisions:Revisions._memories")
 def test_a_blocked_leg_drives_where_an_earlier_mission_saw_the_floor_free() -> None:
     with staged(seed=SEED) as stage:
         earlier, later = explored_then_blocked(stage, disputed=False)
@@ -70,7 +71,7 @@ def test_what_a_person_disputed_is_no_floor_to_plan_on() -> None:
         assert [one.code for one in said if isinstance(one, Reason)][-1] == "step_not_applicable"
 
 
-class Renewed(Wrapped):
+class Renewed(DelegatingProvider):
     """The route follower with another card."""
 
     def __init__(self, inner: Provider, change: Callable[[CapabilityCard], CapabilityCard]) -> None:

@@ -7,12 +7,13 @@ from msgspec.structs import replace
 
 from harness.contracts.ids import NodeId
 from harness.contracts.protocol import InvocationReport, StartRequest
-from tests.builders.connections import Wrapped, staged
+from harness.provider_protocol.delegation import DelegatingProvider
+from tests.builders.connections import staged
 
 RETURN = NodeId("return")
 
 
-class Unturned(Wrapped):
+class Unturned(DelegatingProvider):
     """A navigator that forgets the turn."""
 
     def start(self, request: StartRequest) -> InvocationReport:

@@ -63,6 +63,13 @@ def test_a_list_is_filtered_and_a_wrong_place_is_a_problem(stand: Stand, owner: 
     assert owner.get("/api/v1/missions?order=sideways").status_code == 422
 
 
+@pytest.mark.parametrize("listing", ["missions", "handoffs", "evidence"])
+def test_every_list_has_the_same_parameters_and_refuses_a_misspelt_one(owner: TestClient, listing: str) -> None:
+    assert owner.get(f"/api/v1/{listing}?q=none&order=oldest&limit=3").json() == []
+    refused = owner.get(f"/api/v1/{listing}?odrer=oldest")
+    assert refused.status_code == 422 and "odrer" in refused.json()["detail"]
+
+
 def test_evidence_places_templates_and_providers_are_there_to_read(stand: Stand, owner: TestClient) -> None:
     mission = stand.run()
     items = owner.get(f"/api/v1/evidence?mission={mission.mission_id}&kind=image&limit=100").json()

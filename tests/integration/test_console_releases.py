@@ -41,8 +41,8 @@ BOUND = ("key", "cycle", "subject")
 
 
 @dataclass(frozen=True)
-class House:
-    """A console, its people by role, and the desk behind it."""
+class ReleaseConsole:
+    """A console, its people by role, and its release service."""
 
     stand: Stand
     bench: Bench
@@ -69,7 +69,7 @@ class House:
 
 
 @pytest.fixture
-def house() -> Iterator[House]:
+def console() -> Iterator[ReleaseConsole]:
     with console_stand() as stand:
         releases = ReleaseService(stand.harness.runtime, judge=partial(accepted, predicate=PREDICATE))
         people = everybody(stand)
@@ -78,7 +78,7 @@ def house() -> Iterator[House]:
         people["other-reviewer"] = browser(stand, "the-other-reviewer")
         accounts.add("lea", roles=["operator", "reviewer", "releaser"], password=PASSWORD, by=SETTING_UP)
         people["author"] = browser(stand, "lea")
-        yield House(stand, Bench(harness=stand.harness, releases=releases), people)
+        yield ReleaseConsole(stand, Bench(harness=stand.harness, releases=releases), people)
 
 
 def shows(text: str, *parts: str) -> None:
@@ -89,21 +89,21 @@ def shows(text: str, *parts: str) -> None:
         assert place >= 0, f"{part!r} does not come next"
 
 
-def test_the_board_keeps_search_and_filters_in_the_address(house: House) -> None:
-    waits, draft = house.bench.in_review(candidate()), house.bench.proposed(routed())
-    text = house.page("viewer", "/candidates")
+def test_the_board_keeps_search_and_filters_in_the_address(console: ReleaseConsole) -> None:
+    waits, draft = console.bench.in_review(candidate()), console.bench.proposed(routed())
+    text = console.page("viewer", "/candidates")
     assert waits in text and draft in text and "in review" in text
-    only = house.page("viewer", "/candidates?status=draft")
+    only = console.page("viewer", "/candidates?status=draft")
     assert draft in only and waits not in only
-    found = house.page("viewer", "/candidates?component=recovery&q=sooner")
+    found = console.page("viewer", "/candidates?component=recovery&q=sooner")
     assert waits in found and draft not in found
     assert 'hx-get="/candidates/list?q=sooner&amp;component=recovery"' in found
-    assert house.people["viewer"].get("/candidates?status=nonsense").status_code == 404
+    assert console.people["viewer"].get("/candidates?status=nonsense").status_code == 404
 
 
-def test_the_review_page_tells_what_got_worse_first_and_everything_a_reviewer_needs(house: House) -> None:
-    name = house.bench.in_review(candidate())
-    text = house.page("viewer", f"/candidates/{name}")
+def test_the_review_page_tells_what_got_worse_first_and_everything_a_reviewer_needs(console: ReleaseConsole) -> None:
+    name = console.bench.in_review(candidate())
+    text = console.page("viewer", f"/candidates/{name}")
     shows(text, "Pass to fail", "Fail to pass", "Paired differences", "Held-out, apart", "clause by clause",
           "The change, by component", "The raw difference", "Your decision", "Because", "Counterfactual replay",
           "Who is pinned to what", "Rollback target", "What a release changes", "Discussion")  # fmt: skip
@@ -113,10 +113,10 @@ def test_the_review_page_tells_what_got_worse_first_and_everything_a_reviewer_ne
     assert "10.0" in text and "recovery.wait_s" in text
 
 
-def test_a_case_that_got_worse_is_listed_before_those_that_got_better(house: House) -> None:
+def test_a_case_that_got_worse_is_listed_before_those_that_got_better(console: ReleaseConsole) -> None:
     made = candidate()
-    name = house.bench.proposed(made)
-    expect(house.bench.releases.begin(terms_of(made), say(RELEASER)))
+    name = console.bench.proposed(made)
+    expect(console.bench.releases.begin(terms_of(made), say(RELEASER)))
     found = evaluation(made)
     own = made.configuration.configuration_id
     cases = sorted({one.case for one in found.results.results})
@@ -129,40 +129,42 @@ def test_a_case_that_got_worse_is_listed_before_those_that_got_better(house: Hou
     )
     whole = msgspec.structs.replace(found.results, results=results)
     judged = type(found)(found.terms, found.manifest, found.regression, found.safety, whole)
-    expect(house.bench.releases.submit_results(judged, say(RELEASER)))
-    text = house.page("viewer", f"/candidates/{name}")
+    expect(console.bench.releases.submit_results(judged, say(RELEASER)))
+    text = console.page("viewer", f"/candidates/{name}")
     shows(text, "Pass to fail: 1 of 100", cases[0][:8], "Fail to pass: 1 of 100", cases[1][:8])
-    only = house.page("viewer", f"/candidates/{name}/cases?change=pass%20to%20fail")
+    only = console.page("viewer", f"/candidates/{name}/cases?change=pass%20to%20fail")
     assert cases[0][:8] in only and cases[1][:8] not in only
 
 
-def test_an_author_is_told_before_the_click_and_refused_after_it(house: House) -> None:
-    name = house.bench.in_review(candidate())
-    text = house.page("author", f"/candidates/{name}")
+def test_an_author_is_told_before_the_click_and_refused_after_it(console: ReleaseConsole) -> None:
+    name = console.bench.in_review(candidate())
+    text = console.page("author", f"/candidates/{name}")
     assert "lea is an author of it" in text
     button = re.findall(r'<button\s+id="approve"[^>]*>', text)[0]
     assert "disabled" in button
-    status, told = house.said("author", name, "approve")
+    status, told = console.said("author", name, "approve")
     assert status == 409 and "lea is an author of it" in told
-    seen = {field: value for field, value in house.bound("author", name).items() if field != "cycle"}
-    body = {**seen, "cycle": int(house.bound("author", name)["cycle"]), "reason": "mine"}
-    by_api = house.people["author"].post(f"/api/v1/candidates/{name}/approve", json=body)
+    seen = {field: value for field, value in console.bound("author", name).items() if field != "cycle"}
+    body = {**seen, "cycle": int(console.bound("author", name)["cycle"]), "reason": "mine"}
+    by_api = console.people["author"].post(f"/api/v1/candidates/{name}/approve", json=body)
     assert (by_api.status_code, by_api.json()["rule"]) == (409, "own_candidate")
-    assert house.bench.releases.review(name).approvals == ()
+    assert console.bench.releases.review(name).approvals == ()
 
 
-def test_an_author_who_asks_the_api_is_refused_by_the_same_rule(house: House) -> None:
-    name = house.bench.in_review(candidate())
-    shown = house.people["author"].get(f"/api/v1/candidates/{name}").json()
+def test_an_author_who_asks_the_api_is_refused_by_the_same_rule(console: ReleaseConsole) -> None:
+    name = console.bench.in_review(candidate())
+    shown = console.people["author"].get(f"/api/v1/candidates/{name}").json()
     body = {"reason": "it is mine", "key": "mine", "cycle": shown["cycle"], "subject": shown["digest"]}
-    answer = house.people["author"].post(f"/api/v1/candidates/{name}/approve", json=body)
+    answer = console.people["author"].post(f"/api/v1/candidates/{name}/approve", json=body)
     assert (answer.status_code, answer.json()["rule"]) == (409, "own_candidate")
     assert "lea is an author of it" in answer.text
-    assert house.bench.releases.review(name).approvals == ()
+    assert console.bench.releases.review(name).approvals == ()
 
 
-def test_a_proposal_that_cannot_run_or_asks_later_or_says_a_key_twice_is_refused_by_the_api(house: House) -> None:
-    author = house.people["author"]
+def test_a_proposal_that_cannot_run_or_asks_later_or_says_a_key_twice_is_refused_by_the_api(
+    console: ReleaseConsole,
+) -> None:
+    author = console.people["author"]
 
     def refused(configuration: str, about: str) -> None:
         body = {"configuration": configuration, "manifest": encode(candidate().manifest).decode()}
@@ -173,17 +175,17 @@ def test_a_proposal_that_cannot_run_or_asks_later_or_says_a_key_twice_is_refused
     refused(later, "instead of 40 s")
     refused(encode(tried()).decode().replace('"wait_s":', '"wait_s":1.0,"wait_s":', 1), "wait_s")
     refused(encode(tried()).decode().replace('"depends_on":["request"]', '"depends_on":["moon"]', 1), "moon")
-    assert house.bench.releases.reviews() == []
+    assert console.bench.releases.reviews() == []
 
 
-def test_a_word_without_a_reason_is_sent_back_and_a_form_sent_twice_counts_once(house: House) -> None:
-    name = house.bench.in_review(candidate())
-    assert house.said("reviewer", name, "approve", reason=" ")[0] == 422
-    fields = {**house.bound("reviewer", name), "reason": "the figures hold"}
+def test_a_word_without_a_reason_is_sent_back_and_a_form_sent_twice_counts_once(console: ReleaseConsole) -> None:
+    name = console.bench.in_review(candidate())
+    assert console.said("reviewer", name, "approve", reason=" ")[0] == 422
+    fields = {**console.bound("reviewer", name), "reason": "the figures hold"}
     for _ in range(2):
-        assert house.people["reviewer"].post(f"/candidates/{name}/approve", data=fields).status_code == 303
-    assert [one.actor.name for one in house.bench.releases.review(name).approvals] == ["the-reviewer"]
-    assert house.bench.releases.review(name).approvals[0].actor.role == "reviewer"
+        assert console.people["reviewer"].post(f"/candidates/{name}/approve", data=fields).status_code == 303
+    assert [one.actor.name for one in console.bench.releases.review(name).approvals] == ["the-reviewer"]
+    assert console.bench.releases.review(name).approvals[0].actor.role == "reviewer"
 
 
 @pytest.mark.parametrize(
@@ -191,130 +193,134 @@ def test_a_word_without_a_reason_is_sent_back_and_a_form_sent_twice_counts_once(
     [("viewer", "comment"), ("operator", "approve"), ("reviewer", "authorise"), ("releaser", "approve"),
      ("reviewer", "rollback"), ("admin", "release"), ("releaser", "adjudicate"), ("operator", "reject")],
 )  # fmt: skip
-def test_whoever_has_not_the_role_is_refused_whatever_the_page_hides(house: House, who: str, word: str) -> None:
-    name = house.bench.in_review(candidate())
+def test_whoever_has_not_the_role_is_refused_whatever_the_page_hides(
+    console: ReleaseConsole, who: str, word: str
+) -> None:
+    name = console.bench.in_review(candidate())
     typed = {"robot_id": "vbot-1", "mission_id": "m", "finding": "sound"}
-    assert house.said(who, name, word, **typed)[0] == 403
-    assert house.status(name) == "in_review"
+    assert console.said(who, name, word, **typed)[0] == 403
+    assert console.status(name) == "in_review"
 
 
-def test_requested_changes_void_approvals_and_an_old_page_is_answered_with_what_changed(house: House) -> None:
+def test_requested_changes_void_approvals_and_an_old_page_is_answered_with_what_changed(
+    console: ReleaseConsole,
+) -> None:
     made = candidate()
-    name = house.bench.in_review(made)
-    assert house.said("reviewer", name, "approve")[0] == 303
-    old = {**house.bound("other-reviewer", name), "reason": "seen it"}
-    assert house.said("other-reviewer", name, "request-changes")[0] == 303
-    assert house.bench.releases.review(name).approvals == ()
-    assert house.said("operator", name, "submit")[0] == 303
-    assert house.bench.releases.review(name).cycle == 2
-    answer = house.people["other-reviewer"].post(f"/candidates/{name}/approve", data=old)
+    name = console.bench.in_review(made)
+    assert console.said("reviewer", name, "approve")[0] == 303
+    old = {**console.bound("other-reviewer", name), "reason": "seen it"}
+    assert console.said("other-reviewer", name, "request-changes")[0] == 303
+    assert console.bench.releases.review(name).approvals == ()
+    assert console.said("operator", name, "submit")[0] == 303
+    assert console.bench.releases.review(name).cycle == 2
+    answer = console.people["other-reviewer"].post(f"/candidates/{name}/approve", data=old)
     assert answer.status_code == 409 and "it is in cycle 2, not 1" in answer.text
     assert "seen it" in answer.text
 
 
-def test_the_second_of_two_reviewers_learns_who_decided_what(house: House) -> None:
-    name = house.bench.in_review(candidate())
-    late = {**house.bound("other-reviewer", name), "reason": "looks good"}
-    assert house.said("reviewer", name, "reject", reason="too small an effect")[0] == 303
-    answer = house.people["other-reviewer"].post(f"/candidates/{name}/approve", data=late)
+def test_the_second_of_two_reviewers_learns_who_decided_what(console: ReleaseConsole) -> None:
+    name = console.bench.in_review(candidate())
+    late = {**console.bound("other-reviewer", name), "reason": "looks good"}
+    assert console.said("reviewer", name, "reject", reason="too small an effect")[0] == 303
+    answer = console.people["other-reviewer"].post(f"/candidates/{name}/approve", data=late)
     assert answer.status_code == 409
     shows(answer.text, "the-reviewer: rejected at", "too small an effect")
-    assert house.status(name) == "rejected"
+    assert console.status(name) == "rejected"
 
 
-def test_a_candidate_whose_baseline_is_no_longer_current_cannot_be_approved(house: House) -> None:
-    older = house.bench.in_review(candidate())
-    house.bench.current(routed(), look=2)
-    text = house.page("reviewer", f"/candidates/{older}")
+def test_a_candidate_whose_baseline_is_no_longer_current_cannot_be_approved(console: ReleaseConsole) -> None:
+    older = console.bench.in_review(candidate())
+    console.bench.current(routed(), look=2)
+    text = console.page("reviewer", f"/candidates/{older}")
     shows(text, "Stale.", "is no longer current")
-    status, told = house.said("reviewer", older, "approve")
+    status, told = console.said("reviewer", older, "approve")
     assert status == 409 and "is no longer current" in told
-    assert "stale" in house.page("viewer", "/candidates?status=in_review")
+    assert "stale" in console.page("viewer", "/candidates?status=in_review")
 
 
-def test_a_release_runs_through_its_canary_and_back_again_by_two_clicks(house: House) -> None:
-    shipped = house.bench.releases.current()
-    name = house.bench.in_review(routed())
-    assert house.said("reviewer", name, "approve")[0] == 303
-    assert house.said("releaser", name, "release", robot_id="vbot-1")[0] == 409
-    assert house.said("releaser", name, "authorise")[0] == 303
-    assert house.said("releaser", name, "release", robot_id="vbot-1")[0] == 303
+def test_a_release_runs_through_its_canary_and_back_again_by_two_clicks(console: ReleaseConsole) -> None:
+    shipped = console.bench.releases.current()
+    name = console.bench.in_review(routed())
+    assert console.said("reviewer", name, "approve")[0] == 303
+    assert console.said("releaser", name, "release", robot_id="vbot-1")[0] == 409
+    assert console.said("releaser", name, "authorise")[0] == 303
+    assert console.said("releaser", name, "release", robot_id="vbot-1")[0] == 303
     for number in range(5):
-        mission = house.bench.mission()
-        text = house.page("other-reviewer", f"/candidates/{name}")
+        mission = console.bench.mission()
+        text = console.page("other-reviewer", f"/candidates/{name}")
         assert f"{number + 1} of 5" in text and mission in text
-        assert house.said("other-reviewer", name, "adjudicate", mission_id=mission, finding="sound")[0] == 303
-    assert house.status(name) == "current"
-    text = house.page("releaser", "/releases")
+        assert console.said("other-reviewer", name, "adjudicate", mission_id=mission, finding="sound")[0] == 303
+    assert console.status(name) == "current"
+    text = console.page("releaser", "/releases")
     shows(text, "Roll back", "released to every robot", "canary began", "shipped with the program")
-    second = house.page("releaser", f"/candidates/{name}/rollback")
+    second = console.page("releaser", f"/candidates/{name}/rollback")
     assert shipped[:8] in second
     fields = {"key": re.findall(r'name="key"\s+value="([^"]*)"', second)[0], "second-step": "yes"}
     assert (
-        house.people["releaser"].post(f"/candidates/{name}/rollback", data=fields | {"reason": ""}).status_code == 422
+        console.people["releaser"].post(f"/candidates/{name}/rollback", data=fields | {"reason": ""}).status_code == 422
     )
-    answer = house.people["releaser"].post(f"/candidates/{name}/rollback", data=fields | {"reason": "slower"})
+    answer = console.people["releaser"].post(f"/candidates/{name}/rollback", data=fields | {"reason": "slower"})
     assert answer.status_code == 303
-    assert (house.status(name), house.bench.releases.current()) == ("rolled_back", shipped)
-    shows(house.page("viewer", "/releases"), "rolled back", "quarantined", "slower")
+    assert (console.status(name), console.bench.releases.current()) == ("rolled_back", shipped)
+    shows(console.page("viewer", "/releases"), "rolled back", "quarantined", "slower")
 
 
-def test_a_false_completion_found_in_the_canary_rolls_back_at_once(house: House) -> None:
-    shipped = house.bench.releases.current()
-    name = house.bench.in_canary(routed())
-    mission = house.bench.mission()
-    status, _ = house.said("reviewer", name, "adjudicate", mission_id=mission, finding="false_completion")
+def test_a_false_completion_found_in_the_canary_rolls_back_at_once(console: ReleaseConsole) -> None:
+    shipped = console.bench.releases.current()
+    name = console.bench.in_canary(routed())
+    mission = console.bench.mission()
+    status, _ = console.said("reviewer", name, "adjudicate", mission_id=mission, finding="false_completion")
     assert status == 303
-    assert (house.status(name), house.bench.releases.current()) == ("rolled_back", shipped)
-    text = house.page("viewer", f"/candidates/{name}")
+    assert (console.status(name), console.bench.releases.current()) == ("rolled_back", shipped)
+    text = console.page("viewer", f"/candidates/{name}")
     shows(text, "rolled back", "false completion")
-    assert house.said("reviewer", name, "adjudicate", mission_id=mission, finding="nonsense")[0] == 422
+    assert console.said("reviewer", name, "adjudicate", mission_id=mission, finding="nonsense")[0] == 422
 
 
-def test_whoever_released_does_not_adjudicate(house: House) -> None:
-    accounts = house.stand.app.state.sessions.accounts
+def test_whoever_released_does_not_adjudicate(console: ReleaseConsole) -> None:
+    accounts = console.stand.app.state.sessions.accounts
     accounts.add("sam", roles=["releaser", "reviewer"], password=PASSWORD, by=SETTING_UP)
-    house.people["sam"] = browser(house.stand, "sam")
-    name = house.bench.in_canary(routed())
-    mission = house.bench.mission()
-    assert "You released it" in house.page("sam", f"/candidates/{name}")
-    status, told = house.said("sam", name, "adjudicate", mission_id=mission, finding="sound")
+    console.people["sam"] = browser(console.stand, "sam")
+    name = console.bench.in_canary(routed())
+    mission = console.bench.mission()
+    assert "You released it" in console.page("sam", f"/candidates/{name}")
+    status, told = console.said("sam", name, "adjudicate", mission_id=mission, finding="sound")
     assert status == 409 and "sam released it" in told
 
 
-def test_what_was_current_at_an_instant_is_told_for_every_robot(house: House) -> None:
-    name = house.bench.in_canary(routed())
-    own, shipped = house.bench.releases.review(name).configuration, house.bench.releases.current()
-    text = house.page("viewer", "/releases?at=2100-01-01T00:00:00Z")
+def test_what_was_current_at_an_instant_is_told_for_every_robot(console: ReleaseConsole) -> None:
+    name = console.bench.in_canary(routed())
+    own, shipped = console.bench.releases.review(name).configuration, console.bench.releases.current()
+    text = console.page("viewer", "/releases?at=2100-01-01T00:00:00Z")
     shows(text, "new missions were pinned to", shipped, "on vbot-1, in canary, to", own)
-    assert "was not written yet" in house.page("viewer", "/releases?at=1999-01-01")
-    assert "Write an instant" in house.page("viewer", "/releases?at=yesterday")
-    found = house.people["viewer"].get("/api/v1/releases?at=2100-01-01T00:00:00Z&robot=vbot-1").json()
+    assert "was not written yet" in console.page("viewer", "/releases?at=1999-01-01")
+    assert "Write an instant" in console.page("viewer", "/releases?at=yesterday")
+    found = console.people["viewer"].get("/api/v1/releases?at=2100-01-01T00:00:00Z&robot=vbot-1").json()
     assert (found["current_at"], found["canary_robot"], found["revision"]) == (own, "vbot-1", 1)
 
 
-def test_a_single_operator_decides_alone_only_by_a_policy_and_after_cooling_off(house: House) -> None:
-    name = house.bench.in_review(candidate())
+def test_a_single_operator_decides_alone_only_by_a_policy_and_after_cooling_off(console: ReleaseConsole) -> None:
+    name = console.bench.in_review(candidate())
     form = {"kind": "single_operator", "quorum": "1", "cooling_off_h": "0", "reason": "night shift", "key": "k"}
-    admin = house.people["admin"]
-    assert house.people["releaser"].post("/releases/policy", data=form).status_code == 403
+    admin = console.people["admin"]
+    assert console.people["releaser"].post("/releases/policy", data=form).status_code == 403
     refused = admin.post("/releases/policy", data=form)
     assert refused.status_code == 409 and "cooling-off time above 0" in refused.text
     assert admin.post("/releases/policy", data=form | {"cooling_off_h": "many"}).status_code == 422
     assert admin.post("/releases/policy", data=form | {"cooling_off_h": "2", "key": "k2"}).status_code == 303
-    assert "Single operator: an author may decide alone, 2 h after" in house.page("author", f"/candidates/{name}")
-    status, told = house.said("author", name, "approve")
+    assert "Single operator: an author may decide alone, 2 h after" in console.page("author", f"/candidates/{name}")
+    status, told = console.said("author", name, "approve")
     assert status == 409 and "A single operator waits" in told
     shortly = form | {"cooling_off_h": "0.00001", "reason": "nobody else for a month", "key": "k3"}
     assert admin.post("/releases/policy", data=shortly).status_code == 303
-    status, told = house.said("author", name, "approve")
+    status, told = console.said("author", name, "approve")
     assert status == 303, re.findall(r"did not count.{0,300}", told)
-    assert house.bench.releases.review(name).approvals[0].override
-    assert "by the single-operator policy" in house.page("viewer", f"/candidates/{name}")
+    assert console.bench.releases.review(name).approvals[0].override
+    assert "by the single-operator policy" in console.page("viewer", f"/candidates/{name}")
 
 
-def test_a_person_proposes_by_fields_and_what_loosens_is_refused_beside_its_field(house: House) -> None:
-    author = house.people["author"]
+def test_a_person_proposes_by_fields_and_what_loosens_is_refused_beside_its_field(console: ReleaseConsole) -> None:
+    author = console.people["author"]
     typed = {"by": "fields", "reason": "waiting never helped", "intended_effect": "Ask sooner", "metric": "handoffs",
              "smallest_effect": "0.1"}  # fmt: skip
     wrong = author.post("/candidates", data=typed | {"recovery.wait_s": "1000"})
@@ -326,16 +332,16 @@ def test_a_person_proposes_by_fields_and_what_loosens_is_refused_beside_its_fiel
     assert author.post("/candidates", data=typed).status_code == 422
     fine = author.post("/candidates/check", data=typed | {"recovery.wait_s": "12"})
     assert fine.status_code == 200 and "No rule is broken" in fine.text
-    assert house.bench.releases.reviews() == []
+    assert console.bench.releases.reviews() == []
     made = author.post("/candidates", data=typed | {"recovery.wait_s": "12"})
     assert made.status_code == 303
-    review = house.bench.releases.review(made.headers["location"].rpartition("/")[2])
+    review = console.bench.releases.review(made.headers["location"].rpartition("/")[2])
     assert review.status == "draft" and review.authors == {"lea"}
-    assert house.bench.releases.candidate(review.candidate).configuration.recovery.wait_s == 12.0
+    assert console.bench.releases.candidate(review.candidate).configuration.recovery.wait_s == 12.0
 
 
-def test_a_program_checks_a_candidate_as_the_page_does_and_nothing_is_stored(house: House) -> None:
-    author, head = house.people["author"], house.bench.harness.runtime.head()
+def test_a_program_checks_a_candidate_as_the_page_does_and_nothing_is_stored(console: ReleaseConsole) -> None:
+    author, head = console.people["author"], console.bench.harness.runtime.head()
 
     def checked(made: Candidate) -> dict[str, Any]:
         body = {"configuration": encode(made.configuration).decode(), "manifest": encode(made.manifest).decode()}
@@ -350,28 +356,30 @@ def test_a_program_checks_a_candidate_as_the_page_does_and_nothing_is_stored(hou
     assert not loose["holds"] and "wait_bounds" in {one["rule"] for one in loose["refusals"]}
     wrong = author.post("/api/v1/candidates/check", json={"configuration": "{}", "manifest": "{}"})
     assert (wrong.status_code, wrong.json()["code"]) == (422, "candidate_invalid")
-    assert house.bench.harness.runtime.head() == head and house.bench.releases.reviews() == []
+    assert console.bench.harness.runtime.head() == head and console.bench.releases.reviews() == []
 
 
-def test_the_api_says_every_word_and_names_every_rule_that_refuses(house: House) -> None:
+def test_the_api_says_every_word_and_names_every_rule_that_refuses(console: ReleaseConsole) -> None:
     loose = candidate(tried(wait_s=500.0))
     sent = {"configuration": encode(loose.configuration).decode(), "manifest": encode(loose.manifest).decode()}
-    refused = house.people["operator"].post("/api/v1/candidates", json=sent)
+    refused = console.people["operator"].post("/api/v1/candidates", json=sent)
     assert refused.status_code == 409 and refused.json()["code"] == "wait_bounds"
-    name = house.bench.in_review(candidate())
-    seen = house.people["reviewer"].get(f"/api/v1/candidates/{name[:12]}").json()
+    name = console.bench.in_review(candidate())
+    seen = console.people["reviewer"].get(f"/api/v1/candidates/{name[:12]}").json()
     word = {"reason": "holds", "key": "k", "cycle": seen["cycle"], "subject": seen["digest"]}
-    stale = house.people["reviewer"].post(f"/api/v1/candidates/{name}/approve", json=word | {"cycle": 7})
+    stale = console.people["reviewer"].post(f"/api/v1/candidates/{name}/approve", json=word | {"cycle": 7})
     assert stale.status_code == 409 and stale.json()["code"] == "wrong_cycle"
-    done = house.people["reviewer"].post(f"/api/v1/candidates/{name}/approve", json=word)
+    done = console.people["reviewer"].post(f"/api/v1/candidates/{name}/approve", json=word)
     assert done.status_code == 200 and done.json()["approvals"] == ["the-reviewer"]
-    results = house.people["viewer"].get(f"/api/v1/candidates/{name}/results").json()
+    results = console.people["viewer"].get(f"/api/v1/candidates/{name}/results").json()
     assert results["families"][0]["n"] == 100 and results["held_out"]["answer"] == "pass"
-    assert house.people["viewer"].get("/api/v1/candidates/abc").status_code == 404
+    assert console.people["viewer"].get("/api/v1/candidates/abc").status_code == 404
 
 
-def test_the_evaluation_page_draws_what_is_published_and_says_where_nothing_is(house: House, tmp_path: Path) -> None:
-    text = house.page("viewer", "/evaluation?measure=success")
+def test_the_evaluation_page_draws_what_is_published_and_says_where_nothing_is(
+    console: ReleaseConsole, tmp_path: Path
+) -> None:
+    text = console.page("viewer", "/evaluation?measure=success")
     shows(text, "The arms under faults", "<svg", "Commands and seeds", "Does the loop improve?")
     with console_stand(settings=ConsoleSettings(port=8000, results=tmp_path)) as empty:
         nothing = empty.operator().get("/evaluation").text
@@ -379,31 +387,31 @@ def test_the_evaluation_page_draws_what_is_published_and_says_where_nothing_is(h
     assert "Commands and seeds" not in nothing
 
 
-def test_the_watch_takes_the_pointer_up_and_ended_canary_missions_in(house: House) -> None:
-    name = house.bench.in_canary(routed())
-    runtime = house.stand.harness.runtime
+def test_the_watch_takes_the_pointer_up_and_ended_canary_missions_in(console: ReleaseConsole) -> None:
+    name = console.bench.in_canary(routed())
+    runtime = console.stand.harness.runtime
     watch = ReleaseWatch(
-        releases=house.bench.releases, head=runtime.head, read=runtime.log, duplicate_starts=lambda one: 0
+        releases=console.bench.releases, head=runtime.head, read=runtime.log, duplicate_starts=lambda one: 0
     )
     watch.step()
-    assert [(one.worker, one.revision) for one in house.bench.releases.pointer().uptakes] == [("console", 1)]
-    mission = house.bench.begun()
-    house.stand.harness.supervisor.run(mission)
-    assert house.bench.releases.review(name).canary == ()
+    assert [(one.worker, one.revision) for one in console.bench.releases.pointer().uptakes] == [("console", 1)]
+    mission = console.bench.begun()
+    console.stand.harness.supervisor.run(mission)
+    assert console.bench.releases.review(name).canary == ()
     watch.step()
-    assert [one.measured.mission_id for one in house.bench.releases.review(name).canary] == [mission]
+    assert [one.measured.mission_id for one in console.bench.releases.review(name).canary] == [mission]
     before = runtime.head()
     watch.step()
     assert runtime.head() == before
-    assert isinstance(house.bench.releases.current(), str) and Digest(name)
+    assert isinstance(console.bench.releases.current(), str) and Digest(name)
 
 
-def test_an_evaluation_under_way_tells_how_many_results_are_kept(house: House, tmp_path: Path) -> None:
+def test_an_evaluation_under_way_tells_how_many_results_are_kept(console: ReleaseConsole, tmp_path: Path) -> None:
     made = candidate()
-    name = house.bench.proposed(made)
-    expect(house.bench.releases.begin(terms_of(made, evaluator="regression-1+abc"), say(RELEASER)))
-    review = house.bench.releases.review(name)
-    assert "200 missions to run" in house.page("viewer", "/candidates?status=evaluating")
+    name = console.bench.proposed(made)
+    expect(console.bench.releases.begin(terms_of(made, evaluator="regression-1+abc"), say(RELEASER)))
+    review = console.bench.releases.review(name)
+    assert "200 missions to run" in console.page("viewer", "/candidates?status=evaluating")
     kept = ResultsFile(tmp_path / "results-abc.jsonl", evaluator="regression-1+abc")
     kept.add([result(CASES[0], made.baseline), result(CASES[0], made.configuration.configuration_id)])
-    assert EvaluationCache(house.bench.releases, tmp_path).progress(review) == "2 of 200 missions to run"
+    assert EvaluationCache(console.bench.releases, tmp_path).progress(review) == "2 of 200 missions to run"

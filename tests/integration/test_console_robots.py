@@ -98,8 +98,10 @@ def test_driving_by_hand_from_the_page_moves_the_robot_and_only_for_its_driver()
         assert answer.json()["status"] == "driving" and answer.json()["v_mps"] > 0.1
         assert len(stand.harness.robots[ONE].starts()) == before + 1
         assert "by hand from tablet" in operator.get("/robots").text
-        wrong = operator.post(f"/robots/{ONE}/drive/turn", json={"session": "x", "v_mps": 0.3})
-        assert wrong.status_code == 409
+        wrong = operator.post(
+            f"/robots/{ONE}/drive/turn", json={"session": "x", "v_mps": 0.3}, headers={"Accept-Language": "zh-CN"}
+        )
+        assert wrong.status_code == 409 and not wrong.json()["reason"].isascii()
         taken = owner.post(f"/api/v1/robots/{ONE}/teleoperation", json={"device": "script", **REASON})
         assert taken.status_code == 409 and taken.json()["code"] == "wheel_taken"
         assert operator.post(f"/robots/{ONE}/drive/return").status_code == 303

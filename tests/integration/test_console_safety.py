@@ -13,15 +13,15 @@ from tests.integration.test_console_robots import REASON, from_dock_m, run_toget
 BASE = leased(RobotId(ONE), ResourceId("mobile_base"))
 
 
-def quarantine(stand: Stand) -> None:
-    """Somebody had the base, and nobody can say what became of it."""
-    stream, runtime = lease_stream(BASE), stand.harness.runtime
+def quarantine(stand: Stand, resource: ResourceId = BASE) -> None:
+    """Somebody had the resource, and nobody can say what became of it."""
+    stream, runtime = lease_stream(resource), stand.harness.runtime
     holder = InvocationId("inv_lost")
     acquired = AcquireLease(
-        resource=BASE,
+        resource=resource,
         mission_id=MissionId(""),
         invocation_id=holder,
-        token=runtime.lease(BASE).token + 1,
+        token=runtime.lease(resource).token + 1,
         expires_s=stand.harness.clocks[RobotId(ONE)].now().mission_s + 60.0,
     )
     lost = QuarantineLease(invocation_id=holder, reason=because("robot_silent"))
@@ -63,6 +63,8 @@ def test_a_quarantined_base_says_so_on_every_page_and_one_button_observes_and_re
         assert operator.post(f"/robots/{ONE}/release").status_code == 303
         assert stand.harness.runtime.lease(BASE).status == "free"
         assert "quarantined" not in operator.get(f"/robots/{ONE}").text
+        quarantine(stand, leased(RobotId("vbot-9"), "gripper"))
+        assert "vbot-9: gripper is quarantined" in operator.get("/").text, "of a robot that is not connected here too"
 
 
 def test_an_order_to_lie_down_is_measured_and_one_that_is_not_shown_is_a_critical_alert() -> None:

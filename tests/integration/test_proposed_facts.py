@@ -13,7 +13,7 @@ from app.cli.main import app
 from harness import assembly
 from harness.adapters.providers.models.description import OpenCvDescription
 from harness.contracts.protocol import InvocationReport
-from tests.builders.connections import Wrapped
+from harness.provider_protocol.delegation import DelegatingProvider
 
 CIRCUIT = ("circuit", "--fidelity", "kinematic", "--speed", "0", "--json")
 
@@ -74,7 +74,7 @@ def test_a_proposal_that_nothing_tested_stays_one(tmp_path: Path) -> None:
     assert "coffee_made" not in json.dumps([commit["facts"] for commit in bodies(events, "NodeCommitted")])
 
 
-class Wordless(Wrapped):
+class Wordless(DelegatingProvider):
     """A description service that ends like any other and proposes nothing."""
 
     def report(self, handle: str) -> InvocationReport:

@@ -36,7 +36,7 @@ from harness.contracts.protocol import Observations
 from harness.contracts.reasons import Reason, because, plain
 from harness.contracts.retreat_events import RETREAT, SendRetreat, StopRetreat
 from harness.gate.commit import CommandEnvelope, Gate
-from harness.gate.control import DECIDER as HOUSE
+from harness.gate.control import DECIDER as CONTROL_DECIDER
 from harness.gate.decide import DECIDER as MISSION
 from simulator.faults import FaultPlan, parse_faults
 from tests.builders.connections import CrewRobot
@@ -376,7 +376,7 @@ def test_where_the_zone_has_no_safe_place_it_lies_down_and_the_log_says_why() ->
         stopped(asked)
         assert isinstance(asked.harness.teleoperation.to_safety(ROBOT, actor=BOB, reason="enough"), Accepted)
         assert sent(asked) == [] and asked.robot.status().posture == "lying"
-        told = [HOUSE.codec.decode(one) for one in asked.runtime.stream(CONTROL)]
+        told = [CONTROL_DECIDER.codec.decode(one) for one in asked.runtime.stream(CONTROL)]
         assert isinstance(told[-1], PostureShown) and told[-1].done, "lying is measured"
         assert isinstance(told[-2], PostureOrdered) and isinstance(told[-2].reason, Reason)
         assert told[-2].reason.facts["why"] == because("zone_without_safe_place", zone="office")

@@ -1,4 +1,4 @@
-"""Several robots in one house: missions side by side, autonomy, driving by hand, posture."""
+"""Several robots at one site: missions side by side, autonomy, driving by hand, posture."""
 
 import pytest
 
@@ -86,7 +86,7 @@ def test_a_stricter_autonomy_binds_the_next_dispatch_and_leaves_the_running_one(
         assert replay_mission(harness.runtime, mission_id).differences == ()
 
 
-def test_the_house_s_limit_holds_for_missions_that_start_later_and_never_loosens_one() -> None:
+def test_the_site_s_limit_holds_for_missions_that_start_later_and_never_loosens_one() -> None:
     with two_robots() as harness:
         harness.runtime.decide([(CONTROL, LimitAutonomy(autonomy="approve_each_motion", actor=ADA, reason="visit"))])
         mission_id = started(harness, ONE)

@@ -162,7 +162,7 @@ def test_an_approved_attempt_that_the_robot_refuses_ends_its_handoff_as_failed()
         assert isinstance(approved(stage, mission_id), Accepted)
         ran = stage.run(mission_id)
         refused = next(e for e in ran.events if isinstance(e, InvocationEnded) and e.status == "failed")
-        assert "still has the base" in sentence(refused.reason)
+        assert "still holds the base" in sentence(refused.reason)
         assert asked is not None and stage.runtime.handoff(asked).status == "failed"
 
 

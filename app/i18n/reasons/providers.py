@@ -25,7 +25,6 @@ SENTENCES: Mapping[str, str] = {
     "request_changed": N_("Request {request_id} came again with other contents"),
     "request_misdirected": N_("The request is for {named}, not for {own}"),
     "request_without_text": N_("The request is empty"),
-    "send_declared_parameters": N_("send the parameters that the capability card declares"),
     "sound_no_wav": N_("the sound is no WAV ({error})"),
     "sound_not_16_bit_mono": N_("the sound is not 16-bit mono"),
     "sound_of_other_length": N_("it lasts {duration_s:.1f} s, not {low_s} to {high_s} s"),

@@ -45,6 +45,8 @@ SENTENCES: Mapping[str, str] = {
     "image_copies_earlier": N_("image {image} is a copy of {earlier}, which was taken for an earlier capture"),
     "image_of_earlier_capture": N_("the bytes of image {image} were recorded before, for request {request}"),
     "image_unreadable": N_("image {image} could not be decoded: {problem}"),
+    "image_chunks_damaged": N_("a part of it is missing or does not match its checksum"),
+    "image_of_other_size_than_decoded": N_("its size is another than when it was decoded"),
     "image_not_whole": N_("image {image} cannot be decoded to its end ({error})"),
     "image_rows_missing": N_("rows are missing"),
     "image_of_another_capture": N_("image {image} is labelled for another request or another time than its capture"),

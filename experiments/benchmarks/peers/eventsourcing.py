@@ -59,10 +59,10 @@ def _rebuilding(application: Application[UUID], events: int) -> Callable[[dict[s
         names.append(run.id)
 
     def turn(request: dict[str, Any]) -> dict[str, Any]:
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         for name in names:
             application.repository.get(name)
-        return {"wall_s": time.perf_counter() - begun, "events": len(names) * PER_STREAM}
+        return {"wall_s": time.perf_counter() - start_s, "events": len(names) * PER_STREAM}
 
     return turn
 

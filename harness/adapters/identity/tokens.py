@@ -9,7 +9,7 @@ from joserfc.errors import ClaimError, ExpiredTokenError, InvalidKeyIdError, Jos
 from joserfc.jwk import JWKRegistry, KeySet
 
 from harness.contracts import identity
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Explanation, because
 
 LEEWAY_S = 60
 ASYMMETRIC = (
@@ -49,7 +49,9 @@ def algorithm_of(token: object) -> str:
         raise _invalid(type(error).__name__) from None
     algorithm = header.get("alg")
     if not isinstance(algorithm, str) or algorithm not in ASYMMETRIC:
-        raise identity.TokenUnsigned(because("identity_token_unsigned"), where=f"alg {str(algorithm)[:20]!r}")
+        raise identity.TokenUnsigned(
+            because("identity_token_unsigned"), where=because("at_algorithm", algorithm=str(algorithm)[:20])
+        )
     return algorithm
 
 
@@ -84,14 +86,14 @@ def accepted(token: jwt.Token, *, issuer: str, client_id: str, nonce: str, acces
     except ClaimError as error:
         if error.claim == "nonce":
             raise identity.NonceMismatch(because("identity_token_of_other_sign_in")) from None
-        raise _invalid(f"claim {error.claim}") from None
+        raise _invalid(because("at_claim", claim=str(error.claim)[:80])) from None
     except (JoseError, ValueError, TypeError, AttributeError) as error:
         raise _invalid(type(error).__name__) from None
     subject = claims.get("sub")
     if not isinstance(subject, str) or not 0 < len(subject) <= 255 or not subject.isprintable():
-        raise _invalid("claim sub")
+        raise _invalid(because("at_claim", claim="sub"))
     return claims
 
 
-def _invalid(where: str) -> identity.TokenInvalid:
+def _invalid(where: Explanation) -> identity.TokenInvalid:
     return identity.TokenInvalid(because("identity_token_unbelievable"), where=where)

@@ -216,7 +216,7 @@ class LocalProvider(ABC):
             own = f"{self._card.provider_id} / {self._card.capability}"
             raise self._refusal(because("request_misdirected", named=" / ".join(named), own=own))
         for problem in parameter_problems(self._card, request.parameters):
-            raise self._refusal(problem, do=because("send_declared_parameters"))
+            raise self._refusal(problem)
         for needed in self._card.resources:
             if needed not in request.fencing:
                 raise self._refusal(because("fencing_token_missing", resource=needed))
@@ -226,8 +226,8 @@ class LocalProvider(ABC):
                 reason = because("fencing_token_old", token=token, resource=resource, newest=newest)
                 raise FencingRefused(reason, where=self._card.provider_id)
 
-    def _refusal(self, what: Explanation, *, do: Explanation = "") -> ProviderFailed:
-        return ProviderFailed(what, where=self._card.provider_id, do=do)
+    def _refusal(self, what: Explanation) -> ProviderFailed:
+        return ProviderFailed(what, where=self._card.provider_id)
 
 
 def _request_digest(request: protocol.StartRequest) -> str:

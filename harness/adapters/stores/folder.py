@@ -88,8 +88,8 @@ def _closed_to_others(root: Path) -> None:
 
     A folder without a log, one that several users share (sticky), and what belongs to another user stay as they are.
     """
-    shared = root.stat().st_mode & stat.S_ISVTX
-    if shared or not (root / "events.db").is_file():
+    is_sticky = root.stat().st_mode & stat.S_ISVTX
+    if is_sticky or not (root / "events.db").is_file():
         return
     for path in (root, *(one for pattern in KEPT for one in root.glob(pattern))):
         found = path.lstat()

@@ -30,7 +30,7 @@ class IndexRow:
             return "superseded"
         return "disputed" if _by(self.disputed_at, as_of) else self.record.verification
 
-    def remembered(self, as_of: int | None = None) -> memory.MemoryEntry:
+    def entry(self, as_of: int | None = None) -> memory.MemoryEntry:
         """The row as it is handed out."""
         cut = _by(self.superseded_at, as_of)
         until_s = self.until_s if cut else self.record.valid_until_s
@@ -78,12 +78,12 @@ class VolatileMemoryIndex:
                 raise UnknownName(
                     because("memory_record_missing", record_id=record_id), where=because("at_memory_index")
                 )
-            return self._by_id[record_id].remembered()
+            return self._by_id[record_id].entry()
 
     def current(self, kind: str, subject: str) -> list[memory.MemoryEntry]:
         """What nothing has superseded, oldest first."""
         with self._lock:
-            return [row.remembered() for row in self._current.get((kind, subject), ())]
+            return [row.entry() for row in self._current.get((kind, subject), ())]
 
     def find(self, query: memory.MemoryQuery) -> list[memory.MemoryEntry]:
         """Newest first, at most `limit`."""
@@ -93,7 +93,7 @@ class VolatileMemoryIndex:
                 if len(found) == query.limit:
                     break
                 if _answers(row, query):
-                    found.append(row.remembered(query.as_of))
+                    found.append(row.entry(query.as_of))
         return found
 
     def close(self) -> None:
@@ -163,7 +163,7 @@ def _answers(row: IndexRow, query: memory.MemoryQuery) -> bool:
         and row.standing(query.as_of) in query.standings
         and record.confidence >= query.minimum_confidence
         and (query.region is None or _touches(record.where, query.region))
-        and (query.valid_at_s is None or _speaks(row.remembered(query.as_of), query.valid_at_s))
+        and (query.valid_at_s is None or _speaks(row.entry(query.as_of), query.valid_at_s))
     )
 
 

@@ -98,15 +98,15 @@ class SqlMemoryIndex:
         rows = self._rows(memory_index_schema.GET, (record_id,))
         if not rows:
             raise UnknownName(because("memory_record_missing", record_id=record_id), where=str(self._url.database))
-        return _remembered(rows[0], None)
+        return _entry(rows[0], None)
 
     def current(self, kind: str, subject: str) -> list[memory.MemoryEntry]:
         """What nothing has superseded, oldest first."""
-        return [_remembered(row, None) for row in self._rows(memory_index_schema.CURRENT, (kind, subject))]
+        return [_entry(row, None) for row in self._rows(memory_index_schema.CURRENT, (kind, subject))]
 
     def find(self, query: memory.MemoryQuery) -> list[memory.MemoryEntry]:
         """Newest first, at most `limit`."""
-        return [_remembered(row, query.as_of) for row in self._rows(*memory_index_schema.finding(query))]
+        return [_entry(row, query.as_of) for row in self._rows(*memory_index_schema.finding(query))]
 
     def close(self) -> None:
         """Close every connection; the index answers nothing afterwards."""
@@ -206,7 +206,7 @@ def _mark(row: AnyRow) -> memory.FollowPosition:
     return memory.FollowPosition(fold=fold, position=position, digest=digest)
 
 
-def _remembered(row: AnyRow, as_of: int | None) -> memory.MemoryEntry:
+def _entry(row: AnyRow, as_of: int | None) -> memory.MemoryEntry:
     body, verification, superseded_at, disputed_at, stated_until_s, until_s = row
     superseded = superseded_at is not None and (as_of is None or superseded_at <= as_of)
     disputed = disputed_at is not None and (as_of is None or disputed_at <= as_of)

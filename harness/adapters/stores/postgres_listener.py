@@ -90,6 +90,6 @@ class Listener:
 
     def _closed_within(self, connection: int | None, timeout_s: float | None = None) -> bool:
         """Wait up to `timeout_s` for the connection to become readable; whether `close` was called."""
-        watched = [self._closing] if connection is None else [self._closing, connection]
-        ready, _, _ = select.select(watched, [], [], timeout_s)
+        sockets = [self._closing] if connection is None else [self._closing, connection]
+        ready, _, _ = select.select(sockets, [], [], timeout_s)
         return self._closing in ready

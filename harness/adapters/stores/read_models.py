@@ -150,8 +150,8 @@ class SqlReadModels:
 
 def memory_engine() -> Engine:
     """One connection that every thread shares, one at a time; its tables go with it."""
-    shared: dict[str, Any] = {"check_same_thread": False}
-    return create_engine(MEMORY, isolation_level="AUTOCOMMIT", poolclass=StaticPool, connect_args=shared)
+    options: dict[str, Any] = {"check_same_thread": False}
+    return create_engine(MEMORY, isolation_level="AUTOCOMMIT", poolclass=StaticPool, connect_args=options)
 
 
 @contextmanager

@@ -74,14 +74,14 @@ class VersionCache:
 
     def _others_wrote(self) -> bool:
         """Whether another connection committed since this was last asked, here or in another thread."""
-        if self._watched() == self._seen:
+        if self._data_version() == self._seen:
             return False
         with self._writing:
             return self._notice()
 
     def _notice(self) -> bool:
         """Forget everything if somebody else wrote. The watching connection first: what it misses, it shows later."""
-        seen = self._watched()
+        seen = self._data_version()
         change = _version(self._driver)
         wrote = change != self._change
         if wrote:
@@ -92,7 +92,7 @@ class VersionCache:
         self._seen, self._change = seen, change
         return wrote
 
-    def _watched(self) -> int:
+    def _data_version(self) -> int:
         with self._watching:
             return _version(self._watch)
 

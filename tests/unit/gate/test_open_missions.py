@@ -1,4 +1,4 @@
-"""What a house goes on with is followed along the log, and what is over is not looked at again."""
+"""Open missions are followed along the log, and ended ones are not read again."""
 
 import pytest
 
@@ -58,7 +58,7 @@ def test_however_much_was_appended_meanwhile_nothing_is_missed(missions: int) ->
     assert len(followed.streams()) == missions
 
 
-def test_a_turn_of_the_house_loads_no_mission_that_is_over() -> None:
+def test_one_step_of_the_loop_loads_no_mission_that_is_over() -> None:
     store = CountedStore()
     with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=1, store=store) as harness:
         for seed in range(3):

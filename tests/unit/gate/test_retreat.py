@@ -67,7 +67,7 @@ def intent(robot_id: RobotId = ONE, attempt: int = 1, **changes: Any) -> Retreat
 
 
 def after(*commands: Any) -> SiteControl:
-    """The house's control after these were accepted."""
+    """The site's control after these were accepted."""
     state = DECIDER.initial
     for command in commands:
         decision = DECIDER.decide(state, command, NOW)

@@ -75,7 +75,7 @@ def test_an_unreadable_analysis_report_fails_the_delivery(tmp_path: Path) -> Non
 
 @pytest.fixture(params=["folder", "memory"])
 def outbox(request: pytest.FixtureRequest, tmp_path: Path) -> MessageOutbox:
-    """Every outbox of the house; image blobs are not looked into by the one in memory."""
+    """Every outbox that ships; image blobs are not looked into by the one in memory."""
     return FolderOutbox(tmp_path, blobs=Blobs()) if request.param == "folder" else MemoryOutbox()
 
 

@@ -8,7 +8,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.places import Site
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import decode, digest, encode
-from harness.workspace.yaml_reader import read_yaml
+from harness.workspace.contract_yaml import read_yaml
 from tests.saying import raises_saying
 
 RULES = """

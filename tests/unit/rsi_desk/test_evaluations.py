@@ -121,7 +121,7 @@ def test_an_evaluation_that_gave_no_answer_may_be_repeated_but_only_under_its_te
     assert evaluating.releases.review(MADE.candidate_id).status == "accepted"
 
 
-@pytest.mark.ledger("R159", symbol="rsi_reviews.projections:_evaluated")
+@pytest.mark.ledger("R159", symbol="rsi_reviews.projections:_with_evaluation")
 @pytest.mark.parametrize(
     ("measured", "status"),
     [

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from harness.contracts.regularities import HiddenSite, Regularity
-from harness.workspace.yaml_reader import read_yaml
+from harness.workspace.contract_yaml import read_yaml
 from rsi_reviews.contracts import FAMILIES
 from rsi_reviews.regression.cases import Case, CaseGroup, Situation, Suite, cases_of, seeds_digest, spread
 from rsi_reviews.regression.errors import SuiteInvalid, SuiteShrunk

@@ -5,6 +5,7 @@ import math
 from harness.contracts.errors import FencingRefused, ProviderFailed
 from harness.contracts.ids import RequestId
 from harness.contracts.protocol import DRIVE_DEAD_MAN_S, DriveOrder, PostureOrder
+from harness.contracts.reasons import because
 from simulator.robot import SimulatedRobot
 from simulator.teleoperation import SPEED_CAP_MPS, SimulatedTeleoperation
 from simulator.world import WorldSettings
@@ -72,7 +73,7 @@ def test_the_hardware_stop_holds_a_driven_robot_and_a_lying_one_does_not_drive()
     cruise(robot, hand)
     robot.press_hardware_stop(engaged=True)
     robot.advance_to(robot.at_s + 1.0)
-    assert hand.drive(order(robot)).reason == "the hardware stop is engaged"
+    assert hand.drive(order(robot)).reason == because("hardware_stop_engaged")
     robot.advance_to(robot.at_s + 1.0)
     assert robot.world.body.state.still
     robot.press_hardware_stop(engaged=False)

@@ -12,7 +12,7 @@ from harness.contracts.places import Site, Zone
 from harness.contracts.values import Point, encode
 from harness.supervisor.zones import OFF_WAY_M, ahead, patience, way_of
 from harness.verification.geometry import distance, polyline_length
-from harness.workspace.yaml_reader import read_yaml
+from harness.workspace.contract_yaml import read_yaml
 from tests.saying import raises_saying
 
 

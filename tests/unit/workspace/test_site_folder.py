@@ -18,9 +18,9 @@ from harness.adapters.map_rasters import read_map
 from harness.baseline.load import baseline, shipped_workspace
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.workspace.checks import site_problems
+from harness.workspace.contract_yaml import Lines
 from harness.workspace.new_folder import write_folder
 from harness.workspace.reading import examined, open_workspace
-from harness.workspace.yaml_reader import Lines
 from tests.saying import raises_saying
 
 SHIPPED = tuple(template.name for template in baseline().templates)
@@ -102,19 +102,19 @@ BAD: list[tuple[str, str, str, str, str, str]] = [
         "name: Home\n",
         "name: Home\n    colour: red\n",
         "unknown field `colour`",
-        "line 14",
+        ":14",
     ),
-    ("a value of another type", "site.yaml", "yaw_rad: 0.0 #", "yaw_rad: north #", "Expected `float`", "line 18"),
-    ("an alias of two places", "site.yaml", "\nroutes:", PLACE_TWICE, "names two things", "line 35"),
-    ("a place named twice", "site.yaml", "place_id: first_place", "place_id: home", "stands twice", "line 22"),
-    ("a route to nowhere", "site.yaml", "end: first_place", "end: cellar", "no place of the site", "line 38"),
+    ("a value of another type", "site.yaml", "yaw_rad: 0.0 #", "yaw_rad: north #", "Expected `float`", ":18"),
+    ("an alias of two places", "site.yaml", "\nroutes:", PLACE_TWICE, "names two things", ":35"),
+    ("a place named twice", "site.yaml", "place_id: first_place", "place_id: home", "stands twice", ":22"),
+    ("a route to nowhere", "site.yaml", "end: first_place", "end: cellar", "no place of the site", ":38"),
     (
         "a route that ends elsewhere",
         "site.yaml",
         "waypoints_m: [[0, 0], [2, 0]]",
         "waypoints_m: [[0, 0], [9, 0]]",
         "beside first_place",
-        "line 38",
+        ":38",
     ),
     (
         "an unknown home",
@@ -122,7 +122,7 @@ BAD: list[tuple[str, str, str, str, str, str]] = [
         "profile: {home: home",
         "profile: {home: cellar",
         "no place cellar",
-        "line 9",
+        ":9",
     ),
     (
         "a place on another map",
@@ -130,7 +130,7 @@ BAD: list[tuple[str, str, str, str, str, str]] = [
         "map_version: shop-1\n    approach_m: [2",
         "map_version: b\n    approach_m: [2",
         "of map b",
-        "line 22",
+        ":22",
     ),
     (
         "two robots of one name",
@@ -138,16 +138,16 @@ BAD: list[tuple[str, str, str, str, str, str]] = [
         "    speed_limit_mps: 0.5\n",
         "    speed_limit_mps: 0.5\n  - {name: robot-1, kind: simulator}\n",
         "stands twice",
-        "line 11",
+        ":11",
     ),
-    ("a kind that there is not", "robots.yaml", "kind: http", "kind: telepathy", "telepathy", "line 6"),
+    ("a kind that there is not", "robots.yaml", "kind: http", "kind: telepathy", "telepathy", ":6"),
     (
         "an address without a scheme",
         "robots.yaml",
         "http://127.0.0.1:8765",
         "127.0.0.1:8765",
         "matching regex",
-        "line 7",
+        ":7",
     ),
     (
         "a token in the file itself",
@@ -155,7 +155,7 @@ BAD: list[tuple[str, str, str, str, str, str]] = [
         "{environment: ROBOT_TOKEN}",
         "hunter2",
         "Expected `object`",
-        "line 8",
+        ":8",
     ),
     (
         "a token in two places",
@@ -163,7 +163,7 @@ BAD: list[tuple[str, str, str, str, str, str]] = [
         "{environment: ROBOT_TOKEN}",
         "{environment: A, file: b}",
         "name one",
-        "line 8",
+        ":8",
     ),
     (
         "a mission to nowhere",
@@ -171,7 +171,7 @@ BAD: list[tuple[str, str, str, str, str, str]] = [
         "default: first_place",
         "default: cellar",
         "cellar",
-        "line 12",
+        ":12",
     ),
     (
         "a mission of a name that ships",
@@ -179,7 +179,7 @@ BAD: list[tuple[str, str, str, str, str, str]] = [
         "name: go-to-place",
         "name: circuit",
         "Another mission",
-        "line 3",
+        ":3",
     ),
     (
         "a mission with half a placeholder",
@@ -187,7 +187,7 @@ BAD: list[tuple[str, str, str, str, str, str]] = [
         "${goal.text}",
         "${goal.text",
         "goal.text",
-        "line ",
+        ":",
     ),
 ]
 
@@ -203,8 +203,8 @@ def test_what_is_wrong_is_said_with_file_line_and_remedy(
     assert (code, found["ok"]) == (2, False)
     told = [one["text"] for one in found["problems"] if said in one["text"]]
     assert told, found["problems"]
-    assert f"{file}, {line}" in told[0]
-    assert re.search(r"line \d+[^ ]*( .+?)?[.] [a-z`].*[.]$", told[0]), "a remedy stands behind it"
+    assert f"{file}{line}" in told[0]
+    assert re.search(r":\d+[^ ]*( .+?)?[.] [a-z`].*[.]$", told[0]), "a remedy stands behind it"
 
 
 def _without(name: str) -> Callable[[Path], None]:
@@ -237,7 +237,7 @@ def test_a_route_through_a_wall_and_one_that_is_too_narrow_are_refused(tmp_path:
     (folder / "site.yaml").write_text(text.replace(way.group(1), through, 1))
     _, problems = examined(folder, reserved=SHIPPED)
     assert [one.reason.code for one in problems] == ["route_through_wall"]
-    assert "site.yaml, line" in str(problems[0].where)
+    assert "site.yaml:" in str(problems[0].where)
     along = json.dumps([first, [2.8, 0.0], [2.8, 0.9], *json.loads(way.group(1))])
     (folder / "site.yaml").write_text(text.replace(way.group(1), along, 1))
     _, problems = examined(folder, reserved=SHIPPED)
@@ -264,6 +264,14 @@ def test_a_map_in_other_units_or_without_its_image_is_refused(
     assert error.value.reason.code == code
     exit_code, said = regen("init", str(tmp_path / "site"), "--from", str(file))
     assert exit_code == 2 and "Where" in said and not (tmp_path / "site").exists()
+
+
+def test_a_map_file_that_unfolds_is_refused_before_anything_is_built_from_it(tmp_path: Path) -> None:
+    file = floor(tmp_path)
+    file.write_text(file.read_text() + "a: &a [1, 1]\nb: [*a, *a]\n")
+    with pytest.raises(ContractInvalid) as error:
+        read_map(file, frame="map", map_version="a")
+    assert error.value.reason.code == "yaml_alias"
 
 
 def test_an_image_that_promises_too_much_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:

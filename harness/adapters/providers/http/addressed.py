@@ -9,10 +9,11 @@ from harness.adapters.providers.http.robot import HttpProvider, HttpRobot
 from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import ProviderFailed
-from harness.contracts.ids import Digest, ProviderId, RequestId
+from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.observations import Camera
 from harness.contracts.ports import Clock, LiveCamera, Provider, Teleoperable
 from harness.contracts.reasons import Reason, because
+from harness.provider_protocol.delegation import DelegatingProvider
 
 SPEED_CAP = "speed_cap_mps"
 ANY_BODY = "any"
@@ -83,7 +84,7 @@ class AddressedRobot:
         return next((card for card in cards if card.provider_id == provider_id), None)
 
 
-class AdmittedProvider:
+class AdmittedProvider(DelegatingProvider):
     """One provider that was tried. Nothing is started under another card than the one that was admitted (D55)."""
 
     def __init__(
@@ -93,7 +94,8 @@ class AdmittedProvider:
         *,
         limit_mps: float | None = None,
     ) -> None:
-        self._provider, self._current, self._tried = provider, current, provider.card
+        super().__init__(provider)
+        self._current, self._tried = current, provider.card
         self._card = _limited(provider.card, limit_mps)
 
     @property
@@ -110,22 +112,7 @@ class AdmittedProvider:
             raise ProviderFailed(
                 because("provider_card_changed", provider_id=name, version=self._tried.version, now=current.version)
             )
-        return self._provider.start(request)
-
-    def report(self, handle: str) -> protocol.InvocationReport:
-        return self._provider.report(handle)
-
-    def find(self, request: RequestId) -> protocol.InvocationReport | None:
-        return self._provider.find(request)
-
-    def keepalive(self, handle: str) -> None:
-        self._provider.keepalive(handle)
-
-    def resume(self, handle: str) -> protocol.InvocationReport:
-        return self._provider.resume(handle)
-
-    def stop(self, handle: str) -> protocol.InvocationReport:
-        return self._provider.stop(handle)
+        return super().start(request)
 
 
 def _limited(card: CapabilityCard, limit_mps: float | None) -> CapabilityCard:

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from harness.adapters.providers.http.robot import HttpRobot
 from harness.contracts.errors import HarnessError, ProviderUnreachable
+from harness.contracts.reasons import because
 from harness.contracts.simulation import Fidelity
 from harness.contracts.values import Value, decode
 from harness.provider_protocol.wire import ATTACHMENT, Attachment, Problem, error_of
@@ -160,6 +161,4 @@ def _failure(line: bytes, folder: Path) -> HarnessError:
     try:
         return error_of(decode(line, Problem))
     except msgspec.MsgspecError:
-        return ProviderUnreachable(
-            "The simulated robot did not come up", where=str(folder / "robot.log"), do="read the last lines of that log"
-        )
+        return ProviderUnreachable(because("simulated_robot_not_up"), where=str(folder / "robot.log"))

@@ -78,7 +78,8 @@ class HttpRobot:
         return self.read("/camera", protocol.Picture)
 
     def drive(self, order: protocol.DriveOrder) -> protocol.DriveReport:
-        return self.write("/hand/drive", protocol.DriveReport, order)
+        report = self.write("/hand/drive", protocol.DriveReport, order)
+        return replace(report, reason=wire.trusted(report.reason))
 
     def release(self, session: RequestId) -> protocol.DriveReport:
         return self.write("/hand/release", protocol.DriveReport, wire.DriveSession(session=session))

@@ -9,13 +9,13 @@ from typing import Annotated
 
 import msgspec
 
+from harness.adapters.bounded_yaml import plain_values
 from harness.adapters.providers.recording import bag_reader, mcap_reader
 from harness.adapters.providers.recording.bag_reader import BagReader
 from harness.adapters.providers.recording.mcap_reader import McapReader
 from harness.adapters.providers.recording.packing import ZSTD_MAGIC, unpack_file
 from harness.adapters.providers.recording.raw_messages import MessageReader, reading
 from harness.adapters.providers.recording.sqlite_reader import SqliteReader
-from harness.adapters.yaml_reader import plain_values
 from harness.contracts.errors import ContractInvalid, RecordingInvalid
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.reasons import because

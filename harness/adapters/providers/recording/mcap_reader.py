@@ -157,11 +157,11 @@ class _Scan:
                 unpacked=unpacked,
                 first_ns=min(raw.log_ns for raw in messages),
                 last_ns=max(raw.log_ns for raw in messages),
-                channels=self._shared(raw.channel for raw in messages),
+                channels=self._shared_channels(raw.channel for raw in messages),
             )
         )
 
-    def _shared(self, channels: Iterable[raw_messages.Channel]) -> frozenset[raw_messages.Channel]:
+    def _shared_channels(self, channels: Iterable[raw_messages.Channel]) -> frozenset[raw_messages.Channel]:
         found = frozenset(channels)
         return self._sets.setdefault(found, found)
 

@@ -49,8 +49,8 @@ class RoomMicrophone:
                 self._reference("room_sound", MICROPHONE, digest, measurement),
                 self._recognition(recording, measurement),
             )
-        played = [one.blob for one in measurement.receipts if one.kind == "playback" and one.blob]
-        return (self._recognition(self._read(played[-1]), measurement),) if played else ()
+        playbacks = [one.blob for one in measurement.receipts if one.kind == "playback" and one.blob]
+        return (self._recognition(self._read(playbacks[-1]), measurement),) if playbacks else ()
 
     def _recognition(self, recording: bytes, measurement: Measurement) -> EvidenceReference:
         found = recognised(recording, text=measurement.text, names=measurement.names)

@@ -104,10 +104,10 @@ class EspeakVoice(local.LocalProvider):
             return local.Failed(
                 failure="playback_differs", message="The speaker took other samples than were synthesised."
             )
-        return _played(playback, request)
+        return _result(playback, request)
 
 
-def _played(playback: _Playback, request: StartRequest) -> local.Result:
+def _result(playback: _Playback, request: StartRequest) -> local.Result:
     duration_s = playback.samples / playback.rate_hz
     values = {
         "samples": float(playback.samples),

@@ -56,6 +56,6 @@ def read_wave(recording: bytes, *, shortest_s: float = 0.0, longest_s: float = m
 def _resampled(samples: npt.NDArray[np.int16], rate_hz: int) -> npt.NDArray[np.int16]:
     if rate_hz == RATE_HZ:
         return samples
-    shared = int(np.gcd(rate_hz, RATE_HZ))
-    made = scipy.signal.resample_poly(samples.astype(np.float64), RATE_HZ // shared, rate_hz // shared)
+    divisor = int(np.gcd(rate_hz, RATE_HZ))
+    made = scipy.signal.resample_poly(samples.astype(np.float64), RATE_HZ // divisor, rate_hz // divisor)
     return np.asarray(np.clip(np.rint(made), -32768, 32767), dtype=np.int16)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.adapters.yaml_reader import LIMITS, foreign_values, plain_values
+from harness.adapters.bounded_yaml import LIMITS, foreign_values, plain_values
 from harness.contracts.errors import ContractInvalid
 from harness.workspace.reading import open_workspace
 from rsi_reviews.errors import CandidateInvalid

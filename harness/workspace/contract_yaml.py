@@ -7,7 +7,7 @@ from typing import TypeVar
 import msgspec
 import yaml
 
-from harness.adapters.yaml_reader import foreign_values, plain_values
+from harness.adapters.bounded_yaml import foreign_values, plain_values
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.reasons import because
 
@@ -28,7 +28,7 @@ def read_yaml(text: str, kind: type[T], *, where: str, foreign: bool = False) ->
         what, _, path = str(error).partition(" - at `")
         path = path.rstrip("`") or "$"
         raise ContractInvalid(
-            because("field_invalid", error=what), where=f"{where}, line {_line_of_error(text, what, path)}, {path}"
+            because("field_invalid", error=what), where=f"{where}:{_line_of_error(text, what, path)}, {path}"
         ) from error
 
 
