@@ -208,7 +208,9 @@ class RouteFollower:
     def _steer(self, perception: Perception, aim: Point, stretch_m: float) -> Velocity:
         dx, dy = aim[0] - perception.x_m, aim[1] - perception.y_m
         error = math.remainder(math.atan2(dy, dx) - perception.yaw_rad, math.tau)
-        self._aligning = abs(error) > ALIGNED_RAD and (self._aligning or (perception.still and self._narrow(perception)))
+        self._aligning = abs(error) > ALIGNED_RAD and (
+            self._aligning or (perception.still and self._narrow(perception))
+        )
         if abs(error) > 1.0 or self._aligning:
             return Velocity(w_radps=math.copysign(TURN_CAP_RADPS, error))
         reach_m = max(math.hypot(dx, dy), 0.2)
