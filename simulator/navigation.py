@@ -125,6 +125,9 @@ class RouteFollower:
         if perception.at_s - self._looked_s >= LOOK_S - 1e-6:
             self._looked_s = perception.at_s
             self._held = self._look(perception)
+            if self._held and self._near_enough():
+                self._arrived_s = perception.at_s
+                return Step()
         if self._stuck(perception.at_s):
             message = f"No {PROGRESS_M} m of progress in {NO_PROGRESS_S:.0f} s. {self._held}".strip()
             return Step(outcome=self._failed("no_progress", message))
@@ -200,7 +203,11 @@ class RouteFollower:
         target = self._leg.target_m
         bearing = math.atan2(target[1] - perception.y_m, target[0] - perception.x_m)
         passed = abs(math.remainder(bearing - perception.yaw_rad, math.tau)) > math.pi / 2
-        return self._off_m <= reach_m or (passed and self._off_m <= 0.6 * self._leg.tolerance_m)
+        return self._off_m <= reach_m or (passed and self._near_enough())
+
+    def _near_enough(self) -> bool:
+        """Within the tolerance on the last stretch, where something beside the target lets the body come no nearer."""
+        return self.remaining_m <= self._leg.lookahead_m and self._off_m <= 0.6 * self._leg.tolerance_m
 
     def _stuck(self, at_s: float) -> bool:
         return self._marked_s is not None and at_s - self._marked_s > NO_PROGRESS_S
