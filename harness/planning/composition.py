@@ -393,9 +393,9 @@ class _Composition:
         for part in self._plan.parts:
             for name, value in part.arguments.items():
                 if str(self._arguments.get(name, value)) not in (str(value), f"{value:g}"):
-                    said = str(self._arguments[name])[:40]
+                    other = str(self._arguments[name])[:40]
                     raise ContractInvalid(
-                        because("argument_contradicts", place=f"{value:g}", parameter=name, said=said),
+                        because("argument_contradicts", place=f"{value:g}", parameter=name, said=other),
                         where=because("at_argument", argument=name),
                     )
             given = self._arguments.get(part.parameter) if part.parameter else None

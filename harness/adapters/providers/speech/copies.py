@@ -3,6 +3,7 @@
 Two playbacks of the same words sound the same, and the room's noise between the words is never the same. Pure.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,6 @@ telephone's codec 0.4, one that was played into the room again 0.4."""
 SAME_SOUND = 0.8
 """The same of the whole sound, where one of the two has no noise left."""
 Samples = NDArray[np.float32]
-_HIGH_PASS = scipy.signal.butter(4, ABOVE_HZ, "high", fs=RATE_HZ, output="sos")
 
 
 class RoomNoise(NamedTuple):
@@ -37,6 +37,12 @@ class RoomNoise(NamedTuple):
     silent: bool
 
 
+@lru_cache(maxsize=1)
+def _high_pass() -> NDArray[np.float64]:
+    """Made when it is needed: a command that hears nothing loads no filters."""
+    return np.asarray(scipy.signal.butter(4, ABOVE_HZ, "high", fs=RATE_HZ, output="sos"))
+
+
 def noise_of(recording: bytes) -> RoomNoise | None:
     """The noise of a WAV; None of what is no sound, or shorter than a few frames."""
     sound = read_wave(recording)
@@ -44,7 +50,7 @@ def noise_of(recording: bytes) -> RoomNoise | None:
         return None
     samples = sound.samples.astype(np.float32)
     samples -= samples.mean()
-    high = scipy.signal.sosfiltfilt(_HIGH_PASS, samples).astype(np.float32)
+    high = scipy.signal.sosfiltfilt(_high_pass(), samples).astype(np.float32)
     frames = high[: len(high) // FRAME * FRAME].reshape(-1, FRAME)
     loudness = np.sqrt(np.square(frames).mean(axis=1))
     level = float(np.sort(loudness)[: max(1, round(QUIETEST * len(loudness)))].mean())
