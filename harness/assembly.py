@@ -364,6 +364,11 @@ def local_services(
     sources = (
         MessageReadBack(messages.reader, keep=blobs.put),
         PassageSweep(keep=blobs.put),
-        RoomMicrophone(room, keep=blobs.put, read=blobs.get, claims=RecordingClaims(journal("room-recordings"))),
+        RoomMicrophone(
+            room,
+            keep=blobs.put,
+            read=blobs.get,
+            claims=RecordingClaims(journal("room-recordings"), read=blobs.get),
+        ),
     )
     return LocalServices(providers, sources)

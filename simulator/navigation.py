@@ -30,6 +30,8 @@ APPROACH_TOLERANCE_M = 0.3
 AIM_RAD, FACING_RAD = 0.012, 0.035
 """A turn ends within AIM_RAD of the heading; one that is off by less than FACING_RAD is not begun."""
 TURN_WITHIN_S = 20.0
+NARROW_M, ALIGNED_RAD = 0.6, 0.2
+"""From rest in a place that is narrower, a body turns to within ALIGNED_RAD of its way before it drives."""
 LAST_SEEN = 40
 REJOIN_M = tuple(np.arange(0.6, 3.5, 0.2).tolist())
 """Where a detour may rejoin the route, metres ahead: early where it is clear, else as far on as the map shows."""
@@ -80,6 +82,7 @@ class RouteFollower:
         self._looked_s = -math.inf
         self._held = ""
         self._turning = False
+        self._aligning = False
         self._seen: deque[tuple[float, float, float, float]] = deque(maxlen=LAST_SEEN)
 
     @property
@@ -122,6 +125,9 @@ class RouteFollower:
         if perception.at_s - self._looked_s >= LOOK_S - 1e-6:
             self._looked_s = perception.at_s
             self._held = self._look(perception)
+            if self._held and self._near_enough():
+                self._arrived_s = perception.at_s
+                return Step()
         if self._stuck(perception.at_s):
             message = f"No {PROGRESS_M} m of progress in {NO_PROGRESS_S:.0f} s. {self._held}".strip()
             return Step(outcome=self._failed("no_progress", message))
@@ -197,7 +203,11 @@ class RouteFollower:
         target = self._leg.target_m
         bearing = math.atan2(target[1] - perception.y_m, target[0] - perception.x_m)
         passed = abs(math.remainder(bearing - perception.yaw_rad, math.tau)) > math.pi / 2
-        return self._off_m <= reach_m or (passed and self._off_m <= 0.6 * self._leg.tolerance_m)
+        return self._off_m <= reach_m or (passed and self._near_enough())
+
+    def _near_enough(self) -> bool:
+        """Within the tolerance on the last stretch, where something beside the target lets the body come no nearer."""
+        return self.remaining_m <= self._leg.lookahead_m and self._off_m <= 0.6 * self._leg.tolerance_m
 
     def _stuck(self, at_s: float) -> bool:
         return self._marked_s is not None and at_s - self._marked_s > NO_PROGRESS_S
@@ -205,13 +215,20 @@ class RouteFollower:
     def _steer(self, perception: Perception, aim: Point, stretch_m: float) -> Velocity:
         dx, dy = aim[0] - perception.x_m, aim[1] - perception.y_m
         error = math.remainder(math.atan2(dy, dx) - perception.yaw_rad, math.tau)
-        if abs(error) > 1.0:
+        self._aligning = abs(error) > ALIGNED_RAD and (
+            self._aligning or (perception.still and self._narrow(perception))
+        )
+        if abs(error) > 1.0 or self._aligning:
             return Velocity(w_radps=math.copysign(TURN_CAP_RADPS, error))
         reach_m = max(math.hypot(dx, dy), 0.2)
         stopping = math.sqrt(2.0 * 0.6 * BRAKING_MPS2 * max(stretch_m, 0.005))
         v = min(self._leg.speed_cap_mps, stopping) * max(0.25, math.cos(error))
         w = 2.0 * v * math.sin(error) / reach_m
         return Velocity(v_mps=v, w_radps=max(-TURN_CAP_RADPS, min(TURN_CAP_RADPS, w)))
+
+    def _narrow(self, perception: Perception) -> bool:
+        """Whether something stands so near that the arc of a turn in motion would touch it."""
+        return bool((perception.ranges(AROUND, NARROW_M) < NARROW_M - 0.01).any())
 
     def _settle(self, perception: Perception, arrived_s: float) -> Step:
         """Turn to the wanted heading, come to rest, declare arrival."""

@@ -37,7 +37,7 @@ class SimulatedRobot:
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
         self.world = World(settings, folder, name=robot_id)
-        self.room = SimulatedRoom()
+        self.room = SimulatedRoom(robot_id)
         self._map = map_of(self.world.site)
         self._journal = RequestJournal(folder and folder / "requests.jsonl")
         self._starts = StartJournal(folder and folder / "starts.jsonl")

@@ -7,6 +7,7 @@ echo and noise, and silence where nothing was. The noise is of its instant: no t
 import io
 import threading
 import wave
+import zlib
 from collections import deque
 
 import numpy as np
@@ -22,9 +23,10 @@ LONGEST_S = 180.0
 
 
 class SimulatedRoom:
-    """Implements `contracts.ports.Room`. Sound older than KEPT_S is gone."""
+    """Implements `contracts.ports.Room`. Sound older than KEPT_S is gone. `name`: whose microphone makes the noise."""
 
-    def __init__(self) -> None:
+    def __init__(self, name: str = "") -> None:
+        self._key = zlib.crc32(name.encode())
         self._sounds: deque[Sound] = deque()
         self._lock = threading.Lock()
 
@@ -47,7 +49,7 @@ class SimulatedRoom:
         delay = round(ECHO_S * MICROPHONE_HZ)
         echoed = air.copy()
         echoed[delay:] += ECHO_GAIN * air[: max(0, count - delay)]
-        key = np.array([11, round(abs(from_s) * 1000)], dtype=np.uint64)
+        key = np.array([self._key, round(abs(from_s) * 1000)], dtype=np.uint64)
         noise = np.random.Generator(np.random.Philox(key=key)).standard_normal(count)
         samples = np.clip(GAIN * echoed + NOISE * noise, -1.0, 1.0)
         return _wav((samples * 32767.0).astype("<i2").tobytes())

@@ -262,16 +262,21 @@ class World:
             return True
         return False
 
-    def _carry_back(self) -> None:
-        """A person carries the robot to where it starts: neither odometry nor localiser counts it as motion."""
+    def carry(self, pose: tuple[float, float, float]) -> None:
+        """A person sets the robot down at a pose (m, rad): neither odometry nor localiser counts it as motion."""
         state = self.body.state
-        state.x_m, state.y_m, state.yaw_rad = START
+        state.x_m, state.y_m, state.yaw_rad = pose
         state.v_mps = state.w_radps = state.sway_mps = 0.0
-        self._command, self._standing = bodies.Velocity(), ()
+        self._command = bodies.Velocity()
         self.body.furnish(self.site)
         self.sensors.put_down()
-        self._estimate = Estimate(START)
+        self._estimate = Estimate(pose)
         self._estimate.begin(self.sensors.odometer)
+
+    def _carry_back(self) -> None:
+        """To where it starts, with nothing left in its way."""
+        self._standing = ()
+        self.carry(START)
 
     def _tell_struck(self) -> None:
         """Writes a line of ground truth with the counts of all faults so far."""

@@ -9,6 +9,7 @@ import typer
 from app.cli import output
 from app.cli.logins import acting_name
 from app.i18n.reasons.rendering import sentence, stating
+from app.views.unverified import UNVERIFIED
 from harness.auditing.dossier import DossierVerdict
 from harness.auditing.places import PlaceChange
 from harness.auditing.replay import RECONSTRUCTED
@@ -83,6 +84,7 @@ def _lines(found: DossierVerdict) -> list[str]:
         f"Signed by {signer}.",
         f"Taken when the log stood at {found.head_position}, {found.head_digest}.",
         *(_goal(found.judged) if found.judged else ()),
+        *(f"Unverified: {one.text} ({UNVERIFIED[one.why]})." for one in found.unverified),
         *(_spoken(found.spoken) if found.spoken else ()),
         *(f"Evidence {digest} was already missing when it was exported." for digest in found.absent),
         *(_erasure(one) for one in found.erased),

@@ -19,6 +19,7 @@ from app.i18n.reasons.rendering import sentence
 from app.i18n.visible_text import visible_at_terminal
 from app.views.contexts import ranked
 from app.views.mission_json import mission_outcome
+from app.views.unverified import UNVERIFIED
 from harness.bootstrap import read_harness
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import Digest, MissionId
@@ -162,9 +163,7 @@ def _summary(outcome: dict[str, Any]) -> list[str]:
         lines.append(f"spoken: recording {spoken['recording']}, transcript {spoken['transcript']}")
     if outcome.get("report"):
         lines += [str(outcome["report"]), f"asked as: {outcome['goal']}"]
-    lines += [
-        f"declared, not verified: {one['text']} ({one['condition_id']})" for one in outcome["declared_conditions"]
-    ]
+    lines += [f"unverified: {one['text']} ({UNVERIFIED[one['why']]})" for one in outcome["unverified_parts"]]
     return lines
 
 

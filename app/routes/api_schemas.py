@@ -15,6 +15,7 @@ from harness.contracts.spoken_goals import SpokenGoal
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Value
 from harness.projections.exploration import ExplorationDecision
+from harness.projections.unverified import UnverifiedPart
 from rsi_reviews import contracts
 from rsi_reviews.difference import FieldChange
 from rsi_reviews.events import ConfigurationQuarantined, HeldOutLooked, PointerMoved
@@ -148,6 +149,7 @@ class ReadClauseResource(Value):
     count: Count
     spans: tuple[TextSpan, ...]
     words: str
+    seconds: Count | msgspec.UnsetType = msgspec.UNSET
 
 
 class ReadingResource(Value):
@@ -242,6 +244,7 @@ class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
     goal_verdict: str | None
     goal_conditions: tuple[GoalCondition, ...]
     declared_conditions: tuple[DeclaredCondition, ...]
+    unverified_parts: tuple[UnverifiedPart, ...]
     reason: str
     reason_code: str
     reason_facts: dict[str, Any]

@@ -22,6 +22,7 @@ from harness.contracts.spoken_goals import SpokenGoal
 from harness.contracts.tasks import Node, order
 from harness.projections.mission import Mission, NodeState, declared_goals
 from harness.projections.starts import repeated_starts
+from harness.projections.unverified import unverified_parts
 
 
 def mission_outcome(
@@ -44,6 +45,7 @@ def mission_outcome(
         "goal_verdict": mission.goal_outcome or None,
         "goal_conditions": goal_conditions(mission),
         "declared_conditions": declared_conditions(mission),
+        "unverified_parts": msgspec.to_builtins(unverified_parts(mission)),
         **reasons.stated("reason", mission.reason),
         **reasons.stated("report", mission.report),
         "state_version": mission.k,

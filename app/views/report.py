@@ -13,12 +13,12 @@ from app.views.shell import Shell
 from app.views.stages import Observed, Stage, stages
 from app.views.timeline import TimelineEntry
 from harness.contracts import events
-from harness.contracts.evidence import DeclaredEffect
 from harness.contracts.ids import NodeId
 from harness.contracts.protocol import Receipt
 from harness.contracts.revision_events import AttestationRecorded, CompletionDisputed
 from harness.projections.handoffs import NoAnswerAction
 from harness.projections.mission import Mission
+from harness.projections.unverified import UnverifiedPart, unverified_parts
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class ReportPage:
     verdict: str
     reason: str
     conditions: tuple[ConditionRow, ...]
-    declared: tuple[DeclaredEffect, ...]
+    unverified: tuple[UnverifiedPart, ...]
     stages: tuple[Stage, ...]
     timings: tuple[Timing, ...]
     findings: tuple[DeclaredResult, ...]
@@ -124,7 +124,7 @@ def report_page(
         verdict=mission.goal_outcome,
         reason=goal_reason(mission) if goal else N_("The goal has not been tested."),
         conditions=goal_conditions(mission),
-        declared=mission.declared,
+        unverified=unverified_parts(mission),
         stages=stages(mission, entries, Observed(), selected=""),
         timings=timings(mission, entries),
         findings=tuple(word for word in words if word.kind == "analysis"),

@@ -30,6 +30,7 @@ from app.views import (
     robots,
     sentences,
     timeline,
+    unverified,
 )  # fmt: skip
 from harness.contracts.values import encode
 from rsi_reviews.clause_reasons import clause_reason
@@ -188,6 +189,7 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "supervision": providers.supervision,
     "targets": missions.targets,
     "title_of": candidates.title_of,
+    "unverified": unverified.UNVERIFIED.__getitem__,
     "took_s": missions.took_s,
     "waits": handoffs.waits,
 }

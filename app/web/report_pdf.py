@@ -22,6 +22,7 @@ from app.i18n.visible_text import visible
 from app.views.missions import sentence
 from app.views.readings import clause_verdicts, goal_words, source_words
 from app.views.report import DeclaredResult, ReportPage, ReportPicture
+from app.views.unverified import UNVERIFIED
 from app.web.filters import clock, duration, instant, words
 from harness.contracts.errors import HarnessError
 from harness.contracts.observations import SINGLE_SOURCE
@@ -233,10 +234,10 @@ def _goal(paper: _ReportDocument, page: ReportPage) -> None:
             required=one.result.required_independence,
         )
         paper.paragraph(f"{found} ({', '.join(part for part in (measured, say(level)) if part)})")
-    if page.declared:
-        paper.title_line(lazy_gettext("Declared by a provider, not verified"))
-        body = [(effect.text, words(effect.node_id), clock(effect.at_s)) for effect in page.declared]
-        paper.rows((lazy_gettext("condition"), lazy_gettext("stage"), lazy_gettext("at")), body, (56, 28, 16))
+    if page.unverified:
+        paper.title_line(lazy_gettext("Unverified parts"))
+        body = [(one.text, words(one.node_id or ""), UNVERIFIED[one.why]) for one in page.unverified]
+        paper.rows((lazy_gettext("part"), lazy_gettext("stage"), lazy_gettext("why")), body, (56, 18, 26))
 
 
 def _clauses(paper: _ReportDocument, page: ReportPage) -> None:

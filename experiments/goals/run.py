@@ -25,9 +25,9 @@ FROZEN = 210
 MOST_REFUSED = 0.10
 Answer = Literal["right start", "wrong start", "refused", "right ask"]
 ANSWERS: tuple[Answer, ...] = ("right start", "wrong start", "refused", "right ask")
-ComparedClause = tuple[str, str | None, bool, int]
-"""A clause to compare: act, object, negated, count."""
-LOOKS = ("inspect", "photograph", "describe")
+ComparedClause = tuple[str, str | None, bool, int, int | None]
+"""A clause to compare: act, object, negated, count, seconds."""
+LOOKS = ("inspect", "photograph", "describe", "wait")
 PART_OF = ("inspect", "describe", "explore")
 
 
@@ -64,12 +64,14 @@ def compared_clauses(reading: Reading) -> tuple[ComparedClause, ...]:
 
 def _compared_clause(clause: Clause) -> ComparedClause:
     named = clause.object.id if clause.object and clause.object.id else None
-    return clause.act, named, clause.negated, clause.count
+    seconds = clause.seconds if isinstance(clause.seconds, int) else None
+    return clause.act, named, clause.negated, clause.count, seconds
 
 
 def expected(clause: dict[str, Any]) -> ComparedClause:
     """A clause of the goal set."""
-    return clause["act"], clause.get("object"), clause.get("negated", False), clause.get("count", 1)
+    count = clause.get("count", 1)
+    return clause["act"], clause.get("object"), clause.get("negated", False), count, clause.get("seconds")
 
 
 def same(one: Sequence[ComparedClause], other: Sequence[ComparedClause]) -> bool:
@@ -83,28 +85,28 @@ def plain(clauses: Iterable[ComparedClause]) -> list[ComparedClause]:
     found: list[ComparedClause] = []
     names = [_named(clause) for clause in clauses if not clause[2]]
     for index, clause in enumerate(names):
-        act, named, _, count = clause
+        act, named, _, count, seconds = clause
         following = names[index + 1] if index + 1 < len(names) else None
         if act == "go" and following and following[0] in LOOKS and following[1] == named:
             continue
         if act == "report" and named is None and any(one[0] in PART_OF for one in names[:index]):
             continue
         if found and found[-1][:2] == (act, named):
-            found[-1] = (act, named, False, found[-1][3] + count)
+            found[-1] = (act, named, False, found[-1][3] + count, seconds)
             continue
         found.append(clause)
     if found and found[-1][:2] == ("go", "anchor_a"):
-        found[-1] = ("return", None, False, found[-1][3])
+        found[-1] = ("return", None, False, found[-1][3], None)
     return found
 
 
 def _named(clause: ComparedClause) -> ComparedClause:
-    act, named, negated, count = clause
+    act, named, negated, count, seconds = clause
     if act == "inspect" and named == "storage_passage":
         named = "office_storage"
     if act == "return" and named == "anchor_a":
         named = None
-    return act, named, negated, count
+    return act, named, negated, count, seconds
 
 
 def table(outcomes: Sequence[GoalOutcome]) -> list[str]:

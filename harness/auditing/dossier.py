@@ -17,6 +17,7 @@ from harness.contracts.spoken_goals import SpokenGoal, Transcription
 from harness.contracts.values import Count, Value, decode, encode
 from harness.projections.judged_goal import judged_goal
 from harness.projections.mission import Mission
+from harness.projections.unverified import UnverifiedPart, unverified_parts
 from harness.runtime import Runtime
 
 _DIGEST = re.compile(rb"[0-9a-f]{64}")
@@ -39,7 +40,8 @@ class DossierVerdict(Value):
 
     `reconstructed`: decisions whose command was inferred from events, in a log from before commands were stored.
     `places` are the changes to places up to the mission's end; a dossier of an earlier release has none. `judged` is
-    the goal verdict by clause as the events say it; None for a mission without a reading. `spoken`: what the goal was
+    the goal verdict by clause as the events say it; None for a mission without a reading. `unverified`: its unverified
+    parts, as the same events say. `spoken`: what the goal was
     written down from; None where it was typed. `erased` are the tombstones of evidence that was erased before the
     export, `unrepeated` the verdicts that cannot be derived again without it.
     """
@@ -58,6 +60,7 @@ class DossierVerdict(Value):
     places: tuple[PlaceChange, ...] = ()
     reconstructed: Count = 0
     judged: JudgedGoal | None = None
+    unverified: tuple[UnverifiedPart, ...] = ()
     spoken: SpokenGoal | None = None
     erased: tuple[BlobErased, ...] = ()
     unrepeated: Count = 0
@@ -140,6 +143,7 @@ def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trust
         places=place_changes(runtime, mission),
         reconstructed=report.reconstructed,
         judged=judged,
+        unverified=unverified_parts(mission),
         spoken=spoken,
     )
 

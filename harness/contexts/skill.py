@@ -18,8 +18,9 @@ from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import NodeId
-from harness.contracts.tasks import TaskContract, order
+from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Value
+from harness.projections.unverified import failed_parts
 
 
 class SkillAttempt(Value):
@@ -113,7 +114,7 @@ def _kept_out(view: StateView) -> list[SelectionItem]:
 
 def _given_up(view: StateView) -> list[SelectionItem]:
     """What was to be done and failed without stopping the mission: whoever is told of it is told that too."""
-    failed = tuple(view.node(name).subgoal for name in order(view.contract) if view.mission.of(name).status == "failed")
+    failed = tuple(one.text for one in failed_parts(view.mission))
     return [SelectionItem(accepted("given_up", "mission", failed, at_s=view.at_s, mandatory=True))] if failed else []
 
 

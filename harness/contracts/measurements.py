@@ -58,6 +58,10 @@ EXAMINATION = "examination"
 """The value of an image's reference that names its PictureExamination."""
 
 
+PLAYED_FOR = "played_for"
+"""The value of a recognition's reference that names the earlier request whose recording was given out again."""
+
+
 class PictureLook(Value):
     """What is compared of one image: the grey mean of each area, and of some blocks the finest that the noise left.
 

@@ -41,12 +41,16 @@ class ClauseObject(Value):
 
 
 class Clause(Value):
-    """One thing that is asked, or forbidden (`negated`). Clauses are listed in the order in which they are done."""
+    """One thing that is asked, or forbidden (`negated`). Clauses are listed in the order in which they are done.
+
+    `seconds`: how long is to be waited.
+    """
 
     act: Act
     object: ClauseObject | None = None
     negated: bool = False
     count: Annotated[int, msgspec.Meta(ge=1)] = 1
+    seconds: Annotated[int, msgspec.Meta(ge=1)] | msgspec.UnsetType = msgspec.UNSET
     spans: tuple[TextSpan, ...] = ()
 
 

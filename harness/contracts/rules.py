@@ -14,7 +14,9 @@ RulesVersion = Annotated[int, msgspec.Meta(ge=1, le=4)]
 1: a condition of low risk may rest on its provider's word alone; a condition derived from facts counts them as sources.
 2: no effect is committed on its provider's word, and what is derived is no better than what it rests on (D17).
 3: receipts count only for their own request and time, and sources that contradict each other leave it undecided.
-4: an image counts only for the capture that its bytes were first recorded for, and copies of earlier captures do not.
+4: an image counts only for the capture that its bytes were first recorded for, and copies of earlier captures do not;
+a report must be heard to name each part that nothing verified, and a long interval is looked at as densely as a short
+one.
 """
 FIRST_RULES: RulesVersion = 1
 """Of missions whose log names none."""

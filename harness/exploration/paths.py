@@ -17,6 +17,9 @@ ROOM_M, NARROW_COST = 0.6, 4.0
 """Floor nearer than this to what is closed costs so many times its length: a way keeps off walls where it can."""
 AROUND_M = 0.6
 """So near to the body the floor is taken as it is: it stands there."""
+TIGHT_COST = 20.0
+"""Of such floor what lies nearer to closed floor than a body may pass costs so many times its length: a way out of a
+narrow place leads along its middle, not along what stands there."""
 NARROWEST_CELLS = 1.5
 """The clearance of a way around an obstacle that stands on a route: as narrow as the body may pass."""
 SIGHT_M = 0.05
@@ -37,6 +40,8 @@ class Ways:
         self._grid = grid
         self.open = standable(grid, position, clearance_cells) & ~_forbidden(grid, keep_out_m)
         self._roomy = self.open & ~widened(cells_of(grid) == exploration.OCCUPIED, round(ROOM_M / grid.cell_m))
+        # Maps without a region come from explorations of older releases, whose ways are derived again as they were.
+        self._tight = widened(cells_of(grid) == exploration.OCCUPIED, NARROWEST_CELLS) if grid.region else ~self.open
         self._length_m, self._from = self._spread(cell_of(grid, position))
         self._position = position
 
@@ -93,8 +98,8 @@ class Ways:
             for following, step in _around(cell, self.open):
                 if following not in length_m:
                     step_m = step * self._grid.cell_m
-                    dear = step_m if self._roomy[following] else step_m * NARROW_COST
-                    heapq.heappush(queue, (cost + dear, following, so_far + step_m, cell))
+                    dear = TIGHT_COST if self._tight[following] else 1.0 if self._roomy[following] else NARROW_COST
+                    heapq.heappush(queue, (cost + dear * step_m, following, so_far + step_m, cell))
         return length_m, before
 
 

@@ -8,11 +8,12 @@ from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.ids import ConditionId, NodeId
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.revision_events import GraphRevised
-from harness.contracts.tasks import TaskContract, order
+from harness.contracts.tasks import TaskContract, order, targets_of
 from harness.contracts.verdicts import GoalVerdict, Verdict, strictest
 from harness.planning.revision import reopened_with
 from harness.projections.mission import Mission, all_required_settled, declared_goals, required_contract
 from harness.projections.readings import cited_in_words, goal_in_words
+from harness.projections.region import contains
 from harness.recovery.state import left_now, over_budget
 
 
@@ -97,7 +98,10 @@ def reopening(mission: Mission, verdict: GoalVerdict) -> GraphRevised | Reason:
 
 
 def responsible(mission: Mission, verdict: GoalVerdict) -> tuple[ConditionId | None, NodeId] | None:
-    """The condition that failed and the latest stage responsible for it: a disputed one first."""
+    """The condition that failed and the latest stage responsible for it: a disputed one first.
+
+    What was done at another place than it should begins again with the way there.
+    """
     contract = required_contract(mission)
     if mission.disputed:
         return mission.disputed[0].condition_id, mission.disputed[0].node_id
@@ -108,8 +112,21 @@ def responsible(mission: Mission, verdict: GoalVerdict) -> tuple[ConditionId | N
         named = set(_answering(condition.effect, contract))
         late = [node_id for node_id in order(contract) if node_id in named and _done(mission, node_id)]
         if late:
-            return condition.condition_id, late[-1]
+            return condition.condition_id, _way_to(condition.effect, contract, late[-1], mission) or late[-1]
     return None
+
+
+def _way_to(effect: effects.AnyEffect, contract: TaskContract, stage: NodeId, mission: Mission) -> NodeId | None:
+    """The last leg before a stage that leads to where it should have been done; None where no leg does."""
+    if not isinstance(effect, effects.Relational) or effect.predicate != "one_subject" or len(effect.region_m) < 3:
+        return None
+    names = order(contract)
+    legs = (
+        name
+        for name in reversed(names[: names.index(stage) + 1])
+        if _done(mission, name) and any(contains(effect.region_m, target) for target in targets_of(contract.node(name)))
+    )
+    return next(legs, None)
 
 
 def _answering(effect: effects.AnyEffect, contract: TaskContract) -> Iterator[NodeId]:

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 
+from msgspec import UNSET, UnsetType
+
 from harness.contracts.readings import Act, Clause, ClauseObject, TextSpan, Unread, UnreadWhy
 from harness.goals.lexicon import LOOKING_AROUND, TELLING_SIGHT
 from harness.goals.tokens import QUOTES, TextToken
@@ -32,6 +34,8 @@ GOING = "去"
 VERBS = frozenset({"verb", "asks", "passes", "done", "tail", "attached", "avoid"})
 SWALLOWED: dict[str, UnreadWhy] = {"condition": "condition", "time": "time", "or": "alternative"}
 MOST_TIMES = 99
+DIRECTLY, FOR = frozenset({"verb", "name", "here", "pronoun"}), "for"
+"""What a time may follow: "wait at most two minutes" is no wait of two minutes."""
 LOOKING: tuple[Act, ...] = ("photograph", "describe")
 SHOWN: tuple[Act, ...] = ("explore", "describe")
 """Acts whose outcome is told by the mission's own report: what they show."""
@@ -52,6 +56,8 @@ class ClauseDraft:
     around: bool = False
     telling: bool = False
     """A report of what is seen: of a picture, or on the way to a place, a description."""
+    seconds: int | UnsetType = UNSET
+    """How long is to be waited."""
     meant: ClauseObject | None = None
     """The place named last before this verb: what it is about if it names none itself."""
     beside: ClauseObject | None = None
@@ -115,7 +121,14 @@ def described(drafts: Sequence[ClauseDraft]) -> list[ClauseDraft]:
 
 def clause_of(draft: ClauseDraft) -> Clause:
     """The clause that a draft has become."""
-    return Clause(act=draft.act, object=draft.object, negated=draft.negated, count=draft.count, spans=draft.spans)
+    return Clause(
+        act=draft.act,
+        object=draft.object,
+        negated=draft.negated,
+        count=draft.count,
+        spans=draft.spans,
+        seconds=draft.seconds,
+    )
 
 
 def _unknown(token: TextToken) -> Meaning:
@@ -151,6 +164,13 @@ def _numbered(made: Sequence[Item]) -> list[Item]:
         if item.kind in ("times", "laps") and before is not None and before.kind == "number":
             kind = "count" if item.kind == "times" else "laps"
             joined[-1] = Item(Meaning(kind, number=before.word.number), before.start, item.end, kind)
+        elif item.kind == "duration":
+            counted = before is not None and before.kind == "number"
+            if counted and before is not None:
+                seconds = item.word.number * before.word.number
+                joined[-1] = Item(Meaning("lasting", number=seconds), before.start, item.end, "lasting")
+            else:
+                joined.append(Item(Meaning("time"), item.start, item.end, item.text))
         elif item.kind == "time" and before is not None and before.kind == "number":
             joined[-1] = Item(item.word, before.start, item.end, "time")
         else:
@@ -333,10 +353,18 @@ class _Builder:
         self._glue: list[TextSpan] = []
         self._negation: Item | None = None
         self._count: Item | None = None
+        self._last: Item | None = None
+        """The item before this one."""
 
     def take(self, item: Item, *, after: Item | None) -> None:
         """One item; `after` is the next one of the part."""
+        self._taken(item, after=after)
+        self._last = item
+
+    def _taken(self, item: Item, *, after: Item | None) -> None:
         match item.kind:
+            case "lasting":
+                self._last_for(item)
             case "verb" | "asks" | "passes":
                 self._verb(item)
             case "done" if "after" in self._links:
@@ -521,6 +549,17 @@ class _Builder:
             return
         self._made[-1] = replace(_grown(draft, _span(item)), count=number, counted=True)
         self._count = None
+
+    def _last_for(self, item: Item) -> None:
+        """ "wait for five minutes": a time counts where it follows the verb or the place at once, or after "for"."""
+        draft, before = self._made[-1] if self._made else None, self._last
+        follows = before is not None and (before.kind in DIRECTLY or before.text == FOR)
+        waits = draft is not None and draft.act == "wait" and isinstance(draft.seconds, UnsetType)
+        if draft is None or not (follows and waits and item.word.number):
+            self._leave(item, "time")
+            return
+        self._made[-1] = replace(_grown(draft, *self._glue, _span(item)), seconds=item.word.number)
+        self._glue = []
 
     def _tail(self, item: Item) -> None:
         draft = self._made[-1] if self._made else None

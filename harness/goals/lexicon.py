@@ -19,7 +19,9 @@ TELLING_SIGHT = 3
 
 
 class Lexicon(Value):
-    """One language: phrases by what they mean to the grammar. `numbers` stand before a unit of `times` or `laps`."""
+    """One language: phrases by what they mean to the grammar. `numbers` stand before a unit of `times`, `laps` or
+    `durations`, which are in seconds.
+    """
 
     verbs: dict[Act, str]
     tails: str
@@ -27,6 +29,7 @@ class Lexicon(Value):
     numbers: dict[str, int]
     times: str
     laps: str
+    durations: dict[str, int] = msgspec.field(default_factory=dict)
     counts: dict[str, int] = msgspec.field(default_factory=dict)
     passes: str = ""
     looks: str = ""
@@ -63,6 +66,8 @@ def meanings() -> Iterator[tuple[str, Meaning]]:
             yield from _listed(text, Meaning("attached", act=act))
         for kind, text in lexicon.words.items():
             yield from _listed(text, Meaning(kind))
+        for phrase, seconds in lexicon.durations.items():
+            yield phrase, Meaning("duration", number=seconds)
         yield from _listed(lexicon.times, Meaning("times"))
         yield from _listed(lexicon.laps, Meaning("laps"))
 

@@ -63,7 +63,7 @@ def read_goal(text: str, *, site: Site) -> Reading:
     return replace(reading, unread=_merged_unread([*unread, *missed], text))
 
 
-GRAMMAR_NAME, GRAMMAR_VERSION = "grammar", "2"
+GRAMMAR_NAME, GRAMMAR_VERSION = "grammar", "3"
 GRAMMAR = GoalReader(name=GRAMMAR_NAME, version=GRAMMAR_VERSION, read=lambda text, site: read_goal(text, site=site))
 """The deterministic reader: no model."""
 
@@ -143,7 +143,7 @@ def _looking(clauses: Sequence[Clause]) -> list[Clause]:
         if _placeless(clause):
             before = made[-1] if made else None
             there = before is not None and not before.negated and before.object is not None
-            same = there and before is not None and before.act in ("go", "inspect", "photograph", "describe")
+            same = there and before is not None and before.act in ("go", "inspect", "photograph", "describe", "wait")
             clause = replace(clause, object=before.object if before and same else ClauseObject(kind="here"))
         made.append(clause)
     return made
@@ -189,7 +189,7 @@ def _joined(clauses: Sequence[Clause]) -> list[Clause]:
 
 def _leads_to(before: Clause, clause: Clause) -> bool:
     there = before.act == "go" and not before.negated and before.count == 1 and not clause.negated
-    return there and clause.act in ("inspect", "photograph", "describe") and clause.object == before.object
+    return there and clause.act in ("inspect", "photograph", "describe", "wait") and clause.object == before.object
 
 
 def _says_again(before: Clause, clause: Clause) -> bool:

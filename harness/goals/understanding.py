@@ -1,8 +1,10 @@
 """Decides whether a goal is understood well enough to start, and as what (D41). Pure: writes nothing."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
 from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, ReadingStale
@@ -18,7 +20,7 @@ from harness.goals.reader import GRAMMAR, GoalReader, admitted, site_version
 from harness.goals.satisfiable import check_satisfiable
 from harness.goals.tokens import folded
 from harness.planning.binding import bind_place
-from harness.planning.clauses import GoalPlan, plan_reading
+from harness.planning.clauses import WAITING, GoalPlan, plan_reading
 from harness.planning.compile import Argument, compile_contract
 from harness.planning.composition import compile_plan
 from harness.planning.templates import LONGEST_GOAL, by_name, goal_of
@@ -197,13 +199,23 @@ def _own_reading(named: TaskTemplate, request: GoalRequest, text: str, site: Sit
         loops = [route for route in site.routes if route.start == route.end]
         target = object_of_route(loops[0]) if loops else target
     whole = TextSpan(start=0, end=len(text))
+    seconds = (request.arguments or {}).get(WAITING, default.get(WAITING)) if serves.act == "wait" else None
     return Reading(
         text=sha256(text.encode()),
         site=site_version(site),
         reader="template",
         version=named.version,
-        clauses=(Clause(act=serves.act, object=target, spans=(whole,)),),
+        clauses=(Clause(act=serves.act, object=target, spans=(whole,), seconds=_whole_seconds(seconds)),),
     )
+
+
+def _whole_seconds(value: Argument | None) -> int | UnsetType:
+    """How long is to be waited, where that is stated as whole seconds; what is not whole asks."""
+    try:
+        number = float(value) if value is not None else math.nan
+    except ValueError:
+        return UNSET
+    return int(number) if number >= 1.0 and number.is_integer() else UNSET
 
 
 def _instead(

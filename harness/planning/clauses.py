@@ -23,16 +23,23 @@ MOST_PARTS = 6
 KEPT_OUT: tuple[Act, ...] = ("go", "inspect", "photograph", "describe")
 """Acts whose prohibition is kept by staying out of the place."""
 LOOKING: tuple[Act, ...] = ("photograph", "describe")
+WAITING = "seconds"
+"""The parameter of a template that takes how long a clause wants to wait."""
+LONGEST_WAIT_S = 300
+"""What is longer is no wait of a mission: its robot and its evidence would be held all the while."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """One pass of a template for one clause; `answers` are further acts and the clauses that its stages answer."""
+    """One pass of a template for one clause. `arguments` are the clause's own, beside its place; `answers` are further
+    acts and the clauses that its stages answer.
+    """
 
     template: TaskTemplate
     clause: Clause
     parameter: str = ""
     place: PlaceId | None = None
+    arguments: Mapping[str, float] = field(default_factory=dict)
     answers: Mapping[Act, Clause] = field(default_factory=dict)
 
 
@@ -123,13 +130,15 @@ class _Planning:
                 return "no_template"
         if clause.act == "return":
             return self._return(clause, last=last)
-        if clause.count > 1 and clause.act in ("go", "explore"):
+        if clause.count > 1 and clause.act in ("go", "explore", "wait"):
             return "count"
+        if clause.act == "wait" and not (isinstance(clause.seconds, int) and clause.seconds <= LONGEST_WAIT_S):
+            return "time" if isinstance(clause.seconds, int) else "no_template"
         if clause.act == "explore" and any(part.clause.act == "explore" for part in self._parts):
             return "count"
         made = list(self._parts_of(clause))
         if not made:
-            return "no_template"
+            return "no_object" if clause.act == "wait" and clause.object is None else "no_template"
         if len(self._parts) + len(made) * clause.count > MOST_PARTS:
             return "count"
         self._parts.extend(made * clause.count)
@@ -179,11 +188,23 @@ class _Planning:
     def _about(self, clause: Clause) -> ClauseObject | None:
         """What a template is bound to: for a passage, the place that it belongs to (D43)."""
         target = clause.object or ClauseObject(kind="site" if clause.act == "explore" else "here")
+        if clause.act == "wait" and target.kind == "here":
+            ends_at = self._ends_at()
+            return ClauseObject(kind="place", id=ends_at) if ends_at else None
         if target.kind != "passage":
             return target
         passage = next((one for one in self._site.passages if one.passage_id == target.id), None)
         place = place_of(passage, site=self._site) if passage else None
         return ClauseObject(kind="place", id=place.place_id) if place else None
+
+    def _ends_at(self) -> PlaceId | None:
+        """Where the body is after the parts so far; None before the first, and after one that ends anywhere."""
+        moved = (part for part in reversed(self._parts) if part.place or part.clause.act not in LOOKING)
+        before = next(moved, None)
+        if before is None or before.clause.act == "explore":
+            return None
+        home = self._profile.home if self._profile else None
+        return home if before.clause.act == "walk_route" else before.place
 
     def _serving(self, clause: Clause, about: ClauseObject) -> Part | None:
         for template in self._templates:
@@ -193,7 +214,8 @@ class _Planning:
                 if about.kind == "route" and about.id != self._loop():
                     continue
                 place = PlaceId(about.id) if one.parameter else None
-                return Part(template=template, clause=clause, parameter=one.parameter, place=place)
+                seconds = {WAITING: float(clause.seconds)} if isinstance(clause.seconds, int) else {}
+                return Part(template=template, clause=clause, parameter=one.parameter, place=place, arguments=seconds)
         return None
 
     def _loop(self) -> str:

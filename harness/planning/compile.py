@@ -15,12 +15,14 @@ from harness.contracts.reasons import because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.values import Point, encode
 from harness.planning import binding
+from harness.planning.clauses import WAITING
 from harness.planning.templates import goal_of
 
 Argument = str | float
 _LONGEST_TEXT = 200
-UNSTORED = ("goal", "site", "ending", "ground")
+UNSTORED = ("goal", "site", "ending", "ground", "waiting")
 """What a template may refer to that is no choice, place or route of the contract."""
+LOOK_LONGER_S, LATE_S = 1.0, 30.0
 AROUND_M = 0.8
 """Half the width of the floor that counts as a place whose region nobody surveyed."""
 
@@ -41,8 +43,8 @@ def compile_contract(
 
     Besides its parameters a template may refer to `goal`, `site`, and, where it has the places for them, `outbound`
     (from `origin`, or home, to the destination), `inbound` (from there home), `circuit` (home to home), `home_zone`
-    (around home), `passage` (of the destination) and `ending` (where the robot is at the end: at home, or at the
-    destination if it `stays`).
+    (around home), `passage` (of the destination), `waiting` (how long a look lasts that covers its `seconds`) and
+    `ending` (where the robot is at the end: at home, or at the destination if it `stays`).
     Raises ContractInvalid with the path of what is wrong, UnknownName for a place, route or argument.
     """
     goal_text = goal_of(goal)
@@ -155,6 +157,7 @@ def _bindings(
         **_journeys(places, used, site, origin=origin),
         **_ending(places, stays=stays),
         **_ground(places),
+        **_waiting(chosen),
     }
     builtins: dict[str, Any] = msgspec.json.decode(encode(bound))
     return builtins
@@ -171,6 +174,14 @@ def _ground(places: Mapping[str, Place]) -> dict[str, Any]:
     """The floor that counts as being at the destination: its region, else a square around where it is approached."""
     place = places.get("destination")
     return {"ground": {"region_m": ground_m(place)}} if place else {}
+
+
+def _waiting(chosen: Mapping[str, Argument]) -> dict[str, Any]:
+    """How long a look lasts whose samples cover a whole wait, and when it is late."""
+    seconds = chosen.get(WAITING)
+    if not isinstance(seconds, float):
+        return {}
+    return {"waiting": {"duration_s": seconds + LOOK_LONGER_S, "timeout_s": seconds + LATE_S}}
 
 
 def ground_m(place: Place) -> tuple[Point, ...]:

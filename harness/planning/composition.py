@@ -140,7 +140,9 @@ class _Composition:
         compiled = self._compile(part, stays=stays)
         later = self._later(part)
         self._take(compiled, leave=later, there=self._at is not None and destination == self._at)
-        if destination is not None:
+        if part.clause.act == "explore":
+            self._at = None
+        elif destination is not None:
             self._at = destination
         elif "home" in names:
             self._at = home
@@ -150,6 +152,7 @@ class _Composition:
     def _compile(self, part: Part, *, stays: bool) -> Compiled:
         parameters = {parameter.name for parameter in part.template.parameters}
         chosen = {name: value for name, value in self._arguments.items() if name in parameters}
+        chosen |= part.arguments
         if part.parameter and part.place:
             chosen[part.parameter] = part.place
         contract = compile_contract(
@@ -388,6 +391,13 @@ class _Composition:
                     where=because("at_argument", argument=name[:40]),
                 )
         for part in self._plan.parts:
+            for name, value in part.arguments.items():
+                if str(self._arguments.get(name, value)) not in (str(value), f"{value:g}"):
+                    other = str(self._arguments[name])[:40]
+                    raise ContractInvalid(
+                        because("argument_contradicts", place=f"{value:g}", parameter=name, said=other),
+                        where=because("at_argument", argument=name),
+                    )
             given = self._arguments.get(part.parameter) if part.parameter else None
             if given is None or part.place is None:
                 continue

@@ -18,6 +18,8 @@ def clause_in_words(clause: Clause) -> Reason:
     """One clause: its act, what it is about, how often, or that it is not to be done."""
     about = clause.object.name if clause.object else ""
     act = _act_on(clause.act, about) if about else _act(clause.act)
+    if isinstance(clause.seconds, int):
+        act = because("clause_for_seconds", clause=act, seconds=clause.seconds)
     if clause.negated:
         return because("clause_not", clause=act)
     return because("clause_times", clause=act, count=clause.count) if clause.count > 1 else act

@@ -105,8 +105,7 @@ class Explorer:
     def _unexplored(self, mission: Mission) -> exploration.GridMap:
         contract = required_contract(mission)
         closing = exploring(contract)
-        stated = closing.parameters.get(REGION, ()) if closing else ()
-        region_m = convert(stated, exploration.Region) if stated else ()
+        region_m = _region(closing) if closing else ()
         return unexplored(self._runtime.site_of(mission), map_version=contract.map_version, region_m=region_m)
 
     def _question(
@@ -115,7 +114,8 @@ class Explorer:
         contract, site = required_contract(mission), self._runtime.site_of(mission)
         state = mission.of(closing.node_id)
         keep_out = tuple(forbidden_m(site, contract.constraints.keep_out).values())
-        zones = tuple(zone.region_m for zone in site.zones)
+        region_m = _region(closing)
+        zones = (region_m,) if region_m else tuple(zone.region_m for zone in site.zones)
         given_feedback = feedback(mission)
         left = min(*left_now(mission, closing.node_id), left_of(closing.recovery, state.spends)["local_replan"])
         return exploration.TargetQuestion(
@@ -166,6 +166,12 @@ class Explorer:
         return isinstance(
             self._runtime.submit(mission.mission_id, command, records=(question_record, answer_record)), Accepted
         )
+
+
+def _region(closing: Node) -> exploration.Region:
+    """The floor that is to be explored; empty where it is all of the site's zones."""
+    stated = closing.parameters.get(REGION, ())
+    return convert(stated, exploration.Region) if stated else ()
 
 
 def _enough(mission: Mission, closing: Node, grid: exploration.GridMap) -> bool:

@@ -57,7 +57,12 @@ class Recovery:
         now_s = self._connection.clock.now().mission_s
         if self._revisions.takes_frames_anew(mission, failure, proposal) and now_s < failure.at_s + LOOK_AGAIN_S:
             return min(now_s + POLL_S, failure.at_s + LOOK_AGAIN_S)
-        if self._revisions.carry_out(mission, failure, proposal, c4):
+        revised = self._revisions.carry_out(mission, failure, proposal, c4)
+        if isinstance(revised, Refused):
+            return self._ask(
+                mission, failure, because("action_impossible", action=proposal.action, why=revised.reason), c4
+            )
+        if revised:
             return now_s
         attempt = DispatchAttempt(node_id=failure.node_id, recovery=proposal, c4=c4)
         blocked = (

@@ -11,8 +11,9 @@ from itertools import islice, pairwise
 import numpy as np
 
 from harness.contexts.view import forbidden_m
+from harness.contracts.any_events import AnyEvent
 from harness.contracts.contexts import Context
-from harness.contracts.decisions import Refused
+from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.effects import Metric
 from harness.contracts.exploration import GridMap
 from harness.contracts.ids import Digest, MissionId, NodeId, ProviderId
@@ -43,6 +44,8 @@ BEFORE_LENS_M = 1.2
 LEAST_SHARE = 0.3
 ARRIVALS, MOST_REMEMBERED = 100, 12
 """So many accepted arrivals are looked through, and so many of earlier missions drawn."""
+NOT_NOW = ("approval_required", "not_active", "in_flight")
+"""Rules that refuse a revision for what stands around it, not for what it plans."""
 ROUND = ("circuit",)
 """Predicates of legs whose route itself is to be driven, not only its end reached."""
 
@@ -83,26 +86,42 @@ class Revisions:
         reads = views.frames_of(contract, contract.node(failure.node_id))
         return proposal.action == "re_perceive" and reads is not None
 
-    def carry_out(self, mission: Mission, failure: Failure, proposal: RecoveryProposal, c4: Context) -> bool:
-        """Whether the step is done with: as a revision, or passed over where there is no other route to plan.
+    def carry_out(self, mission: Mission, failure: Failure, proposal: RecoveryProposal, c4: Context) -> bool | Refused:
+        """Whether the step is done with: as a revision, or passed over where no other route is planned that the gate
+        takes.
 
-        False where the step is an invocation of its own, or the gate refused the revision.
+        False where the step is an invocation of its own. Refused where there is another route and it may not be taken
+        now, as where somebody has to approve it: the same leg again would be no replanning.
         """
         contract = required_contract(mission)
         node = contract.node(failure.node_id)
         planned = self._planned(mission, contract, node, proposal)
         if planned is None:
             return False
+        decision = self._submitted(mission, node, proposal, planned, c4)
+        if not isinstance(decision, Refused):
+            return True
+        if proposal.action != "local_replan":
+            return False
+        if isinstance(planned, Revision) and decision.rule not in NOT_NOW:
+            decision = self._submitted(mission, node, proposal, because("revision_refused", why=decision.reason), c4)
+        return decision if isinstance(decision, Refused) else True
+
+    def _submitted(
+        self, mission: Mission, node: Node, proposal: RecoveryProposal, planned: Revision | Reason, c4: Context
+    ) -> Accepted[AnyEvent] | Refused:
+        """What the gate says to a revision, or to passing the step over for a reason."""
+        contract = planned.contract if isinstance(planned, Revision) else required_contract(mission)
         signature = Signature(
             action=proposal.action,
             provider_id=proposal.provider_id or ProviderId(PLANNER),
             provider_version=PLANNER,
-            parameters=digest(planned.contract if isinstance(planned, Revision) else contract),
+            parameters=digest(contract),
             failure=proposal.failure,
         )
         command = self._command(node, proposal, planned, signature=signature, c4=c4)
         records = (context_record(c4), *(planned.records if isinstance(planned, Revision) else ()))
-        return not isinstance(self._runtime.submit(mission.mission_id, command, records=records), Refused)
+        return self._runtime.submit(mission.mission_id, command, records=records)
 
     def _command(
         self, node: Node, proposal: RecoveryProposal, planned: Revision | Reason, *, signature: Signature, c4: Context

@@ -39,7 +39,7 @@ def test_what_is_declared_stands_apart_from_what_is_accepted(
             expect(page.locator("body")).not_to_contain_text("Goal met")
             take_picture(page, f"declared-mission-{scheme}-{width}")
             served.open(page, f"/missions/{mission_id}/report")
-            expect(page.get_by_role("heading", name="Declared by a provider, not verified")).to_be_visible()
+            expect(page.get_by_role("heading", name="Unverified parts")).to_be_visible()
             expect(page.locator("body")).not_to_contain_text("Goal met")
             take_picture(page, f"declared-report-{scheme}-{width}")
             served.open(page, "/missions?status=partly_verified")

@@ -16,6 +16,7 @@ from harness.bootstrap import NullSignals, Parts, assemble
 from harness.contracts.observations import Scan
 from harness.contracts.ports import BlobStore, Provider, Room
 from harness.contracts.protocol import Observations
+from harness.contracts.rules import RulesVersion
 from harness.contracts.simulation import Fidelity
 from harness.settings import HarnessSettings
 from simulator.camera import CAMERA
@@ -50,7 +51,9 @@ class Lie:
 
 
 @contextmanager
-def lied_to(lie: Lie, *, seed: int = 3, fidelity: Fidelity = "kinematic") -> Iterator[Stage]:
+def lied_to(
+    lie: Lie, *, seed: int = 3, fidelity: Fidelity = "kinematic", rules: RulesVersion = STRICT
+) -> Iterator[Stage]:
     """A harness on the simulated robot with this lie in it; everything else is as shipped."""
     with ExitStack() as stack:
         robot = SimulatedRobot(WorldSettings(fidelity=fidelity, seed=seed), robot_id=ROBOT)
@@ -64,7 +67,7 @@ def lied_to(lie: Lie, *, seed: int = 3, fidelity: Fidelity = "kinematic") -> Ite
             ids=SeededIds(seed),
             clock=LockstepClock(robot.advance_to, at_s=robot.at_s),
             signals=NullSignals(),
-            rules=STRICT,
+            rules=rules,
         )
         outbox = lie.outbox()
         beside = local_services(

@@ -60,12 +60,11 @@ class Carrier:
                 self._due_s = self._pace.robot.at_s + self._after_s
         with self._pace.turn():
             if self._pace.robot.at_s >= self._due_s and not self._pace.robot.moving:
-                body = self._pace.robot.world.body.state
-                body.x_m, body.y_m = ELSEWHERE
+                self._pace.robot.world.carry(ELSEWHERE)
                 self._due_s = math.inf
 
 
-ELSEWHERE = (1.0, 2.5)
+ELSEWHERE = (1.0, 2.5, 0.0)
 """Where the robot is set down: beside its routes, in no place of the site."""
 MODES: dict[str, Callable[[Report], Report]] = {
     "silent": silent, "elsewhere": elsewhere, "more": more, "older": older,

@@ -1,5 +1,7 @@
 """Effects that only their provider declares: never committed, never a precondition or a completion (D17, R108)."""
 
+from collections.abc import Callable
+
 import msgspec
 import pytest
 from msgspec import UNSET
@@ -20,7 +22,7 @@ from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import NodeId
 from harness.contracts.ports import StoredEvent
 from harness.contracts.protocol import InvocationReport
-from harness.contracts.rules import RulesVersion
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.stored_commands import without_command
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import encode
@@ -28,6 +30,7 @@ from harness.contracts.verdicts import NodeVerdict
 from harness.extra_templates import begin
 from harness.projections.mission import declared_goals
 from harness.provider_protocol.delegation import DelegatingProvider
+from harness.projections.unverified import unverified_parts
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from harness.verification.verdict import verify
@@ -37,6 +40,7 @@ from tests.builders.declared import DESCRIBE, DESCRIBED, FIRST, ORDER, SECOND, s
 from tests.builders.lies import Lie, emptied, lied_to
 from tests.builders.missions_run import OPERATOR, ROBOT, Ran
 from tests.builders.waiting import ADA, waiting
+from tests.fakes.lying import Misspeaking
 from tests.saying import raises_saying
 
 
@@ -322,14 +326,37 @@ def test_what_people_hear_names_the_stage_that_failed_too() -> None:
             if isinstance(event, events.DispatchIntended) and event.node_id == "report"
         ]
         assert said.endswith("Failed, and unverified: Take a picture of the door.")
+        (part,) = unverified_parts(ran.mission)
+        assert (part.text, part.why, part.node_id) == ("Take a picture of the door", "failed", "hello")
         assert ran.mission.status == "succeeded", sentence(ran.mission.reason)
         heard = ran.mission.of(NodeId("report")).verdicts[-1].results[0]
         assert "failed and unverified" in sentence(heard.reason)
 
 
+def called_verified(text: str) -> str:
+    return text.replace("unverified", "verified")
+
+
+def left_out(text: str) -> str:
+    return text.partition(" Declared, and unverified")[0]
+
+
+@pytest.mark.parametrize("say", [called_verified, left_out])
+@pytest.mark.ledger("R108", symbol="harness.verification.predicates.speech:_unnamed")
+def test_a_report_that_does_not_call_a_declared_part_unverified_is_not_accepted(say: Callable[[str], str]) -> None:
+    with lied_to(Lie("speak", lambda one, blobs: Misspeaking(one, say)), rules=CURRENT_RULES) as stage:
+        start = Start(actor=OPERATOR, robot_id=ROBOT, goal="Check the storage area and describe it", seed=3)
+        assert isinstance(stage.runtime.start(start), Accepted)
+        mission_id = stage.runtime.missions()[0].mission_id
+        mission = stage.until(mission_id, lambda mission: bool(mission.of(NodeId("1.report")).verdicts))
+        results = mission.of(NodeId("1.report")).verdicts[-1].results
+        heard = next(one for one in results if "heard" in one.condition_id)
+        assert heard.verdict == "ambiguous" and "unverified" in sentence(heard.reason)
+
+
 def test_a_clear_passage_with_a_declared_part_is_heard_as_it_is() -> None:
     """What is said of declared parts must not sound like the contrary of the finding."""
-    with lied_to(Lie(true_site=emptied(), seen=emptied())) as stage:
+    with lied_to(Lie(true_site=emptied(), seen=emptied()), rules=CURRENT_RULES) as stage:
         start = Start(actor=OPERATOR, robot_id=ROBOT, goal="Check the storage area and describe it", seed=3)
         assert isinstance(stage.runtime.start(start), Accepted)
         ran = stage.run(stage.runtime.missions()[0].mission_id)

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.commands import EndInvocation, MissionCommand
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.decisions import Accepted, Refused
@@ -17,7 +18,7 @@ from harness.contracts.revision_commands import PassOverStep, ReviseToRecover
 from harness.contracts.revision_events import GraphRevised
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Moment
-from harness.gate.decide import decide
+from harness.gate.decide import DECIDER, decide
 from harness.projections.mission import Mission, required_contract
 from harness.recovery.ladder import next_step
 from harness.recovery.state import cost_of, standing_of
@@ -59,6 +60,30 @@ def test_a_blocked_leg_drives_another_route_that_the_map_shows() -> None:
         assert first.parameters["route"] != second.parameters["route"]
         assert first.parameters["target"] == second.parameters["target"]
         assert ran.false_completions() == []
+
+
+def test_a_route_that_the_gate_does_not_take_is_passed_over_and_the_same_leg_is_not_driven_again() -> None:
+    with staged() as stage:
+        submit = stage.runtime.submit
+
+        def narrowed(mission_id: Any, command: MissionCommand, *, records: Any = ()) -> Any:
+            """The plan would weaken the stage: the gate has to refuse it."""
+            if isinstance(command, ReviseToRecover) and command.proposal.action == "local_replan":
+                node = command.contract.node(GO)
+                lax_node = replace(node, success_conditions=node.success_conditions[:1])
+                command = replace(command, contract=exchanged(command.contract, lax_node))
+            return submit(mission_id, command, records=records)
+
+        stage.runtime.submit = narrowed  # type: ignore[method-assign]
+        mission_id = stage.begin("warehouse-inspection", "blocked-passage")
+        mission = stage.until(mission_id, lambda mission: mission.of(GO).status == "committed")
+        events = [DECIDER.codec.decode(one) for one in stage.runtime.events(mission_id)]
+        first, second = (one for one in events if isinstance(one, DispatchIntended) and one.node_id == GO)
+        assert (first.provider_id, second.provider_id) == ("route-follower", "careful-local-planner")
+        assert (first.action, second.action) == (None, "switch_skill")
+        told = [one.reason for one in events if isinstance(one, FailureClassified) and one.node_id == GO]
+        assert "the other way that was planned is refused" in sentence(told[1])
+        assert mission.of(GO).spent("local_replan") == 1
 
 
 def blocked_leg() -> Mission:

@@ -53,6 +53,7 @@ def test_no_page_calls_it_met(operator: TestClient, ran: Mission, page: str) -> 
 def test_the_page_and_the_report_name_what_is_only_declared(operator: TestClient, ran: Mission, page: str) -> None:
     text = operator.get(f"/missions/{ran.mission_id}{page}").text
     assert "Partly verified" in text and WHAT in text
+    assert page == "" or ("Unverified parts" in text and "declared by its provider alone" in text)
     assert 'data-verdict="declared"' in text
 
 
@@ -69,6 +70,11 @@ def test_the_api_and_the_report_name_the_conditions(operator: TestClient, ran: M
         assert (outcome["status"], outcome["goal_verdict"]) == ("partly_verified", "partly_verified")
         named = {one["condition_id"]: one["node_id"] for one in outcome["declared_conditions"]}
         assert named == {"describe.of_picture": "describe", "goal.described": None}
+        parts = [(one["why"], one["node_id"], one["condition_id"]) for one in outcome["unverified_parts"]]
+        assert parts == [
+            ("declared", "describe", "describe.of_picture"),
+            ("rests_on_declared", None, "goal.described"),
+        ]
         verdicts = {one["condition_id"]: (one["verdict"], one["independence"]) for one in outcome["goal_conditions"]}
         assert verdicts == {"goal.in_order": ("satisfied", 1), "goal.described": ("declared", 0)}
         assert "Goal met" not in json.dumps(outcome)
@@ -87,6 +93,12 @@ def test_a_providers_word_is_never_satisfied_from_the_command_line(tmp_path: Pat
     assert stages["describe"] == ("declared", "ambiguous") and stages["persist"] == ("committed", "satisfied")
     told = [run, *(regen(tmp_path, "mission", *words) for words in (("show", outcome["mission_id"]), ("list",)))]
     assert not any("Goal met" in one.output for one in told)
+    dossier = str(tmp_path / "mission.zip")
+    assert regen(tmp_path, "mission", "dossier", outcome["mission_id"], "--out", dossier).exit_code == 0
+    verified = CliRunner().invoke(app, ["verify", dossier])
+    assert f"Unverified: {WHAT} (declared by its provider alone)." in verified.stdout
+    shown = CliRunner().invoke(app, ["mission", "show", outcome["mission_id"], "--data", str(tmp_path / "data")])
+    assert f"unverified: {WHAT} (declared by its provider alone)" in shown.stdout
     replayed = json.loads(regen(tmp_path, "audit", "replay", "--all").stdout)["missions"]
     assert [one["differences"] for one in replayed] == [[]]
 

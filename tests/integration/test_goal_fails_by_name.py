@@ -88,18 +88,15 @@ def test_messages_that_are_deleted_each_time_fail_the_clause(tmp_path: Path, mon
     assert len(bodies(events, "GraphRevised")) == 2, "as often as the stage's budget allows"
 
 
-def asked_instead(code: int, found: dict[str, Any]) -> None:
-    """Sources contradict each other once a robot was carried: nothing further is accepted, and a person is asked."""
-    assert (code, found["status"]) == (3, "awaiting_human")
-    assert not found["report"].startswith("Goal met")
-    assert {stage["status"] for stage in found["stages"]} & {"escalated", "awaiting_human"}
+def test_a_robot_that_is_carried_away_before_the_check_fails_the_return(tmp_path: Path) -> None:
+    code, found, events = run(INSPECTION, tmp_path, robot="carried:return")
+    fails_by_name(code, found, "return (by default)", "goal.home")
+    assert [revised["responsible"] for revised in bodies(events, "GraphRevised")] == ["return", "return"]
 
 
-def test_a_robot_that_is_carried_away_before_the_check_has_not_returned(tmp_path: Path) -> None:
-    code, found, _ = run(INSPECTION, tmp_path, robot="carried:return")
-    asked_instead(code, found)
-
-
-def test_pictures_of_another_place_are_not_accepted(tmp_path: Path) -> None:
-    code, found, _ = run("Photograph the storage area", tmp_path, robot="carried:go")
-    asked_instead(code, found)
+def test_pictures_of_another_place_fail_the_clause_that_asked_for_them(tmp_path: Path) -> None:
+    code, found, events = run("Photograph the storage area", tmp_path, robot="carried:go")
+    fails_by_name(code, found, "photograph Office storage area", "2.goal.there")
+    (again, *_) = bodies(events, "GraphRevised")
+    assert again["responsible"] == "1.go", "it goes there again, and takes its pictures anew"
+    assert set(again["reopened"]) == {"1.go", "2.capture", "2.persist", "2.describe"}

@@ -12,6 +12,7 @@ SENTENCES: Mapping[str, str] = {
     "clause_describe_it": N_("describe {object}"),
     "clause_explore": N_("explore the site"),
     "clause_explore_it": N_("explore {object}"),
+    "clause_for_seconds": N_("{clause} for {seconds} s"),
     "clause_go": N_("go there"),
     "clause_go_to": N_("go to {object}"),
     "clause_inspect": N_("inspect"),

@@ -51,6 +51,7 @@ SENTENCES: Mapping[str, str] = {
         "The mission asks for approval of risky motion, and node {stage} is of {risk:word} risk."
     ),
     "stage_of_high_risk": N_("Node {stage} is of high risk."),
+    "revision_refused": N_("the other way that was planned is refused: {why}"),
     "step_not_applicable": N_("{action:capital} does not apply here: {why}"),
     "step_applies": N_("{action:word} is carried out, not passed over."),
     "step_passed_over": N_("{action:word}: {why}"),

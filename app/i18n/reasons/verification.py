@@ -239,11 +239,15 @@ SENTENCES: Mapping[str, str] = {
     "contrary_heard": N_("what was heard contradicts the finding: {heard}"),
     "finding_not_heard": N_("what was heard does not state the finding: {heard}"),
     "no_room_recording": N_("the report was synthesised and checked, not played: no microphone recorded the room"),
+    "recording_of_earlier_playback": N_(
+        "the recording of the room is one of an earlier playback, for request {request}, or a copy of it"
+    ),
     "recognition_of_another_sound": N_("the recognition is of another recording"),
     "recording_silent": N_("the microphone recorded nothing but silence"),
     "report_heard": N_("heard in the room: {heard}"),
     "report_heard_before_analysis": N_("the report was heard before the analysis"),
     "speech_not_recognised": N_("what was recorded could not be recognised"),
+    "unverified_part_not_heard": N_("the report was not heard to call this part unverified: {part}"),
     "unknown_words": N_("the recogniser does not know {words}"),
     "words_not_heard": N_("not heard: {words}"),
 }

@@ -9,8 +9,9 @@ from itertools import pairwise
 from harness.contracts.effects import AnyEffect, Symbolic
 from harness.contracts.evidence import CommittedFact, EvidenceReference
 from harness.contracts.ids import Digest
-from harness.contracts.measurements import Recognition
+from harness.contracts.measurements import PLAYED_FOR, Recognition
 from harness.contracts.reasons import Reason, because, several
+from harness.contracts.rules import CAPTURES, RulesVersion
 from harness.verification.finding import FACTS, Finding, Undecidable, ambiguous
 from harness.verification.reading import Evidence
 
@@ -18,31 +19,38 @@ Words = Sequence[str]
 CLEAR, OBSTRUCTED = ("clear", "free"), ("obstructed", "blocked")
 LEAST_SHARE, LEAST_END_SHARE = 0.75, 0.5
 END_WORDS = 10
+UNVERIFIED = "unverified"
+"""What a report says before it names a part that nothing verified."""
+LEAST_PART_SHARE = 0.6
 
 
 def heard(effect: AnyEffect, evidence: Evidence) -> Finding:
     """The recognised words name `arguments.place`, then tell what the node `arguments.analysis` found, and no contrary;
-    most of what was to be said was understood, to its end.
+    most of what was to be said was understood, to its end, and every part that it had to call unverified.
 
     Of a goal, `arguments.report` names the stage that spoke. `evidence` = the recording, then its recognition.
     """
     if not isinstance(effect, Symbolic) or not {"analysis", "place"} <= effect.arguments.keys():
         raise Undecidable(because("effect_not_testable", predicate="heard"))
+    rules = evidence.policy.rules
     analysis = evidence.newest_fact(("passage_checked",), node_id=effect.arguments["analysis"])
     if "report" in effect.arguments:
         spoken = evidence.fact("heard", node_id=effect.arguments["report"])
         found = evidence.decoded(spoken.arguments["recognition"], Recognition)
         early = spoken.at_s < analysis.at_s
-        return _judged(found, analysis, effect, early=early, sources=(FACTS,), digest=spoken.arguments["recognition"])
+        named = spoken.arguments["recognition"]
+        return _judged(found, analysis, effect, early=early, sources=(FACTS,), digest=named, rules=rules)
     reference = _newest(evidence)
     found = evidence.decoded(reference.blob, Recognition)
     rooms = [one for one in evidence.measured("room_sound") if one.blob == found.sound]
+    if not rooms and PLAYED_FOR in reference.values:
+        return ambiguous(because("recording_of_earlier_playback", request=str(reference.values[PLAYED_FOR])[:12]))
     if not rooms:
         return _not_played(found, analysis, effect, evidence)
     evidence.bytes_of(found.sound)
     early = rooms[-1].from_s < analysis.at_s
     sources = (rooms[-1].source, reference.source)
-    return _judged(found, analysis, effect, early=early, sources=sources, digest=reference.blob)
+    return _judged(found, analysis, effect, early=early, sources=sources, digest=reference.blob, rules=rules)
 
 
 def _newest(evidence: Evidence) -> EvidenceReference:
@@ -60,12 +68,14 @@ def _judged(
     early: bool,
     sources: tuple[str, ...],
     digest: Digest,
+    rules: RulesVersion,
 ) -> Finding:
     place, blocked = effect.arguments["place"], bool(analysis.measured["blocked"])
     transcript = " ".join(found.heard)
     wrong = _contradicting(found.heard, place=place, blocked=blocked)
     wrong += [because("report_heard_before_analysis")] if early else []
     doubts = _lacking(found, place=place, blocked=blocked)
+    doubts += _unnamed(found) if rules >= CAPTURES else []
     share, end_share = _understood(found)
     return Finding(
         verdict="violated" if wrong else "ambiguous" if doubts else "satisfied",
@@ -120,6 +130,20 @@ def _lacking(found: Recognition, *, place: str, blocked: bool) -> list[Reason]:
     share, end_share = _understood(found)
     if share < LEAST_SHARE or end_share < LEAST_END_SHARE:
         problems.append(because("words_not_heard", words=tuple(_missed(found.asked, found.heard))))
+    return problems
+
+
+def _unnamed(found: Recognition) -> list[Reason]:
+    """The unverified parts that the report had to name and was not heard to name, as unverified."""
+    matches, asked = _longest_match(found.asked, found.heard), found.asked
+    starts = [index for index, word in enumerate(asked) if word == UNVERIFIED]
+    problems = []
+    for start, following in pairwise([*starts, len(asked) + 2]):
+        end = following - 2
+        part = range(start + 1, end)
+        share = len(matches & set(part)) / max(1, len(part))
+        if start not in matches or share < LEAST_PART_SHARE:
+            problems.append(because("unverified_part_not_heard", part=" ".join(asked[index] for index in part)))
     return problems
 
 

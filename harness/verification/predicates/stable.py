@@ -1,17 +1,20 @@
 """temporal stable: an inner effect holds at every sampled instant of an interval, not only at its end (R14)."""
 
+import math
 from collections.abc import Callable
 from itertools import pairwise
 
 from harness.contracts.effects import AnyEffect, Temporal
 from harness.contracts.reasons import because
-from harness.contracts.rules import LINEAGE
+from harness.contracts.rules import CAPTURES, LINEAGE
 from harness.verification.body import current_track
 from harness.verification.finding import Finding, Undecidable, ambiguous
 from harness.verification.reading import Evidence
 
 LOOKS = 40
-"""At most this many looks, spread evenly over the samples of the interval; its ends are always looked at."""
+"""At most this many looks, spread evenly over the samples of the interval; its ends are always looked at. Of a longer
+interval, from rules 4 on, DENSER times as many as its bound needs."""
+DENSER = 2
 Find = Callable[[AnyEffect], Callable[[AnyEffect, Evidence], Finding] | None]
 
 
@@ -26,7 +29,8 @@ def stable(effect: AnyEffect, evidence: Evidence, *, find: Find) -> Finding:
     predicate = find(effect.inner)
     if predicate is None:
         return ambiguous(because("no_predicate", predicate=effect.inner.predicate))
-    looks = _looks(evidence, interval_s=effect.interval_s)
+    least = math.ceil(effect.interval_s / effect.bound) + 1 if evidence.policy.rules >= CAPTURES else 0
+    looks = _looks(evidence, interval_s=effect.interval_s, most=max(LOOKS, DENSER * least))
     gap_s = max((b - a for a, b in pairwise(looks)), default=effect.interval_s)
     if gap_s > effect.bound:
         return ambiguous(because("gap_without_look", gap_s=gap_s, bound_s=effect.bound), gap_s=gap_s)
@@ -58,7 +62,7 @@ def _age_s(found: list[Finding], evidence: Evidence, *, newest_s: float) -> floa
     return max(age_s, *(one.age_s or 0.0 for one in found))
 
 
-def _looks(evidence: Evidence, *, interval_s: float) -> list[float]:
+def _looks(evidence: Evidence, *, interval_s: float, most: int) -> list[float]:
     """Sensor times of the interval that ends with the newest sample; the first lies at its beginning or before."""
     track = current_track(evidence)
     times = sorted({*(one.at_s for one in track.odometry), *(pose.at_s for pose in track.poses)})
@@ -69,5 +73,5 @@ def _looks(evidence: Evidence, *, interval_s: float) -> list[float]:
     if not earlier:
         raise Undecidable(because("samples_do_not_cover", interval_s=interval_s, until_s=times[-1]))
     within = [earlier[-1], *(at_s for at_s in times if at_s > begin_s)]
-    step = max(1, len(within) // LOOKS)
+    step = max(1, len(within) // most)
     return sorted({*within[::step], within[-1]})

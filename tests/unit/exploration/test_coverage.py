@@ -1,6 +1,7 @@
 """How much of the reachable floor a map shows: unknown floor counts, closed floor is said, specks do not count."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,8 +9,9 @@ from msgspec.structs import replace
 
 from harness.baseline.load import site
 from harness.contracts.exploration import FREE, OCCUPIED, UNKNOWN, GridMap
+from harness.contracts.values import Point
 from harness.exploration.frontiers import edges, frontiers
-from harness.exploration.grid import unexplored
+from harness.exploration.grid import cell_of, unexplored
 from harness.exploration.paths import Ways
 from harness.projections.floor import Cells, cells_of, coverage
 from tests.unit.exploration.test_targets import HERE, floor
@@ -90,3 +92,27 @@ def test_edges_that_cannot_be_approached_do_not_hide_places_that_see_the_rest() 
     assert all(math.dist(one.approach_m, frontier.approach_m) > 0.8 for one in hidden)
     zone = ((0.0, 0.0), (8.0, 0.0), (8.0, 6.0), (0.0, 6.0))
     assert all(one.approach_m[0] < 8.0 for one in edges(grid, ways, zones_m=(zone,)))
+
+
+BOX, SHELF = ((10.405, 10.85), (10.955, 11.82)), ((11.7, 10.1), (12.3, 12.3))
+"""Low and high corner of what stands on either side of the storage passage as the lidar's noise draws it, metres."""
+
+
+def test_a_way_out_of_a_narrow_place_keeps_off_what_stands_there() -> None:
+    """The body stands 0.38 m from the box; the shortest way out would lead 0.15 m beside its corner."""
+    grid = unexplored(site(), map_version="site-1")
+    cells = np.full((grid.rows, grid.columns), FREE, np.uint8)
+    for low, high in (BOX, SHELF):
+        (first_row, first), (last_row, last) = cell_of(grid, low), cell_of(grid, high)
+        cells[first_row : last_row + 1, first : last + 1] = OCCUPIED
+    route = Ways(replace(grid, cells=cells.tobytes()), (11.33, 11.04)).route_m((9.1, 11.3))
+    along = [
+        (a[0] + (b[0] - a[0]) * part / 20, a[1] + (b[1] - a[1]) * part / 20)
+        for a, b in pairwise(route)
+        for part in range(21)
+    ]
+    assert min(away_m(point, *thing) for point in along for thing in (BOX, SHELF)) >= 0.25
+
+
+def away_m(point: Point, low: Point, high: Point) -> float:
+    return math.hypot(*(max(a - at, 0.0, at - b) for at, a, b in zip(point, low, high, strict=True)))

@@ -11,6 +11,7 @@ from harness.contracts.values import Point
 from simulator.faults import CLEARED_AFTER_S
 from simulator.navigation import CarefulPlanner, Leg, RouteFollower
 from simulator.obstruction import GAP_M
+from simulator.robot import SimulatedRobot
 from simulator.skill_interface import Perception, Shot
 from tests.unit.simulation.builders import Bench, along, bench, route
 
@@ -190,3 +191,16 @@ def test_a_stale_localiser_recovers_when_somebody_looks_or_after_a_while() -> No
     assert made.samples("localiser")[-1].at_s < made.at_s - 5.0
     made.wait(CLEARED_AFTER_S + 0.5)
     assert made.samples("localiser")[-1].at_s > made.at_s - 1.0
+
+
+@pytest.mark.parametrize("provider", ["route-follower", "careful-local-planner"])
+def test_a_body_in_a_narrow_place_turns_to_its_way_before_it_drives(provider: str) -> None:
+    """Between a box and a shelf, 0.84 m apart, having come in forwards: the arc of a turn in motion touches the box."""
+    made = bench()
+    assert isinstance(made.robot, SimulatedRobot)
+    made.robot.world.carry((11.33, 11.04, math.pi / 2))
+    made.wait(1.0)
+    way = ((11.33, 11.04), (11.3, 10.7), (11.1, 10.5), (11.1, 9.9), (10.5, 9.3), (9.3, 9.3))
+    report = made.run(provider, {**along("A-B"), "route": way, "target": way[-1]})
+    assert report.status == "succeeded", report.message
+    assert off_m(made, way[-1]) < 0.2

@@ -91,7 +91,8 @@ def test_what_ships_is_such_a_folder() -> None:
     shipped = shipped_workspace()
     found, problems = examined(shipped.folder, reserved=SHIPPED)
     assert not problems and found is not None
-    assert [one.name for one in found.missions] == ["camera-report", "exploration", "go-to-place"]
+    missions = ["camera-report", "exploration", "explore-place", "go-to-place", "wait-at-place"]
+    assert [one.name for one in found.missions] == missions
     assert [one.name for one in found.robots] == ["vbot-1"]
 
 

@@ -19,6 +19,7 @@ STANDING = (
     "nothing stands on its floor", "something stands on its floor", "one thing stands on its floor",
     "two things stand on its floor", "three things stand on its floor",
 )  # fmt: skip
+VERIFIED, UNVERIFIED = "verified", "unverified"
 ELSEWHERE = ("somewhere_else", "another_place")
 """Names that every list of places has beside its own, so that not every name must be one of the site's."""
 WEIGHT = 20
@@ -46,6 +47,8 @@ def sentences(text: str, names: Sequence[str]) -> Iterator[tuple[tuple[str, ...]
     for sentence in (one for one in re.split(r"(?<=[.!?])\s+", text) if one.strip()):
         words = spoken(sentence, names)
         yield from ((variant, WEIGHT) for variant in _elsewhere(words, known))
+        if UNVERIFIED in words:
+            yield tuple(VERIFIED if word == UNVERIFIED else word for word in words), WEIGHT
         for clause in re.split(r"[,:;]", sentence):
             yield from ((variant, 1) for variant in _counted(spoken(clause, names)))
     yield spoken(text, names), 1

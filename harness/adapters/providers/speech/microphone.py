@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 
+from msgspec.structs import replace
+
 from harness.adapters.providers.speech.recogniser import recognised
 from harness.adapters.providers.speech.recordings import RecordingClaims
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest
-from harness.contracts.measurements import Measurement
+from harness.contracts.measurements import PLAYED_FOR, Measurement
 from harness.contracts.ports import Room
 from harness.contracts.values import encode
 
@@ -19,9 +21,10 @@ Read = Callable[[Digest], bytes]
 class RoomMicrophone:
     """IndependentSource of `heard`: the recording of the playback, kind "room_sound", and its "recognition".
 
-    A recording that was claimed for another request before is no recording of this playback: only its recognition is
-    given then, and the predicate is left undecided. Without a room to record, the sound that the speaker's receipt
-    names is recognised: that shows what was synthesised, never that it was played. `read` fetches that sound.
+    A recording that was taken for another request before, or a copy of one, is no recording of this playback: only its
+    recognition is given then, which names that request, and the predicate is left undecided. Without a room to record,
+    the sound that the speaker's receipt names is recognised: that shows what was synthesised, never that it was played.
+    `read` fetches sounds by their digest.
     """
 
     predicate = "heard"
@@ -29,7 +32,7 @@ class RoomMicrophone:
 
     def __init__(self, room: Room | None, *, keep: Keep, read: Read, claims: RecordingClaims | None = None) -> None:
         self._room, self._keep, self._read = room, keep, read
-        self._claims = claims or RecordingClaims(None)
+        self._claims = claims or RecordingClaims(None, read=read)
 
     @property
     def able(self) -> bool:
@@ -43,8 +46,10 @@ class RoomMicrophone:
         if self._room is not None:
             recording = self._room.recording(measurement.from_s, measurement.until_s)
             digest = self._keep(recording)
-            if not all(self._claims.claim(recording, request) for request in measurement.requests[-1:]):
-                return (self._recognition(recording, measurement),)
+            for request in measurement.requests[-1:]:
+                if earlier := self._claims.earlier(recording, request, blob=digest):
+                    recognition = self._recognition(recording, measurement)
+                    return (replace(recognition, values=recognition.values | {PLAYED_FOR: earlier}),)
             return (
                 self._reference("room_sound", MICROPHONE, digest, measurement),
                 self._recognition(recording, measurement),
