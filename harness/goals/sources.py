@@ -141,7 +141,8 @@ class Reachable:
         found: list[Reason] = []
         for node in stages:
             of_each = [tuple(self._lacks(condition, card)) for card in self.robot.serving(node.capabilities)]
-            found += min(of_each, key=len, default=(because("stage_without_provider", node_id=node.node_id),))
+            least = min(of_each, key=len, default=[because("stage_without_provider", node_id=node.node_id)])
+            found += least
         return tuple(one for place, one in enumerate(found) if one not in found[:place])
 
     def _lacks(self, condition: Condition, card: CapabilityCard) -> Iterator[Reason]:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
 import pytest
 from typer.testing import CliRunner
 
@@ -173,9 +174,15 @@ def test_a_target_from_the_command_line_is_measured(tmp_path: Path, target: str,
 
 
 @pytest.mark.parametrize(("place", "code"), [("home", 0), ("storage area", 1)])
-def test_a_place_is_a_target_on_the_map_of_its_site(tmp_path: Path, place: str, code: int) -> None:
+def test_a_place_is_a_target_on_the_map_of_its_site_and_images_are_decoded_in_a_process_of_their_own(
+    tmp_path: Path, place: str, code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def decode(*_: object) -> None:
+        raise AssertionError("a foreign image was decoded in this process")
+
+    monkeypatch.setattr(cv2, "imdecode", decode)
     exit_code, found, _ = replay(CARRIED, tmp_path / "data", "--place", place)
-    assert (exit_code, found["target_source"]) == (code, f"--place {place}")
+    assert (exit_code, found["target_source"], found["left_out"]) == (code, f"--place {place}", [])
 
 
 def test_a_place_on_another_map_an_unknown_place_and_two_targets_are_refused(tmp_path: Path) -> None:
