@@ -34,7 +34,7 @@ from harness.settings import HarnessSettings
 SPEED = ("--speed", "4", "--fidelity", "kinematic")
 UP_S, ROBOT_ENDS_S = 240.0, 60.0
 LONGEST_S = 600.0
-"""A mission that is neither over nor with a person by then, wall seconds, hangs: an exchange with a robot may take ten."""
+"""A mission that is neither over nor with a person by then, wall seconds, hangs; one exchange may take ten."""
 POLL_S = 0.2
 OVER = ("succeeded", "partly_verified", "failed", "cancelled", "safe_stopped", "handed_off", "awaiting_human", "paused")
 
