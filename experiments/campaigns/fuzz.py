@@ -138,16 +138,16 @@ def _mcap_seed() -> bytes:
 
 
 def _image_seed() -> bytes:
-    kept: list[bytes] = []
+    blobs: list[bytes] = []
 
     def keep(body: bytes) -> Digest:
-        kept.append(body)
+        blobs.append(body)
         return sha256(body)
 
     with open_recording(ROOT / "tests" / "fixtures" / "warehouse-inspection.mcap", size_of=size_of) as recording:
         for _ in recording.samples(keep):
             pass
-    return next(body for body in kept if body.startswith(b"\xff\xd8"))
+    return next(body for body in blobs if body.startswith(b"\xff\xd8"))
 
 
 def _bag_seed() -> bytes:

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from experiments.campaigns.hostile_console import met_under_console
 from experiments.campaigns.regen import ROOT
 from harness.bootstrap import simulated
-from harness.conformance.hostile.kit import MOST_MIB, LieReport, chosen, fuzzed
+from harness.conformance.hostile.kit import MODES, MOST_MIB, LieReport, chosen, fuzzed
 from harness.conformance.hostile.lies import WHOLE, Mode
 from harness.conformance.hostile.missions import KIT, ROBOT, MissionUnderLie, met, met_at
 from harness.contracts.events import PacketRetained, VerdictRecorded
@@ -134,12 +134,18 @@ def publish(found: Mapping[str, LieReport], looks: SecondLooks, *, seed: int, pa
 
 
 def _each(found: Mapping[str, LieReport]) -> Iterator[str]:
-    """A table with how each lie's mission ended at each place, with the stages accepted and the motions begun."""
+    """A table with how each lie's mission ended at each place, with the stages accepted / the motions begun."""
     yield "| lie | " + " | ".join(TITLES[place] for place in found) + " |"
     yield "|---|" + "---|" * len(found)
-    for several in zip(*(one.met for one in found.values()), strict=True):
-        cells = [f"{one.ended.replace('_', ' ')}, {len(one.committed)} / {one.motions}" for one in several]
-        yield f"| {several[0].text} | {' | '.join(cells)} |"
+    met_at_place = {place: {one.mode: one for one in report.met} for place, report in found.items()}
+    for mode in MODES:
+        several = [met_there.get(mode.name) for met_there in met_at_place.values()]
+        if any(several):
+            yield f"| {mode.text} | {' | '.join(map(_cell, several))} |"
+
+
+def _cell(one: MissionUnderLie | None) -> str:
+    return f"{one.ended.replace('_', ' ')}, {len(one.committed)} / {one.motions}" if one is not None else "not run"
 
 
 TITLES = {"process": "one process", "address": "a simulator at an address", "console": "`regen up`"}

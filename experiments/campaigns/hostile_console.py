@@ -123,7 +123,7 @@ def _counted(data: Path, mode: Mode, robot: str, mission_id: str, *, hang: bool,
     why = "; ".join(untrue(mission.contract, events, read_truth(folder))) if mission.contract else ""
     completed = mission.status == "succeeded"
     false = (completed and not mode.may_succeed) or bool(why)
-    shown = "Traceback (most recent call last)"
+    mark = "Traceback (most recent call last)"
     return MissionUnderLie(
         mode=mode.name,
         group=mode.group,
@@ -139,7 +139,7 @@ def _counted(data: Path, mode: Mode, robot: str, mission_id: str, *, hang: bool,
         motions=len(mine),
         second_motions=len(mine) - len({one.request_id for one in mine}) + _overlapping(folder) + after_unknown(events),
         hang=hang,
-        traceback=errors[errors.index(shown) :][:2000] if shown in errors else "",
+        traceback=errors[errors.index(mark) :][:2000] if mark in errors else "",
         held=tuple(str(one.resource) for one in leases if one.status == "held"),
         wall_s=0.0,
         peak_mib=0,

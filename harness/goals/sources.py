@@ -154,8 +154,10 @@ class Reachable:
         own = (RECEIPTS, *BOOKKEEPING)
         measured = [one for one in rests_on_sources(condition.effect) or () if one not in own]
         for source, why in not_apart(measured, provider=card.sources, origins=origins).items():
-            code = "source_of_provider" if why == "provider" else "source_of_same_origin"
-            yield because(code, source=source, provider_id=name)
+            if why == "provider":
+                yield because("source_of_provider", source=source, provider_id=name)
+            else:
+                yield because("source_of_same_origin", source=source, provider_id=name)
 
     def _built_on(self, effect: AnyEffect, own: NodeId | None) -> Iterator[int]:
         """One level, the lowest over the kinds of facts that are read; each kind is as good as its best stage."""
