@@ -41,6 +41,8 @@ TOKEN = "hostile-provider-kit"
 SIMULATION_S = 120.0
 LONGEST_S = 300.0
 """A mission of the kit that runs longer, wall seconds, hangs."""
+TOKENS_A_SECOND = 100
+"""More than a mission of the kit takes."""
 REST_S = 10.0
 """Mission time in which a body that was stopped comes to rest."""
 ROBOT = RobotId("vbot-1")
@@ -107,21 +109,26 @@ def met_at(mode: Mode, url: str, token: str, *, seed: int = 3, folder: Path | No
 
     Raises ProviderFailed for an address that serves no simulation: nothing is ever forwarded to a physical robot.
     """
-    upstream = ForwardedRequests(url, token)
+    upstream = ForwardedRequests(url, token, raised_by=int(TOKENS_A_SECOND * _wall_s()))
     check_simulated(upstream, url)
     put_to_rest(upstream)
     return _met(mode, upstream, seed=seed, truth=(lambda: read_truth(folder)) if folder is not None else None)
 
 
 class ForwardedRequests:
-    """Requests passed on to a robot at an address."""
+    """Requests passed on to a robot at an address. `raised_by` is added to the fencing tokens of starts: a log that is
+    new counts from 1 again, and the robot refuses what is older than the tokens of the mission before.
+    """
 
-    def __init__(self, url: str, token: str) -> None:
-        self._exchanges = Exchanges(url, token, SIMULATION_S)
+    def __init__(self, url: str, token: str, *, raised_by: int = 0) -> None:
+        self._exchanges, self._raised_by = Exchanges(url, token, SIMULATION_S), raised_by
 
     def __call__(self, ask: Ask) -> Answer:
-        query = f"?{urlencode(ask.query)}" if ask.query else ""
-        reply = self._exchanges.ask(ask.method, f"{ask.path}{query}", ask.body, most_bytes=BLOB_BYTES)
+        query, body = f"?{urlencode(ask.query)}" if ask.query else "", ask.body
+        if ask.kind == "start" and self._raised_by:
+            start = ask.json()
+            body = encode({**start, "fencing": {name: one + self._raised_by for name, one in start["fencing"].items()}})
+        reply = self._exchanges.ask(ask.method, f"{ask.path}{query}", body, most_bytes=BLOB_BYTES)
         return Answer(status=reply.status, body=reply.body, content_type=reply.kind or "application/octet-stream")
 
 
