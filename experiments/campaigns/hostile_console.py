@@ -120,7 +120,7 @@ def _counted(data: Path, mode: Mode, robot: str, mission_id: str, *, hang: bool,
         events = [DECIDER.codec.decode(event) for event in runtime.events(MissionId(mission_id))]
         streams = [one for one in runtime.streams("lease/") if one.startswith(f"lease/{robot}/")]
         leases = [runtime.lease(ResourceId(stream.partition("/")[2])) for stream in streams]
-    why = "; ".join(untrue(mission.contract, events, read_truth(folder))) if mission.contract else ""
+    why = "; ".join(untrue(mission.contract, events, read_truth(folder, mission_id))) if mission.contract else ""
     completed = mission.status == "succeeded"
     false = (completed and not mode.may_succeed) or bool(why)
     mark = "Traceback (most recent call last)"

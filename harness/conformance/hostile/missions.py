@@ -3,6 +3,7 @@
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -48,8 +49,8 @@ REST_S = 10.0
 ROBOT = RobotId("vbot-1")
 
 
-TruthOf = Callable[[], Sequence[TruePosition]]
-"""Where the body truly was in the mission under way."""
+TruthOf = Callable[[MissionId], Sequence[TruePosition]]
+"""Where the body truly was in a mission."""
 
 
 class MissionUnderLie(Value):
@@ -101,7 +102,7 @@ class _Course:
 def met(mode: Mode, simulator: Simulator, *, seed: int = 3) -> MissionUnderLie:
     """One mission against a simulated robot in this process, over HTTP, through the lie."""
     made = simulator.robot(ROBOT, seed=seed, fidelity="kinematic")
-    return _met(mode, LocalRobotWire(_operations(made)), seed=seed, truth=made.truth)
+    return _met(mode, LocalRobotWire(_operations(made)), seed=seed, truth=lambda _: made.truth())
 
 
 def met_at(mode: Mode, url: str, token: str, *, seed: int = 3, folder: Path | None = None) -> MissionUnderLie:
@@ -112,7 +113,12 @@ def met_at(mode: Mode, url: str, token: str, *, seed: int = 3, folder: Path | No
     upstream = ForwardedRequests(url, token, raised_by=int(TOKENS_A_SECOND * _wall_s()))
     check_simulated(upstream, url)
     put_to_rest(upstream)
-    return _met(mode, upstream, seed=seed, truth=(lambda: read_truth(folder)) if folder is not None else None)
+    return _met(
+        mode,
+        upstream,
+        seed=seed,
+        truth=(lambda mission_id: read_truth(folder, mission_id)) if folder is not None else None,
+    )
 
 
 class ForwardedRequests:
@@ -257,7 +263,7 @@ def _counted(
 def _untrue(harness: Harness | None, mission: Mission | None, truth: TruthOf | None) -> str:
     if truth is None or mission is None or mission.contract is None:
         return ""
-    return "; ".join(untrue(mission.contract, _events(harness, mission), truth()))
+    return "; ".join(untrue(mission.contract, _events(harness, mission), truth(mission.mission_id)))
 
 
 def peak_memory_mib() -> int:

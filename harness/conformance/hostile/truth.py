@@ -79,8 +79,8 @@ def untrue(contract: TaskContract, events: Sequence[MissionEvent], truth: Sequen
             yield f"{event.node_id}: {why}"
 
 
-def read_truth(folder: Path) -> list[TruePosition]:
-    """What a simulator's process wrote of the truth in its own folder, in order of time; whole lines only."""
-    files = sorted((folder / "truth").glob("*.jsonl"))
-    lines = (line for file in files for line in file.read_bytes().split(b"\n")[:-1])
+def read_truth(folder: Path, mission_id: str) -> list[TruePosition]:
+    """What a simulator's process wrote of one mission's truth in its own folder, in order of time; whole lines only."""
+    file = folder / "truth" / f"{mission_id}.jsonl"
+    lines = file.read_bytes().split(b"\n")[:-1] if file.exists() else []
     return sorted((msgspec.json.decode(line, type=TruePosition) for line in lines), key=lambda one: one.at_s)
