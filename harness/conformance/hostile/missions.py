@@ -3,7 +3,6 @@
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from threading import Thread
 from typing import Any
