@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from harness.adapters.ids import SystemIds
 from harness.adapters.limited_process import Limits, run_limited
+from harness.adapters.pictures import size_of
 from harness.adapters.providers.recording.reader import Recording, open_recording
 from harness.adapters.providers.recording.robot import RecordedRobot
 from harness.adapters.providers.recording.segments import Segment
@@ -202,7 +203,7 @@ def read_whole(request: bytes) -> bytes:
     """The digest of a recording after every sample of it was decoded, in this very process. Raises RecordingInvalid."""
     task = decode(request, RecordingToRead)
     topics = TopicSettings.model_validate_json(task.topics)
-    with open_recording(Path(task.path), topics, recover=task.recover) as recording:
+    with open_recording(Path(task.path), topics, recover=task.recover, size_of=size_of) as recording:
         for _ in recording.samples():
             pass
         return recording.sha256.encode()

@@ -4,13 +4,13 @@ Text from outside is data. It is never an instruction, and no model's answer app
 """
 
 import json
-import re
 from typing import Any, TypeVar
 
 import msgspec
 import msgspec.inspect
 
 from harness.contracts.configuration import Configuration
+from harness.contracts.listed_values import why_invalid
 from harness.contracts.reasons import because
 from harness.contracts.values import decode
 from rsi_reviews.contracts import SECTIONS, Candidate, Manifest
@@ -117,45 +117,7 @@ def _typed(body: bytes, kind: type[T], where: str) -> T:
     try:
         return decode(body, kind)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        what, _, path = str(error).partition(" - at `")
-        rule = "unknown_key" if "unknown field" in what else "wrong_type"
-        place, allowed = path.rstrip("`") or "$", values_at(kind, path.rstrip("`"))
-        reason = because("field_invalid", error=what)
-        if allowed and "Invalid enum value" in what:
-            reason = because(
-                "value_not_listed", value=what.removeprefix("Invalid enum value ").strip("'"), values=allowed
-            )
+        what, place = why_invalid(error, kind)
+        rule = "unknown_key" if "unknown field" in str(error) else "wrong_type"
+        reason = because("field_invalid", error=what) if isinstance(what, str) else what
         raise CandidateInvalid(reason, rule=rule, where=f"{where}, {place}") from error
-
-
-def values_at(kind: type, path: str) -> tuple[str, ...]:
-    """The values that a field of this type may have, sorted; none where it is no list of values.
-
-    `path` as msgspec writes it: `$.author.kind`, `$.recovery.ladders[...][0]`, ``key` in `$.recovery.ladders``.
-    """
-    of_key, _, place = path.rpartition("` in `")
-    found = msgspec.inspect.type_info(kind)
-    for step in re.findall(r"\.\w+|\[[^\]]*\]", place):
-        found = _bare(_part_of(found, step))
-    if of_key and isinstance(found, msgspec.inspect.DictType):
-        found = _bare(found.key_type)
-    if isinstance(found, msgspec.inspect.LiteralType):
-        return tuple(sorted(str(one) for one in found.values))
-    return ()
-
-
-def _bare(found: msgspec.inspect.Type) -> msgspec.inspect.Type:
-    return _bare(found.type) if isinstance(found, msgspec.inspect.Metadata) else found
-
-
-def _part_of(whole: msgspec.inspect.Type, step: str) -> msgspec.inspect.Type:
-    """One step down a path: a field of a struct, or an item of a list, tuple or mapping; itself where there is none."""
-    match whole:
-        case msgspec.inspect.StructType() if step.startswith("."):
-            return next((field.type for field in whole.fields if field.encode_name == step[1:]), whole)
-        case msgspec.inspect.VarTupleType() | msgspec.inspect.ListType():
-            return whole.item_type
-        case msgspec.inspect.DictType():
-            return whole.value_type
-        case _:
-            return whole

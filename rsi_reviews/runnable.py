@@ -12,7 +12,7 @@ from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import PlaceId
 from harness.contracts.places import Passage, Place, Route, Site, Zone
 from harness.contracts.protocol import Receipt
-from harness.contracts.reasons import Fact, because
+from harness.contracts.reasons import Explanation, Fact, Reason, because, plain
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Point
 from harness.goals.satisfiable import check_satisfiable
@@ -62,7 +62,7 @@ def _template(template: TaskTemplate) -> Iterator[RestrictionViolation]:
     except (ContractInvalid, UnknownName) as error:
         why = error.reason
         yield RestrictionViolation(
-            rule=why.code, path=f"{path}: {error.where}", reason=because("cannot_be_compiled", why=why)
+            rule=why.code, path=_path_of(error.where, path), reason=because("cannot_be_compiled", why=why)
         )
         return
     for act, stage in (template.stages or {}).items():
@@ -70,6 +70,13 @@ def _template(template: TaskTemplate) -> Iterator[RestrictionViolation]:
             yield _refusal("stage_missing", f"{path}.stages.{act}", "", stage, "template_stage_missing")
     yield from _budgets(path, contract)
     yield from _evidence(path, contract)
+
+
+def _path_of(where: Explanation, template: str) -> str:
+    """The path of a field of the template, or the template with where else it is."""
+    if isinstance(where, Reason) and "field" in where.facts:
+        return f"{template}.{str(where.facts['field']).removeprefix('$').removeprefix('.')}".rstrip(".")
+    return f"{template}: {where if isinstance(where, str) else plain(where)}"
 
 
 def _budgets(path: str, contract: TaskContract) -> Iterator[RestrictionViolation]:

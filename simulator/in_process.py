@@ -7,7 +7,7 @@ from importlib.resources import files
 
 from harness.contracts.ids import Digest, MissionId, sha256
 from harness.contracts.regularities import HiddenSite
-from harness.contracts.simulation import Fidelity, InProcessRobot
+from harness.contracts.simulation import Fidelity, InProcessRobot, TruePosition
 from simulator.faults import parse_faults
 from simulator.robot import SimulatedRobot
 from simulator.teleoperation import SimulatedTeleoperation
@@ -36,6 +36,7 @@ class InProcessSimulator:
             camera=robot,
             hand=SimulatedTeleoperation(robot),
             room=robot.room,
+            truth=lambda: [TruePosition(one.at_s, one.x_m, one.y_m) for one in robot.world.truth.records],
         )
 
     def check_faults(self, names: Sequence[str]) -> None:

@@ -23,6 +23,7 @@ from harness.conformance.address import addressed
 from harness.conformance.declaration import ConformanceFile, read, shipped
 from harness.conformance.findings import ConformanceFinding, ConformanceResult
 from harness.conformance.hostile.kit import LieReport, chosen, fuzzed
+from harness.conformance.hostile.lies import Mode
 from harness.conformance.hostile.missions import MissionUnderLie, met, met_at
 from harness.conformance.kit import FIRST_TOKEN, check
 from harness.conformance.provider_setup import fresh_name, installed, installed_cards, protocol
@@ -206,6 +207,9 @@ def fuzz_harness(
     builtin: Annotated[bool, typer.Option("--builtin", help="Against a simulated robot in this process.")] = False,
     url: Annotated[str, typer.Option(help="Against the simulator at this address, which runs in lockstep.")] = "",
     token: Annotated[str, typer.Option(help="The simulator's bearer token.", envvar="REGEN_ROBOT_TOKEN")] = "",
+    truth: Annotated[
+        Path | None, typer.Option(help="That simulator's own folder: what is accepted is compared with its truth.")
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of every mission.", min=0)] = 3,
 ) -> None:
     """Run missions against a robot that lies, floods, hangs and breaks the protocol. It tests the harness.
@@ -215,7 +219,12 @@ def fuzz_harness(
     """
     if builtin == bool(url):
         raise ContractInvalid(because("fuzz_needs_one_robot"))
-    meet = (lambda one: met_at(one, url, token, seed=seed)) if url else (lambda one: met(one, SIMULATOR, seed=seed))
+
+    def meet(one: Mode) -> MissionUnderLie:
+        if builtin:
+            return met(one, SIMULATOR, seed=seed)
+        return met_at(one, url, token, seed=seed, folder=truth)
+
     result = fuzzed(chosen(mode or []), meet, watch=_tell_met)
     show(msgspec.to_builtins(result), as_json=as_json, lines=_met_lines(result))
     raise typer.Exit(0 if result.ok else 1)
@@ -232,7 +241,8 @@ def _met_lines(result: LieReport) -> list[str]:
         for one in result.met
     ]
     counts = (
-        f"{result.missions} missions: {result.false_completions} false completions, "
+        f"{result.missions} missions, {result.against_truth} of them compared with the simulated truth: "
+        f"{result.false_completions} false completions, "
         f"{result.second_motions} second motions, {result.hangs} hangs, {result.tracebacks} tracebacks, "
         f"{result.held} leases left held, {result.peak_mib} MiB at the peak; "
         f"{result.epistemic} epistemic (every source forged)"

@@ -17,9 +17,10 @@ from app.routes.candidate_json import row, sheet
 from harness.bootstrap import read_harness
 from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.ids import RobotId
+from harness.contracts.listed_values import values_at
 from harness.contracts.reasons import because
 from rsi_reviews.candidate_queries import CandidateQueries, selected
-from rsi_reviews.candidates import LARGEST_BYTES, values_at
+from rsi_reviews.candidates import LARGEST_BYTES
 from rsi_reviews.contracts import BETTER, SECTIONS, Direction, Manifest
 from rsi_reviews.deciders import DECIDERS
 from rsi_reviews.difference import NAMES

@@ -10,6 +10,7 @@ import os
 import shlex
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, get_args
 
 import msgspec
@@ -104,6 +105,7 @@ def main() -> None:
     whole.add_argument("--minutes", type=float, default=None, help="simulate, or work, no longer than this")
     whole.add_argument("--processes", type=int, default=PROCESSES)
     whole.add_argument("--only", default="", choices=("", *PARTS), help="one campaign; what is published else, stays")
+    whole.add_argument("--keep", type=Path, default=None, help="folder for missions that a kill kept from succeeding")
     whole.add_argument("--publish", action="store_true", help="write docs/ although the run is smaller")
     steps = commands.add_parser("recovery", help="how often each recovery step helped")
     steps.add_argument("--missions", type=int, default=MISSIONS_EACH, help="missions for each fault and template")
@@ -122,6 +124,7 @@ def main() -> None:
     lies = commands.add_parser("hostile", help="missions against robots that lie, flood, hang and break the protocol")
     lies.add_argument("modes", nargs="*", help="lies or groups of lies; all of them without any")
     lies.add_argument("--seed", type=int, default=3)
+    lies.add_argument("--at", action="append", choices=hostile.PLACES, help="where the kit stands; may be repeated")
     lies.add_argument("--second-looks", type=int, default=1000, help="honest images of one place, in one log")
     lies.add_argument("--publish", action="store_true", help="write the section of docs/reliability.md")
     cases = commands.add_parser("verifier", help="how often each predicate is right, against the simulated truth")
@@ -188,7 +191,14 @@ def _found(arguments: argparse.Namespace, *, share: float) -> dict[str, tuple[di
         "damage": lambda: _plain("damage", damages()),
         "kills": lambda: _kill_report(kill_campaign(most=points, seed=arguments.seed)),
         "instants": lambda: _plain(
-            "random_kills", random_kills(sizes["instants"], seed=arguments.seed, minutes=arguments.minutes)
+            "random_kills",
+            random_kills(
+                sizes["instants"],
+                seed=arguments.seed,
+                minutes=arguments.minutes,
+                missions_at_once=arguments.processes,
+                keep=arguments.keep,
+            ),
         ),
         "hard": lambda: _plain("hard_faults", hard_faults(sizes["hard"], seed=arguments.seed)),
         "hammer": lambda: _plain("hammer", hammer(sizes["hammer"], seed=arguments.seed)),

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from experiments.campaigns.findings import Findings
 from experiments.campaigns.ledgers import Books, read_books
 from experiments.campaigns.mission import PlayedMission
-from experiments.campaigns.truths import contradicted, metric_of, truly_reached
+from experiments.campaigns.truths import contradicted
+from harness.conformance.hostile.truth import metric_of, truly_reached
 from harness.contexts.verifier import verifier_context
 from harness.contexts.view import StateView
 from harness.contracts.contexts import ContextRecord

@@ -15,6 +15,7 @@ import zipfile
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +26,12 @@ from rosbags.typesys import Stores, get_typestore
 from harness.adapters.bounded_yaml import plain_values
 from harness.adapters.clouds import read_cloud
 from harness.adapters.limited_process import LimitedProcess, Limits, Work
+from harness.adapters.pictures import looked_at, size_of
 from harness.adapters.providers.recording.reader import open_recording
 from harness.adapters.stores.anchors import parsed_anchors
 from harness.adapters.stores.dossier import open_dossier
 from harness.contracts.errors import ContractInvalid, HarnessError
+from harness.contracts.ids import Digest, sha256
 from harness.contracts.reasons import Reason
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -86,6 +89,13 @@ def anchors(body: bytes) -> bytes:
     return b""
 
 
+def image(body: bytes) -> bytes:
+    """Decode it as a robot's camera image, and as one of a recording."""
+    for work in (size_of, partial(looked_at, Digest(""))):
+        work(body)
+    return b""
+
+
 def _read(body: bytes, name: str, reader: Callable[[Path], object]) -> bytes:
     with tempfile.TemporaryDirectory(prefix="regen-fuzz-") as folder:
         file = Path(folder) / name
@@ -95,7 +105,7 @@ def _read(body: bytes, name: str, reader: Callable[[Path], object]) -> bytes:
 
 
 def _samples(path: Path) -> None:
-    with open_recording(path) as recording:
+    with open_recording(path, size_of=size_of) as recording:
         for _ in recording.samples():
             pass
 
@@ -125,6 +135,19 @@ def _dossier_seed() -> bytes:
 
 def _mcap_seed() -> bytes:
     return (ROOT / "tests" / "fixtures" / "warehouse-inspection.mcap").read_bytes()
+
+
+def _image_seed() -> bytes:
+    blobs: list[bytes] = []
+
+    def keep(body: bytes) -> Digest:
+        blobs.append(body)
+        return sha256(body)
+
+    with open_recording(ROOT / "tests" / "fixtures" / "warehouse-inspection.mcap", size_of=size_of) as recording:
+        for _ in recording.samples(keep):
+            pass
+    return next(body for body in blobs if body.startswith(b"\xff\xd8"))
 
 
 def _bag_seed() -> bytes:
@@ -161,6 +184,7 @@ PARSERS: Mapping[str, FuzzedParser] = {
     "bag folder": FuzzedParser(bag_folder, _metadata_seed),
     "bag": FuzzedParser(bag, _bag_seed),
     "yaml": FuzzedParser(yaml_text, lambda: (ROOT / "harness" / "baseline" / "site" / "site.yaml").read_bytes()),
+    "image": FuzzedParser(image, _image_seed),
     "anchors": FuzzedParser(anchors, lambda: f"12 {'0a' * 32}\n".encode()),
 }
 

@@ -1,18 +1,25 @@
 """Runs the whole hostile provider kit and publishes its counts: `python -m experiments.campaigns hostile --publish`."""
 
 import argparse
+import subprocess
 import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+from experiments.campaigns.hostile_console import met_under_console
 from experiments.campaigns.regen import ROOT
 from harness.bootstrap import simulated
-from harness.conformance.hostile.kit import MOST_MIB, LieReport, chosen, fuzzed
-from harness.conformance.hostile.lies import WHOLE
-from harness.conformance.hostile.missions import KIT, ROBOT, MissionUnderLie, met
+from harness.conformance.hostile.kit import MODES, MOST_MIB, LieReport, chosen, fuzzed
+from harness.conformance.hostile.lies import WHOLE, Mode
+from harness.conformance.hostile.missions import KIT, ROBOT, MissionUnderLie, met, met_at
 from harness.contracts.events import PacketRetained, VerdictRecorded
 from harness.contracts.reasons import plain
+from harness.contracts.values import decode
 from harness.gate.decide import DECIDER
+from harness.provider_protocol.wire import Attachment
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from simulator.in_process import SIMULATOR
@@ -24,15 +31,62 @@ COPIES = ("image_of_earlier_capture", "image_copies_earlier", "images_are_copies
 """The reasons for which images are taken for copies."""
 
 
+PLACES = ("process", "address", "console")
+"""Where the kit stands: in one process with the robot, before a simulator at an address, and under `regen up`."""
+AT_ONCE = 6
+"""How many robots one console has; every one lies in another way."""
+
+
 def run(arguments: argparse.Namespace) -> None:
-    """Every lie, or those that are named. Exit 1 if something happened that must not happen."""
-    result = fuzzed(chosen(arguments.modes), lambda mode: met(mode, SIMULATOR, seed=arguments.seed), watch=_tell)
+    """Every lie, or those that are named, at every place, or at those. Exit 1 if something happened that must not."""
+    modes, places = chosen(arguments.modes), tuple(arguments.at or PLACES)
+    found = {place: _met(place, modes, seed=arguments.seed) for place in PLACES if place in places}
     looks = second_looks(0 if arguments.modes else arguments.second_looks, seed=arguments.seed)
-    print(*counts(result, looks), sep="\n")
+    print(*counts(found, looks), sep="\n")
     if arguments.publish:
-        publish(result, looks, seed=arguments.seed)
-    if not result.ok or looks.refused:
+        publish(found, looks, seed=arguments.seed)
+    if looks.refused or not all(one.ok for one in found.values()):
         raise SystemExit(1)
+
+
+def _met(place: str, modes: Sequence[Mode], *, seed: int) -> LieReport:
+    match place:
+        case "process":
+            return fuzzed(modes, lambda mode: met(mode, SIMULATOR, seed=seed), watch=_tell)
+        case "address":
+            with simulator_at_an_address(seed=seed) as there:
+                return fuzzed(
+                    modes,
+                    lambda mode: met_at(mode, there.url, there.token, seed=seed, folder=there.folder),
+                    watch=_tell,
+                )
+        case _:
+            return met_under_console(modes, at_once=AT_ONCE, seed=seed, watch=_tell)
+
+
+@dataclass(frozen=True)
+class SimulatorAtAddress:
+    """A simulator in lockstep in a process of its own, and the folder in which it writes the truth."""
+
+    url: str
+    token: str
+    folder: Path
+
+
+@contextmanager
+def simulator_at_an_address(*, seed: int) -> Iterator[SimulatorAtAddress]:
+    """Start one; it ends with the block."""
+    with TemporaryDirectory(prefix="simulator-") as folder:
+        words = ["--dir", folder, "--port", "0", "--speed", "0", "--fidelity", "kinematic", "--seed", str(seed)]
+        child = subprocess.Popen([sys.executable, "-m", "simulator", *words], cwd=ROOT, stdout=subprocess.PIPE)
+        try:
+            assert child.stdout is not None
+            with child.stdout as output:
+                found = decode(output.readline(), Attachment)
+            yield SimulatorAtAddress(found.base_url, found.token, Path(folder))
+        finally:
+            child.terminate()
+            child.wait()
 
 
 @dataclass(frozen=True)
@@ -62,42 +116,64 @@ def second_looks(least: int, *, seed: int) -> SecondLooks:
     return SecondLooks(missions=missions, images=images, refused=refused)
 
 
-def publish(result: LieReport, looks: SecondLooks, *, seed: int, page: Path = PAGE) -> None:
+def publish(found: Mapping[str, LieReport], looks: SecondLooks, *, seed: int, page: Path = PAGE) -> None:
     """Replace the part of the page between its two marks. Raises ValueError without the marks."""
     before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:
         raise ValueError(f"{page.name} has no place for figures: {BEGIN} ... {END}")
-    rows = [
-        f"| {one.text} | {one.ended.replace('_', ' ')} | {len(one.committed)} | {one.motions} |" for one in result.met
-    ]
+    undetectable = next(iter(found.values())).undetectable
     made = [
-        *counts(result, looks),
+        *counts(found, looks),
         "",
-        "| lie | mission ended | stages accepted | motions |",
-        "|---|---|---:|---:|",
-        *rows,
+        *_each(found),
         "",
-        f"Made by `{COMMAND} --seed {seed}`. Nobody can see through: {', '.join(result.undetectable)}.",
+        f"Made by `{COMMAND} --seed {seed}`. Nobody can see through: {', '.join(undetectable)}.",
     ]
     page.write_text(f"{before}{BEGIN}\n\n" + "\n".join(made) + f"\n\n{END}{after}", encoding="utf-8")
 
 
-def counts(result: LieReport, looks: SecondLooks) -> list[str]:
+def _each(found: Mapping[str, LieReport]) -> Iterator[str]:
+    """A table with how each lie's mission ended at each place, with the stages accepted / the motions begun."""
+    yield "| lie | " + " | ".join(TITLES[place] for place in found) + " |"
+    yield "|---|" + "---|" * len(found)
+    met_at_place = {place: {one.mode: one for one in report.met} for place, report in found.items()}
+    for mode in MODES:
+        several = [met_there.get(mode.name) for met_there in met_at_place.values()]
+        if any(several):
+            yield f"| {mode.text} | {' | '.join(map(_cell, several))} |"
+
+
+def _cell(one: MissionUnderLie | None) -> str:
+    return f"{one.ended.replace('_', ' ')}, {len(one.committed)} / {one.motions}" if one is not None else "not run"
+
+
+TITLES = {"process": "one process", "address": "a simulator at an address", "console": "`regen up`"}
+
+
+def counts(found: Mapping[str, LieReport], looks: SecondLooks) -> list[str]:
     """The counts as a table in Markdown."""
+    rows: tuple[tuple[str, Callable[[LieReport], object]], ...] = (
+        ("missions, each under one lie", lambda one: one.missions),
+        ("of these, accepted stages compared with the simulated truth", lambda one: one.against_truth),
+        ("false completions while one required source was honest", lambda one: one.false_completions),
+        (
+            "second motions while an earlier one was of unknown outcome or under way",
+            lambda one: one.second_motions,
+        ),
+        ("missions that hang", lambda one: one.hangs),
+        ("untyped errors", lambda one: one.tracebacks),
+        ("leases that stayed held without a holder", lambda one: one.held),
+        (f"memory at the peak, of at most {MOST_MIB} MiB", lambda one: f"{one.peak_mib} MiB"),
+        ("completions where every source was forged alike (epistemic)", lambda one: one.epistemic),
+    )
     return [
-        "| what must not happen | count |",
-        "|---|---:|",
-        f"| missions, each under one lie | {result.missions} |",
-        f"| false completions while one required source was honest | {result.false_completions} |",
-        f"| second motions while an earlier one was of unknown outcome or under way | {result.second_motions} |",
-        f"| missions that hang | {result.hangs} |",
-        f"| untyped errors | {result.tracebacks} |",
-        f"| leases that stayed held without a holder | {result.held} |",
-        f"| memory at the peak, of at most {MOST_MIB} MiB | {result.peak_mib} MiB |",
-        f"| completions where every source was forged alike (epistemic) | {result.epistemic} |",
-        f"| honest missions of which an image was taken for a copy, of {looks.missions} in one log, with "
-        f"{looks.images} images of one place | {looks.refused} |",
+        "| what must not happen | " + " | ".join(TITLES[place] for place in found) + " |",
+        "|---|" + "---:|" * len(found),
+        *(f"| {title} | {' | '.join(str(of(one)) for one in found.values())} |" for title, of in rows),
+        "",
+        f"Of {looks.missions} honest missions in one log, with {looks.images} images of one place, {looks.refused} had "
+        "an image taken for a copy.",
     ]
 
 

@@ -14,9 +14,9 @@ from typing import Literal
 from experiments.campaigns.kills import commits_of
 from experiments.campaigns.ledgers import read_books
 from experiments.campaigns.regen import ROOT
-from experiments.campaigns.truths import metric_of, truly_reached
 from harness.adapters.stores.folder import prepare
 from harness.adapters.stores.sql import SqlEventStore
+from harness.conformance.hostile.truth import metric_of, truly_reached
 from harness.contracts.errors import HarnessError
 from harness.contracts.ports import StoredEvent
 from harness.contracts.reasons import Reason, plain

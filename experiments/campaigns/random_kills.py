@@ -7,12 +7,14 @@ provider protocol. A reader follows the log while they work: what it has read mu
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal, get_args
@@ -86,18 +88,36 @@ class RandomKillReport(Value):
     offences: tuple[str, ...]
 
 
-def random_kills(instants: int, *, seed: int = 1, minutes: float | None = None) -> RandomKillReport:
-    """That many kills, the targets in turn, or as many as `minutes` allow."""
+def random_kills(
+    instants: int,
+    *,
+    seed: int = 1,
+    minutes: float | None = None,
+    missions_at_once: int = 1,
+    keep: Path | None = None,
+) -> RandomKillReport:
+    """That many kills, the targets in turn, or as many as were begun within `minutes`.
+
+    The folders of missions that did not succeed are copied to `keep`.
+    """
     until_s = time.monotonic() + 60.0 * minutes if minutes is not None else float("inf")
-    done: list[tuple[InstantOutcome, int]] = []
-    for number in range(instants):
+
+    def one(number: int) -> tuple[InstantOutcome, int] | None:
         if time.monotonic() > until_s:
-            break
-        done.append(killed_at(instant(number, seed)))
-        one = done[-1][0]
-        line = f"{len(done)} of {instants}: {one.kill.target} at {one.kill.at_s:.1f} s, {one.end} {one.asked}"
+            return None
+        kill = instant(number, seed)
+        try:
+            outcome, read = killed_at(kill, keep=keep)
+        except Exception as error:  # noqa: BLE001 - one mission that cannot be judged must not hide the others
+            outcome, read = InstantOutcome(kill=kill, struck=False, end="not judged", wrong=(repr(error)[:300],)), 0
+        struck = "" if outcome.struck else ", not struck"
+        line = f"{number}: {outcome.kill.target} at {outcome.kill.at_s:.1f} s, {outcome.end} {outcome.asked}{struck}"
         print(line, file=sys.stderr, flush=True)
-    return reported([one for one, _ in done], read_events=sum(read for _, read in done))
+        return outcome, read
+
+    with ThreadPoolExecutor(missions_at_once) as pool:
+        done = [found for found in pool.map(one, range(instants)) if found is not None]
+    return reported([outcome for outcome, _ in done], read_events=sum(read for _, read in done))
 
 
 def instant(number: int, seed: int) -> InstantKill:
@@ -144,7 +164,7 @@ def _title(kill: InstantKill) -> str:
     return f"{kill.number}, {kill.target} at {kill.at_s:.1f} s"
 
 
-def killed_at(kill: InstantKill) -> tuple[InstantOutcome, int]:
+def killed_at(kill: InstantKill, *, keep: Path | None = None) -> tuple[InstantOutcome, int]:
     """One mission in its own folder, killed once; and how many events a reader had seen before the end."""
     with TemporaryDirectory(prefix="instant-") as folder:
         data = Path(folder) / "data"
@@ -172,6 +192,8 @@ def killed_at(kill: InstantKill) -> tuple[InstantOutcome, int]:
             duplicate_starts=doubled_starts(data),
             wrong=tuple(wrong),
         )
+        if keep is not None and (outcome.end != "succeeded" or outcome.wrong):
+            shutil.copytree(folder, keep / str(kill.number), dirs_exist_ok=True)
         return outcome, len(reader.seen)
 
 

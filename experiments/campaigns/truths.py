@@ -1,4 +1,4 @@
-"""Checks by ground truth whether the body was where the harness says it was, and whether the evidence said so."""
+"""Checks whether the evidence of an accepted execution contradicted it."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -6,51 +6,17 @@ from statistics import median
 
 import msgspec
 
+from harness.conformance.hostile.truth import MARGIN_M
 from harness.contracts.effects import Metric
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import Digest
 from harness.contracts.observations import Odometry, Pose, Trajectory
-from harness.contracts.tasks import Node
-from simulator.truth import Truth
 
-MARGIN_M = 0.05
-"""How far a sound measurement may be off: the localiser's noise is 6 mm, and three samples are taken."""
-DEPARTURE_M = 0.8
-PASSED_M = 1.6
-"""A waypoint counts as passed inside the corridor of 1.5 m round it, where a detour may lead; and a margin."""
 FRESH_S = 1.0
 REST_M = 0.02
 AGREE_M = 0.05
 WINDOW_S = 2.0
 Blobs = Callable[[Digest], bytes]
-
-
-def metric_of(node: Node) -> Metric | None:
-    """The place or the route that a node is to reach; None for a node that goes nowhere."""
-    return next((c.effect for c in node.success_conditions if isinstance(c.effect, Metric)), None)
-
-
-def truly_reached(effect: Metric, truth: Sequence[Truth], *, from_s: float, at_s: float) -> str:
-    """Why the body was not where the effect requires it at an instant, by ground truth; empty if it was."""
-    poses = [one for one in truth if one.at_s <= at_s]
-    if not poses:
-        return "nothing is known of the body"
-    last = poses[-1]
-    off_m = math.hypot(last.x_m - effect.target_m[0], last.y_m - effect.target_m[1])
-    if off_m > effect.tolerance_m + MARGIN_M:
-        return f"the body was {off_m:.2f} m from the target"
-    if effect.predicate != "circuit":
-        return ""
-    way = [(one.x_m, one.y_m) for one in poses if one.at_s >= from_s]
-    passed = 0
-    for point in way:
-        if passed < len(effect.route_m) and math.dist(point, effect.route_m[passed]) <= PASSED_M:
-            passed += 1
-    if max((math.dist(point, effect.target_m) for point in way), default=0.0) <= DEPARTURE_M:
-        return "the body never left"
-    if passed < len(effect.route_m):
-        return f"the body passed {passed} of {len(effect.route_m)} waypoints"
-    return ""
 
 
 def contradicted(effect: Metric, packet: EvidencePacket, blobs: Blobs, *, whole: bool) -> str:

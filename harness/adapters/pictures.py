@@ -29,7 +29,7 @@ WAVES = ((0, 2), (1, 1), (2, 0), (1, 2), (2, 1), (0, 3), (3, 0))
 are what encoding takes away first."""
 STEPS = 8.0
 """Steps per level of brightness in which a wave's amplitude is noted."""
-LOOK, COLOUR = b"L", b"C"
+LOOK, COLOUR, SIZE = b"L", b"C", b"S"
 _SHAPE = struct.Struct(">II")
 Pixels = NDArray[np.uint8]
 
@@ -50,6 +50,11 @@ class LimitedPictures:
         height, width = _SHAPE.unpack_from(answer)
         return np.frombuffer(answer, dtype=np.uint8, offset=_SHAPE.size).reshape(height, width, 3)
 
+    def size(self, body: bytes) -> tuple[int, int]:
+        """Width and height of an image that has pixels, in pixels. Raises ProviderFailed."""
+        height, width = _SHAPE.unpack(self._child().run(SIZE + body))
+        return width, height
+
     def _child(self) -> LimitedProcess:
         """A process that was forked off has a child of its own: two may not write into one pipe."""
         mine = os.getpid()
@@ -63,15 +68,29 @@ PICTURES = LimitedPictures()
 
 
 def decoded(request: bytes) -> bytes:
-    """The child's work: an image as a PictureLook, or as rows of RGB behind height and width."""
+    """The child's work: an image as a PictureLook, as rows of RGB behind height and width, or as these alone."""
     if request[:1] == LOOK:
         image, _, body = request[1:].partition(b"\n")
         return encode(looked_at(Digest(image.decode()), body))
+    if request[:1] == SIZE:
+        width, height = size_of(request[1:])
+        return _SHAPE.pack(height, width)
     _grey(Digest(""), request[1:])
     colour = cv2.imdecode(np.frombuffer(request, dtype=np.uint8)[1:], cv2.IMREAD_COLOR_RGB)
     if colour is None:
         raise ProviderFailed(because("blob_no_picture"))
     return _SHAPE.pack(*colour.shape[:2]) + np.ascontiguousarray(colour).tobytes()
+
+
+def size_of(body: bytes) -> tuple[int, int]:
+    """Width and height of an image, decoded in this very process. Raises ProviderFailed for one without pixels."""
+    try:
+        found = cv2.imdecode(np.frombuffer(body, dtype=np.uint8), cv2.IMREAD_COLOR) if body else None
+    except cv2.error as error:
+        raise ProviderFailed(because("image_not_whole", image="", error=str(error)[:120])) from error
+    if found is None:
+        raise ProviderFailed(because("blob_no_picture"))
+    return found.shape[1], found.shape[0]
 
 
 def looked_at(image: Digest, body: bytes) -> PictureLook:

@@ -16,6 +16,8 @@ on which a circuit is tested; "map" (EvidenceReference): what an exploration dre
 read once more.
 """
 
+from collections.abc import Mapping
+
 from msgspec import UNSET
 from msgspec.structs import replace
 
@@ -29,13 +31,14 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.effects import Condition, Metric, Relational, Symbolic
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
-from harness.contracts.ids import NodeId
+from harness.contracts.ids import ConditionId, NodeId
 from harness.contracts.measurements import RequestRecord
 from harness.contracts.rules import LINEAGE, required_independence
-from harness.contracts.tasks import EvidencePolicy, Node, goal_independence, order, targets_of
+from harness.contracts.tasks import EvidencePolicy, Node, goal_independence, order, stages_behind, targets_of
 from harness.contracts.verifier_inputs import (
     CommittedNode,
     Execution,
+    Executors,
     Origins,
     SafetyState,
     VerificationPolicy,
@@ -90,7 +93,7 @@ def goal_context(view: StateView) -> Context:
     items = [
         SelectionItem(goal_record(view)),
         SelectionItem(configured("conditions", "goal", contract.completion_conditions, at_s=view.at_s, mandatory=True)),
-        SelectionItem(configured("policy", "goal", _goal_policy(view), at_s=view.at_s, mandatory=True)),
+        SelectionItem(configured("policy", "goal", _goal_policy(view, packets), at_s=view.at_s, mandatory=True)),
         SelectionItem(configured("constraints", "contract", _safety_state(view), at_s=view.at_s)),
         SelectionItem(accepted("facts", "mission", facts, at_s=view.at_s, mandatory=True)),
         *_nodes(view, packets),
@@ -190,7 +193,7 @@ def _origins(view: StateView, card: CapabilityCard | None) -> Origins:
     return origins_of(view.origins, vouched=view.site.vouched, card=card)
 
 
-def _goal_policy(view: StateView) -> VerificationPolicy:
+def _goal_policy(view: StateView, packets: Mapping[NodeId, EvidencePacket]) -> VerificationPolicy:
     rules, contract = view.rules, view.contract
     return VerificationPolicy(
         evidence=EvidencePolicy(
@@ -206,7 +209,28 @@ def _goal_policy(view: StateView) -> VerificationPolicy:
         },
         rules=view.mission.rules,
         origins=_origins(view, None),
+        executors=_executors(view, packets) or UNSET,
     )
+
+
+def _executors(view: StateView, packets: Mapping[NodeId, EvidencePacket]) -> dict[ConditionId, Executors]:
+    """Who did the accepted stages of each completion condition, where every one of them is known with its sensors."""
+    if view.mission.rules < LINEAGE:
+        return {}
+    cards = {card.provider_id: card for card in view.cards}
+    found: dict[ConditionId, Executors] = {}
+    for condition in view.contract.completion_conditions:
+        stages = [node for node in stages_behind(condition.effect, view.contract.nodes) if node.node_id in packets]
+        executed = [source.packet for node in stages for source in evidence.sources_of(view, packets[node.node_id])]
+        used = [cards.get(packet.identity.provider_id) for packet in executed]
+        known = [card for card in used if card is not None and card.sources]
+        origins = [_origins(view, card).provider for card in known]
+        if executed and len(known) == len(used) and all(origins):
+            found[condition.condition_id] = Executors(
+                sources=tuple(sorted({source for card in known for source in card.sources})),
+                origins=tuple(sorted({origin for one in origins for origin in one})),
+            )
+    return found
 
 
 def _facts(view: StateView, node: Node) -> list[SelectionItem]:

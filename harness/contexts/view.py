@@ -5,6 +5,7 @@ from typing import Any
 
 import msgspec
 
+from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.configuration import ContextRules, RecoveryPolicy
 from harness.contracts.contexts import ContextRecord
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
@@ -23,7 +24,8 @@ class StateView(Value):
     `at_s` is mission time. `recent` are the newest samples, oldest first. `examples` are verified operational
     examples (kind "example"), `proposals` what planners and models proposed (kind "intention"): C2 may read both, C3
     neither. `recovery` is the pinned configuration's policy: without it C4 carries no ladder. `origins`: the process or
-    address behind each provider and each source of samples. `measured` is what independent sources found just now.
+    address behind each provider and each source of samples. `measured` is what independent sources found just now,
+    `cards` those of the robot's providers: both are needed for a goal only.
     """
 
     mission: Mission
@@ -37,6 +39,7 @@ class StateView(Value):
     recovery: RecoveryPolicy | None = None
     origins: dict[str, str] = msgspec.field(default_factory=dict)
     measured: tuple[EvidenceReference, ...] = ()
+    cards: tuple[CapabilityCard, ...] = ()
 
     @property
     def contract(self) -> TaskContract:

@@ -8,7 +8,7 @@ import msgspec
 
 from harness.contracts.capabilities import Risk
 
-RulesVersion = Annotated[int, msgspec.Meta(ge=1, le=4)]
+RulesVersion = Annotated[int, msgspec.Meta(ge=1, le=5)]
 """A mission is pinned to one when it is compiled, and replay judges with that one (D57).
 
 1: a condition of low risk may rest on its provider's word alone; a condition derived from facts counts them as sources.
@@ -17,10 +17,11 @@ RulesVersion = Annotated[int, msgspec.Meta(ge=1, le=4)]
 4: an image counts only for the capture that its bytes were first recorded for, and copies of earlier captures do not;
 a report must be heard to name each part that nothing verified, and a long interval is looked at as densely as a short
 one.
+5: a circuit that was begun again counts from where it was begun, where that shows more than all executions together.
 """
 FIRST_RULES: RulesVersion = 1
 """Of missions whose log names none."""
-CURRENT_RULES: RulesVersion = 4
+CURRENT_RULES: RulesVersion = 5
 """What new missions are compiled under."""
 LINEAGE: RulesVersion = 2
 """The first version that records where each level comes from, and knows effects that are only declared."""
@@ -28,6 +29,8 @@ WITNESSES: RulesVersion = 3
 """The first version in which every source of an execution speaks, whichever of them a condition is tested on."""
 CAPTURES: RulesVersion = 4
 """The first version in which images are compared with those of earlier captures."""
+BEGUN_AGAIN: RulesVersion = 5
+"""The first version in which a circuit may be shown by its last executions alone."""
 
 REQUIRED: Mapping[RulesVersion, Mapping[Risk, int]] = MappingProxyType(
     {
@@ -35,6 +38,7 @@ REQUIRED: Mapping[RulesVersion, Mapping[Risk, int]] = MappingProxyType(
         2: {"low": 1, "medium": 1, "high": 2},
         3: {"low": 1, "medium": 1, "high": 2},
         4: {"low": 1, "medium": 1, "high": 2},
+        5: {"low": 1, "medium": 1, "high": 2},
     }
 )
 """The independence level that the evidence of each risk class needs at least."""

@@ -12,11 +12,19 @@ from harness.contracts.regularities import HiddenSite
 Fidelity = Literal["mujoco", "kinematic"]
 
 
+class TruePosition(msgspec.Struct, frozen=True):
+    """Where the body truly was at a mission time: metres in the site's frame. Only an adjudicator may see it."""
+
+    at_s: float
+    x_m: float
+    y_m: float
+
+
 class InProcessRobot(msgspec.Struct, frozen=True):
     """A simulated robot in this process. Its mission time starts at `at_s` and advances only by `advance_to`.
 
     `advance_to` returns the mission time reached, in seconds. `configure` begins a mission with its seed and faults; it
-    raises UnknownName for a fault that the simulator does not know.
+    raises UnknownName for a fault that the simulator does not know. `truth` is of the mission under way, in order.
     """
 
     robot_id: str
@@ -27,6 +35,7 @@ class InProcessRobot(msgspec.Struct, frozen=True):
     camera: LiveCamera
     hand: Teleoperable
     room: Room
+    truth: Callable[[], Sequence[TruePosition]]
 
 
 class Simulator(Protocol):

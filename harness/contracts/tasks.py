@@ -258,12 +258,19 @@ def targets_of(node: Node) -> set[Point]:
     return {one.effect.target_m for one in node.success_conditions if isinstance(one.effect, Metric)}
 
 
+def stages_behind(effect: AnyEffect, nodes: tuple[Node, ...]) -> tuple[Node, ...]:
+    """The stages that a completion condition is about: those it names, or those which had to reach its target."""
+    if isinstance(effect, Metric):
+        return tuple(node for node in nodes if effect.target_m in targets_of(node))
+    return tuple(node for node in nodes if node.node_id in named_nodes(effect))
+
+
 def goal_independence(condition: Condition, nodes: tuple[Node, ...], *, rules: RulesVersion) -> int:
     """The level that a completion condition needs: its own, and that of the stages which had to reach its target."""
     effect = condition.effect
     risks: list[Risk] = ["low"]
     if isinstance(effect, Metric):
-        risks += [node.risk for node in nodes if effect.target_m in targets_of(node)]
+        risks += [node.risk for node in stages_behind(effect, nodes)]
     return max(required_independence(rules, risk=risk, required=condition.independence) for risk in risks)
 
 

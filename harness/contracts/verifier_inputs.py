@@ -61,10 +61,20 @@ def origins_of(origins: Mapping[str, str], *, vouched: Sequence[str], card: Capa
     return Origins(sources=sources, provider=tuple(dict.fromkeys(used)))
 
 
+class Executors(Value):
+    """Whoever did the stages that a completion condition is about, together: the sources that they use themselves, and
+    the origins of them and of what they read.
+    """
+
+    sources: tuple[str, ...]
+    origins: tuple[str, ...]
+
+
 class VerificationPolicy(Value):
     """Requirements on the evidence. `required` is the independence level of each condition (D17).
 
-    `rules`: the version that the mission is pinned to (D57).
+    `rules`: the version that the mission is pinned to (D57). `executors`, of a goal: by completion condition, where it
+    is known who did its stages; what is measured for one that is missing here is apart from nobody.
     """
 
     evidence: EvidencePolicy
@@ -72,6 +82,7 @@ class VerificationPolicy(Value):
     required: dict[ConditionId, int]
     rules: RulesVersion = FIRST_RULES
     origins: Origins = Origins()
+    executors: dict[ConditionId, Executors] | UnsetType = UNSET
 
 
 class SafetyState(Value):

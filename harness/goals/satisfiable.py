@@ -8,9 +8,9 @@ from harness.contracts.effects import Condition
 from harness.contracts.errors import Unsatisfiable
 from harness.contracts.places import Site
 from harness.contracts.readings import ClauseObject
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Reason, because
 from harness.contracts.rules import LINEAGE, RulesVersion, required_independence
-from harness.contracts.tasks import Node, TaskContract, goal_independence, rests_on
+from harness.contracts.tasks import Node, TaskContract, goal_independence, rests_on, stages_behind
 from harness.contracts.values import Point
 from harness.goals.sources import Reachable, RobotSources, rests_on_sources
 from harness.planning.clauses import region_of
@@ -85,14 +85,19 @@ def check_sources(contract: TaskContract, *, robot: RobotSources, site: Site, ru
                 continue
             _check_measured(one, robot, where)
             required = required_independence(rules, risk=node.risk, required=one.independence)
-            _check_level(one, reachable.of_stage(one, node), required, where)
+            level = reachable.of_stage(one, node)
+            if level is not None and level < required:
+                raise Unsatisfiable(_out_of_reach(one, level, required, reachable.lacking(one, (node,))), where=where)
     declaring = frozenset(node.node_id for node in contract.nodes if node.declared)
     for one in contract.completion_conditions:
         if rests_on(one.effect, declaring):
             continue
         _check_measured(one, robot, "completion_conditions")
         required = goal_independence(one, contract.nodes, rules=rules)
-        _check_level(one, reachable.of_goal(one), required, "completion_conditions")
+        level = reachable.of_goal(one)
+        if level is not None and level < required:
+            lacking = reachable.lacking(one, stages_behind(one.effect, contract.nodes))
+            raise Unsatisfiable(_out_of_reach(one, level, required, lacking), where="completion_conditions")
 
 
 def _check_measured(condition: Condition, robot: RobotSources, where: str) -> None:
@@ -103,15 +108,15 @@ def _check_measured(condition: Condition, robot: RobotSources, where: str) -> No
         )
 
 
-def _check_level(condition: Condition, level: int | None, required: int, where: str) -> None:
-    if level is None or level >= required:
-        return
+def _out_of_reach(condition: Condition, level: int, required: int, lacking: tuple[Reason, ...]) -> Reason:
+    """Why the condition cannot reach its level: `missing` names what keeps each source from being a second one."""
     sources = tuple(one for one in rests_on_sources(condition.effect) or () if one not in (*BOOKKEEPING, RECEIPTS))
     name = condition.condition_id
     if not sources:
-        raise Unsatisfiable(because("word_alone", condition_id=name, predicate=condition.effect.predicate), where=where)
-    raise Unsatisfiable(
-        because("level_out_of_reach", condition_id=name, sources=sources, level=level, required=required), where=where
+        return because("word_alone", condition_id=name, predicate=condition.effect.predicate)
+    missing = lacking or (because("facts_no_better"),)
+    return because(
+        "level_out_of_reach", condition_id=name, sources=sources, level=level, required=required, missing=missing
     )
 
 

@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 from harness.contracts.capabilities import Capability, CapabilityCard
 from harness.contracts.effects import AnyEffect, Condition, Temporal
 from harness.contracts.ids import ConditionId, NodeId
-from harness.contracts.tasks import Node, TaskContract, named_nodes, order
+from harness.contracts.reasons import Reason, because
+from harness.contracts.tasks import Node, TaskContract, named_nodes, order, stages_behind
 from harness.contracts.verifier_inputs import origins_of
 from harness.verification.finding import BOOKKEEPING, FACTS, RECEIPTS, SUPERVISOR
-from harness.verification.independence import Lineage, derived_independence
+from harness.verification.independence import Lineage, derived_independence, not_apart
 
 RESTS_ON: Mapping[str, tuple[str, ...]] = {
     "analysis_of": (RECEIPTS,),
@@ -117,7 +118,8 @@ class Reachable:
     def of_goal(self, condition: Condition) -> int | None:
         """Of a completion condition: of what is measured then, and of the stages it rests on.
 
-        When the goal is tested nobody executes, so no source is apart from anybody: what is measured then has level 1.
+        What is measured then must be apart from every provider that did a stage of the condition. Of a condition
+        without such a stage nobody knows whom to be apart from: it has level 1.
         """
         sources = rests_on_sources(condition.effect)
         if sources is None:
@@ -127,8 +129,35 @@ class Reachable:
         levels = [level for level in stages if level is not None]
         told_before = condition.effect.predicate == "heard" and bool(named)
         if not told_before and set(sources) - {FACTS, SUPERVISOR, RECEIPTS}:
-            levels.append(1)
+            behind = stages_behind(condition.effect, self.contract.nodes)
+            levels.append(1 if not behind or self.lacking(condition, behind) else HIGHEST)
         return min((*levels, *self._built_on(condition.effect, None)), default=HIGHEST)
+
+    def lacking(self, condition: Condition, stages: Sequence[Node]) -> tuple[Reason, ...]:
+        """What keeps the condition's own sources from being apart from whoever does these stages; empty if nothing.
+
+        Of each stage, the provider that lacks least.
+        """
+        found: list[Reason] = []
+        for node in stages:
+            of_each = [tuple(self._lacks(condition, card)) for card in self.robot.serving(node.capabilities)]
+            least = min(of_each, key=len, default=[because("stage_without_provider", node_id=node.node_id)])
+            found += least
+        return tuple(one for place, one in enumerate(found) if one not in found[:place])
+
+    def _lacks(self, condition: Condition, card: CapabilityCard) -> Iterator[Reason]:
+        origins = origins_of(self.robot.origins, vouched=self.vouched, card=card)
+        name = card.provider_id
+        if not card.sources or not origins.provider:
+            yield because("provider_names_no_sources", provider_id=name)
+            return
+        own = (RECEIPTS, *BOOKKEEPING)
+        measured = [one for one in rests_on_sources(condition.effect) or () if one not in own]
+        for source, why in not_apart(measured, provider=card.sources, origins=origins).items():
+            if why == "provider":
+                yield because("source_of_provider", source=source, provider_id=name)
+            else:
+                yield because("source_of_same_origin", source=source, provider_id=name)
 
     def _built_on(self, effect: AnyEffect, own: NodeId | None) -> Iterator[int]:
         """One level, the lowest over the kinds of facts that are read; each kind is as good as its best stage."""

@@ -10,6 +10,7 @@ import msgspec
 from harness.contracts import tasks
 from harness.contracts.effects import Condition, Relational, Temporal
 from harness.contracts.errors import ContractInvalid
+from harness.contracts.listed_values import why_invalid
 from harness.contracts.places import Place, Route, Site
 from harness.contracts.reasons import because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
@@ -219,10 +220,10 @@ def _typed(draft: Mapping[str, Any], template: tasks.TaskTemplate) -> tasks.Task
     try:
         return msgspec.convert(draft, tasks.TaskContract, strict=True)
     except msgspec.ValidationError as error:
-        what, _, path = str(error).partition(" - at `")
+        what, path = why_invalid(error, tasks.TaskContract)
         raise ContractInvalid(
-            because("template_invalid", error=what),
-            where=because("at_template_field", template=template.name, field=_named(path.rstrip("`") or "$", draft)),
+            because("template_invalid", error=what) if isinstance(what, str) else what,
+            where=because("at_template_field", template=template.name, field=_named(path, draft)),
         ) from error
 
 

@@ -94,6 +94,9 @@ class InvocationMonitor:
             self._silent_since = None
             withdraw(self._runtime, self._connection, mission, intent=intent, reason=report.reason)
             return now_s
+        unheard = self._roles.observations.unheard
+        if unheard is not None and intent.moves and report.status not in protocol.TERMINAL:
+            return self._unclear(mission, invocation, now_s, unheard)  # it reports, and nobody sees what it does
         self._publish(mission, report)
         if report.status in protocol.TERMINAL:
             self._silent_since = None

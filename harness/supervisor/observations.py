@@ -47,6 +47,7 @@ class ObservationBuffer:
         self._after = 0
         self.status: RobotStatus | None = None
         self.trouble: Reason | None = None
+        self.unheard: Reason | None = None
         self._heard_s: float | None = None
         self._answered = False
 
@@ -81,10 +82,11 @@ class ObservationBuffer:
     def collect(self, spooling: InvocationId | None) -> bool:
         """Fetch what is new; False if the robot does not answer. Lidar sweeps are kept as blobs.
 
-        `trouble` says why an answer cannot be used: nothing of it is kept then, and nothing may rest on it.
+        `trouble` says why an answer cannot be used: nothing of it is kept then, and nothing may rest on it. `unheard`
+        says why no answer came.
         """
         endless = self.trouble is not None and self.trouble.code == "observations_endless"
-        self.trouble = None
+        self.trouble = self.unheard = None
         self._forget_old()
         try:
             status = self._connection.robot.status()
@@ -96,8 +98,8 @@ class ObservationBuffer:
             self.status, self._answered = status, True
             self._heard_s = self._connection.clock.now().wall_s
             self.trouble = self._drained(spooling, batches=1 if endless else MOST_BATCHES)
-        except ProviderUnreachable:
-            self._answered = False
+        except ProviderUnreachable as error:
+            self._answered, self.unheard = False, error.reason
             return False
         except ROBOT_ERRORS as error:
             self.trouble = because("observations_unusable", reason=error.reason)

@@ -1,6 +1,8 @@
 """Computes how independent of the executing provider an answer is (D17), recorded for every condition. Pure."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Literal
 
 from harness.contracts.ids import ConditionId
 from harness.contracts.reasons import Reason, because
@@ -52,9 +54,24 @@ def derived_independence(
 
 
 def _apart(measured: set[str], *, provider: tuple[str, ...] | None, origins: Origins) -> bool:
-    if provider is None or not origins.provider or measured & set(provider):
+    if provider is None or not origins.provider:
         return False
-    return all(origins.sources.get(source, origins.provider[0]) not in origins.provider for source in measured)
+    return not not_apart(measured, provider=provider, origins=origins)
+
+
+def not_apart(
+    measured: Iterable[str], *, provider: tuple[str, ...], origins: Origins
+) -> dict[str, Literal["provider", "same_origin"]]:
+    """The sources that the provider uses itself, and those that have its origin, or one of what it reads, or none that
+    is known.
+    """
+    found: dict[str, Literal["provider", "same_origin"]] = {}
+    for source in measured:
+        if source in provider:
+            found[source] = "provider"
+        elif source not in origins.sources or origins.sources[source] in origins.provider:
+            found[source] = "same_origin"
+    return found
 
 
 def labelled(finding: Finding, *, level: int, required: int) -> Reason:

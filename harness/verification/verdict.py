@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
 from harness.contracts import verdicts
@@ -115,7 +115,9 @@ def _result(condition: Condition, evidence: Evidence, finding: Finding) -> verdi
     if denied is not None:
         finding = replace(finding, verdict="ambiguous", reason=denied)
     declared = _declared_stages(condition, evidence) if traced else ()
-    level = _level(finding, evidence) if traced else independence(finding.sources, provider=_or_none(evidence))
+    level = (
+        _level(condition, finding, evidence) if traced else independence(finding.sources, provider=_or_none(evidence))
+    )
     level, finding = _attested(condition, finding, evidence, level=level)
     required = _required(condition, evidence)
     labelling = replace(finding, reason=labelled(finding, level=level, required=required))
@@ -140,8 +142,8 @@ def _result(condition: Condition, evidence: Evidence, finding: Finding) -> verdi
     )
 
 
-def _level(finding: Finding, evidence: Evidence) -> int:
-    """Of the goal nobody is the provider: the receipts there are those of the stages, as well shown as these are."""
+def _level(condition: Condition, finding: Finding, evidence: Evidence) -> int:
+    """Of the goal, the receipts are those of the stages, and as well shown as these are."""
     sources = finding.sources
     if RECEIPTS in sources and evidence.context.one("execution") is None:
         requests = {receipt.request_id for receipt in evidence.receipts}
@@ -149,11 +151,21 @@ def _level(finding: Finding, evidence: Evidence) -> int:
         sources = tuple(source for source in sources if source != RECEIPTS)
     if FACTS in sources and not evidence.lineage.levels:
         return 0
+    provider, origins = _executing(condition, evidence)
+    return derived_independence(sources, provider=provider, origins=origins, lineage=evidence.lineage)
+
+
+def _executing(condition: Condition, evidence: Evidence) -> tuple[tuple[str, ...] | None, Origins]:
+    """The sources that the provider uses itself, and all origins; of the goal, those of the condition's own stages."""
     try:
-        origins = evidence.policy.origins
+        policy = evidence.policy
     except Undecidable:
-        origins = Origins()
-    return derived_independence(sources, provider=_or_none(evidence), origins=origins, lineage=evidence.lineage)
+        return _or_none(evidence), Origins()
+    if evidence.context.one("execution") is None and not isinstance(policy.executors, UnsetType):
+        executors = policy.executors.get(condition.condition_id)
+        if executors is not None:
+            return executors.sources, replace(policy.origins, provider=executors.origins)
+    return _or_none(evidence), policy.origins
 
 
 def _declared_stages(condition: Condition, evidence: Evidence) -> tuple[NodeId, ...]:

@@ -128,7 +128,7 @@ def test_a_revision_authorises_the_next_attempt_of_the_stage_whose_step_paid_for
         assert any(found in sentence for sentence in breaches), breaches
 
 
-@pytest.mark.ledger("R233", symbol="experiments.campaigns.truths:truly_reached")
+@pytest.mark.ledger("R233", symbol="harness.conformance.hostile.truth:truly_reached")
 def test_a_biased_localiser_is_an_epistemic_false_completion_and_no_contract_one() -> None:
     with undisturbed(faults=("biased-localiser",)) as mission:
         findings = judged(mission)

@@ -10,7 +10,9 @@ from experiments.campaigns.hard_faults import STRIKES, HardFault, HardFaultOutco
 from experiments.campaigns.link import Link
 from experiments.campaigns.publish import figures
 
-SLICE = ("locked store", "nothing writable", "64 file descriptors", "link drops")
+READ_ONLY = "disk read-only" if possible("disk read-only") else "nothing writable"
+"""Where this machine lets a file system be mounted, one that gives up; else files that cannot grow."""
+SLICE = ("locked store", READ_ONLY, "64 file descriptors", "link drops")
 
 
 @pytest.mark.parametrize("name", SLICE)

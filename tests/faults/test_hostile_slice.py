@@ -6,15 +6,20 @@ The whole kit runs in `make campaign`.
 import json
 import subprocess
 import sys
+from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
+from experiments.campaigns.hostile import simulator_at_an_address
+from experiments.campaigns.hostile_console import met_under_console
 from harness.conformance.hostile.kit import MODES, MOST_MIB, chosen
 from harness.conformance.hostile.lies import Mode
 from harness.conformance.hostile.missions import check_simulated, met
 from harness.conformance.hostile.proxy import Answer, Ask
 from harness.contracts.errors import ProviderFailed, UnknownName
-from simulator.in_process import SIMULATOR
+from harness.contracts.simulation import InProcessRobot
+from simulator.in_process import SIMULATOR, InProcessSimulator
 from tests.saying import raises_saying
 
 UNKNOWN = {
@@ -25,7 +30,6 @@ UNKNOWN = {
 REFUSED = {
     "receipts-an-hour-early": {"request"},
     "receipts-of-another-request": {"request"},
-    "never-moved": {"request"},
     "never-moved-with-journal": {"request"},
     "never-moved-with-inertia": {"request"},
     "images-of-another-request": {"request", "go"},
@@ -57,9 +61,25 @@ def test_evidence_that_another_source_denies_commits_nothing(name: str) -> None:
     assert (found.ended, set(found.committed)) == ("awaiting_human", REFUSED[name])
 
 
-def test_a_start_that_a_gateway_lost_the_answer_of_is_found_again_and_goes_on() -> None:
-    found = met(one("start-504"), SIMULATOR)
+@pytest.mark.parametrize("name", ["start-504", "report-of-the-year-9999", "stop-refused"])
+def test_a_mission_that_may_succeed_in_spite_of_a_lie_succeeds_only_as_the_simulated_truth_says(name: str) -> None:
+    found = met(one(name), SIMULATOR)
     assert (found.ended, found.motions, found.second_motions) == ("succeeded", 1, 0)
+    assert (found.against_truth, found.untrue, found.false_completion) == (True, "", False)
+
+
+class Displaced(InProcessSimulator):
+    """Its bodies are truly five metres from where everything says they are."""
+
+    def robot(self, robot_id: str, **given: Any) -> InProcessRobot:
+        made = super().robot(robot_id, **given)
+        return replace(made, truth=lambda: [replace(at, x_m=at.x_m + 5.0) for at in made.truth()])
+
+
+def test_a_completion_that_the_simulated_truth_denies_is_a_false_one() -> None:
+    found = met(one("start-504"), Displaced())
+    assert (found.ended, found.false_completion, found.harmless) == ("succeeded", True, False)
+    assert "m from the target" in found.untrue
 
 
 def test_an_honest_second_mission_at_the_same_place_succeeds() -> None:
@@ -72,16 +92,39 @@ def test_a_robot_that_forges_every_source_alike_is_counted_as_epistemic() -> Non
     assert (found.completed, found.false_completion, found.epistemic) == (True, False, True)
 
 
-def test_the_command_counts_what_must_not_happen_and_names_what_nobody_can_see() -> None:
-    words = ["provider", "fuzz", "--builtin", "--json", "map-changes", "samples-sixty-megabytes"]
-    command = [sys.executable, "-m", "app.cli.main", *words]
+COUNTED = ("false_completions", "second_motions", "hangs", "tracebacks", "held")
+
+
+def fuzzed(*words: str) -> dict[str, Any]:
+    """What `regen provider fuzz` prints, where nothing happened that must not."""
+    command = [sys.executable, "-m", "app.cli.main", "provider", "fuzz", "--json", *words]
     answer = subprocess.run(command, capture_output=True, text=True, timeout=280, check=False)
     assert answer.returncode == 0, answer.stderr
-    told = json.loads(answer.stdout)
-    counted = ("missions", "false_completions", "second_motions", "hangs", "tracebacks", "held")
-    assert [told[name] for name in counted] == [2, 0, 0, 0, 0, 0]
-    assert told["peak_mib"] <= MOST_MIB
+    told: dict[str, Any] = json.loads(answer.stdout)
+    return told
+
+
+def test_the_command_counts_what_must_not_happen_and_names_what_nobody_can_see() -> None:
+    told = fuzzed("--builtin", "map-changes")
+    assert [told[name] for name in ("missions", "against_truth", *COUNTED)] == [1, 1, 0, 0, 0, 0, 0]
     assert told["undetectable"] == ["every-source-forged"]
+
+
+def test_the_command_stands_between_the_harness_and_a_simulator_at_an_address() -> None:
+    with simulator_at_an_address(seed=3) as there:
+        words = ("--url", there.url, "--token", there.token, "--truth", str(there.folder))
+        told = fuzzed(*words, "samples-sixty-megabytes", "start-504", "honest-second-mission")
+    assert [told[name] for name in ("missions", "against_truth", *COUNTED)] == [3, 3, 0, 0, 0, 0, 0]
+    assert [one["ended"] for one in told["met"]] == ["awaiting_human", "succeeded", "succeeded"]
+    assert told["peak_mib"] <= MOST_MIB
+
+
+def test_a_running_console_meets_a_robot_that_lies() -> None:
+    told = met_under_console(chosen(["never-moved"]), at_once=1, seed=3, watch=lambda one: None)
+    assert told.ok, told
+    assert [(one.ended, one.committed, one.against_truth) for one in told.met] == [
+        ("awaiting_human", ("request",), True)
+    ]
 
 
 def test_the_kit_has_every_group_and_never_touches_what_is_no_simulation() -> None:

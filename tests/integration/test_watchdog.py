@@ -6,10 +6,13 @@ from app.i18n.reasons.rendering import sentence
 from harness.bootstrap import simulated
 from harness.contracts.commands import ClearVeto
 from harness.contracts.decisions import Refused
+from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.ids import NodeId
+from harness.contracts.reasons import because
 from harness.settings import HarnessSettings
 from simulator.in_process import SIMULATOR
 from simulator.robot import SimulatedRobot
+from tests.builders.connections import staged
 from tests.builders.missions_run import ROBOT, begin
 
 
@@ -37,3 +40,22 @@ def test_the_hardware_stop_vetoes_until_it_is_released_and_then_a_person_decides
         assert mission.status == "awaiting_human"
         assert [spend.action for spend in mission.of(NodeId("circuit")).spends] == ["safe_stop"]
         assert mission.facts and all(fact.node_id != "circuit" for fact in mission.facts)
+
+
+@pytest.mark.parametrize("silent", ["observations", "status"])
+def test_a_robot_that_reports_and_shows_nothing_is_stopped_within_seconds(
+    silent: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its provider answers every question about the motion; of the body nothing is heard any more."""
+
+    def unheard(*_: object) -> None:
+        raise ProviderUnreachable(because("robot_gave_no_answer", request=f"GET /{silent}", error="ReadTimeout"))
+
+    with staged() as stage:
+        mission_id = stage.begin("circuit")
+        stage.until(mission_id, lambda mission: mission.invocation is not None and stage.robot.moving)
+        monkeypatch.setattr(stage.harness.robots[ROBOT], silent, unheard)
+        began_s = stage.harness.clock.now().mission_s
+        stopped = stage.until(mission_id, lambda one: one.invocation is None or one.invocation.stop_requested)
+        assert stage.harness.clock.now().mission_s - began_s <= 5.0
+        assert stopped.invocation is not None, "it was stopped, and is not given up"

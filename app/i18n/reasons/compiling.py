@@ -16,6 +16,7 @@ SENTENCES: Mapping[str, str] = {
     "declared_unknown": N_("Node {node_id} declares {declared}, which is no condition of it"),
     "evidence_unmade": N_("No stage can make the evidence that {condition_id} needs: {capabilities}"),
     "explores_nothing": N_("The contract explores nothing"),
+    "facts_no_better": N_("it rests on accepted facts of other stages, which are no better"),
     "goal_empty": N_("The goal is empty"),
     "goal_heard_in_two_ways": N_("The recording was heard in two ways"),
     "goal_not_of_recording": N_("The goal is not what the recording says, which is “{heard}”"),
@@ -54,17 +55,23 @@ SENTENCES: Mapping[str, str] = {
     "parameter_outside_bounds": N_("{value} is outside {low} to {high}"),
     "place_ambiguous": N_("{count} places are called “{name}”"),
     "place_disputed": N_("The position of place {place_id} is disputed"),
+    "provider_names_no_sources": N_("{provider_id} does not say which sensors it uses"),
     "predicate_retired": N_("Condition {condition_id} names {predicate}, which only its provider's word can show"),
     "recording_unusable": N_("The recording cannot be used: {reason}"),
     "recording_unknown": N_("No recording {digest}… is stored here"),
     "reading_of_other_text": N_("The reading is of another text or site"),
     "route_between": N_("{name} ({start} to {end})"),
+    "source_of_same_origin": N_(
+        "{source} comes from the same process or address as {provider_id}, and the site file does not vouch for it"
+    ),
+    "source_of_provider": N_("{provider_id} uses {source} itself"),
     "source_missing": N_("Nothing at this robot except the provider itself can show {condition_id} ({predicate})"),
     "span_outside_text": N_("Characters {start} to {end} are not in the text"),
     "spot_inside_text": N_("{spot} is no text or number, so it cannot stand inside a text"),
     "spot_unbound": N_("{spot} is bound to nothing"),
     "spot_unreadable": N_("“{text}” has an open spot that cannot be read"),
     "spot_without_field": N_("{spot} names a field that {name} lacks"),
+    "stage_without_provider": N_("nobody is connected who can do {node_id}"),
     "template_invalid": "{error}",
     "template_read_otherwise": N_("The template is read otherwise now"),
     "template_without_words": N_("{title:word} takes no goal in words"),
@@ -98,8 +105,9 @@ REMEDIES: Mapping[str, str] = {
     "goal_too_long": N_("say it shorter"),
     "goal_words_unread": N_("confirm the reading, or say it otherwise"),
     "level_out_of_reach": N_(
-        "connect a source that the provider does not use and that runs elsewhere, vouch for such a source in the site "
-        "file (vouched), let a person attest it in the stage's evidence policy, or ask for independence {level}"
+        "what is missing: {missing}; connect a source that the provider does not use and that runs elsewhere, vouch "
+        "for such a source in the site file (vouched), let a person attest it in the stage's evidence policy, or ask "
+        "for independence {level}"
     ),
     "name_misspelt": N_("did you mean “{nearest}”? Known: {names}"),
     "name_of_two": N_("take the name from one of them"),

@@ -18,7 +18,10 @@ MOST_MIB = 400
 
 
 class LieReport(Value):
-    """The counts of one run, and every mission of it. `undetectable` names the modes that forge every source."""
+    """The counts of one run, and every mission of it. `undetectable` names the modes that forge every source.
+
+    `against_truth`: of how many what was accepted was compared with the simulated world.
+    """
 
     missions: int
     completions: int
@@ -28,6 +31,7 @@ class LieReport(Value):
     hangs: int
     tracebacks: int
     held: int
+    against_truth: int
     peak_mib: int
     undetectable: tuple[str, ...]
     met: tuple[MissionUnderLie, ...]
@@ -68,6 +72,11 @@ def fuzzed(
     for mode in modes:
         found.append(meet(mode))
         watch(found[-1])
+    return counted(found, peak_mib=peak_memory_mib())
+
+
+def counted(found: Sequence[MissionUnderLie], *, peak_mib: int) -> LieReport:
+    """The counts of these missions; `peak_mib` is of the process that ran them."""
     return LieReport(
         missions=len(found),
         completions=sum(one.completed for one in found),
@@ -77,7 +86,8 @@ def fuzzed(
         hangs=sum(one.hang for one in found),
         tracebacks=sum(bool(one.traceback) for one in found),
         held=sum(bool(one.held) for one in found),
-        peak_mib=peak_memory_mib(),
+        against_truth=sum(one.against_truth for one in found),
+        peak_mib=peak_mib,
         undetectable=tuple(mode.name for mode in MODES if mode.undetectable),
         met=tuple(found),
     )

@@ -21,8 +21,9 @@ PAGE = b"<html><body>502 Bad Gateway</body></html>"
 @dataclass(frozen=True)
 class Mode:
     """One lie and the mission that meets it. `may_succeed`: the mission's effects are real in spite of the lie, so that
-    success is no false completion. `undetectable`: every source is forged consistently (D17): counted as epistemic.
-    `second`: an honest mission goes before."""
+    success is no false completion where the simulated truth agrees. `undetectable`: every source is forged consistently
+    (D17): counted as epistemic. `second`: an honest mission goes before.
+    """
 
     name: str
     group: Group

@@ -1,6 +1,7 @@
 """Runs one mission against one lie and counts what it did: completions, motions, tracebacks, what stays held."""
 
 import traceback
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from threading import Thread
@@ -16,15 +17,16 @@ from harness.assembly import Harness, NullSignals, Parts, assemble, local_servic
 from harness.bootstrap import camera_of
 from harness.conformance.hostile.lies import Mode
 from harness.conformance.hostile.proxy import Answer, Ask, Forward, LocalRobotWire, LyingProxy, listening
+from harness.conformance.hostile.truth import read_truth, untrue
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, ProviderFailed
-from harness.contracts.events import DispatchIntended, InvocationEnded, NodeCommitted, PacketRetained
+from harness.contracts.events import DispatchIntended, InvocationEnded, MissionEvent, NodeCommitted, PacketRetained
 from harness.contracts.ids import MissionId, ResourceId, RobotId
 from harness.contracts.measurements import Sound
 from harness.contracts.protocol import TERMINAL, PhysicalStart
 from harness.contracts.reasons import because, plain
-from harness.contracts.simulation import InProcessRobot, Simulator
+from harness.contracts.simulation import InProcessRobot, Simulator, TruePosition
 from harness.contracts.values import Value, decode, encode
 from harness.gate.decide import DECIDER
 from harness.projections.mission import Mission
@@ -39,17 +41,25 @@ TOKEN = "hostile-provider-kit"
 SIMULATION_S = 120.0
 LONGEST_S = 300.0
 """A mission of the kit that runs longer, wall seconds, hangs."""
+TOKENS_A_SECOND = 100
+"""More than a mission of the kit takes."""
 REST_S = 10.0
 """Mission time in which a body that was stopped comes to rest."""
 ROBOT = RobotId("vbot-1")
+
+
+TruthOf = Callable[[MissionId], Sequence[TruePosition]]
+"""Where the body truly was in a mission."""
 
 
 class MissionUnderLie(Value):
     """What became of one mission under one lie.
 
     `ended`: its status, or the code of the error that kept it from beginning. `completed`: it succeeded.
-    `false_completion`: it succeeded although the lie took its effects away. `second_motions`: motions begun while an
-    earlier one was of unknown outcome or still had the body, and starts beyond the first of a request.
+    `false_completion`: it succeeded although the lie took its effects away, or something was accepted that was not so
+    in the simulated world; `untrue` says what, and `against_truth` whether that was looked at.
+    `second_motions`: motions begun while an earlier one was of unknown outcome or still had the body, and starts beyond
+    the first of a request.
     `held`: it ended or waits with a lease neither free nor in quarantine.
     """
 
@@ -62,6 +72,8 @@ class MissionUnderLie(Value):
     completed: bool
     false_completion: bool
     epistemic: bool
+    untrue: str
+    against_truth: bool
     motions: int
     second_motions: int
     hang: bool
@@ -89,29 +101,39 @@ class _Course:
 def met(mode: Mode, simulator: Simulator, *, seed: int = 3) -> MissionUnderLie:
     """One mission against a simulated robot in this process, over HTTP, through the lie."""
     made = simulator.robot(ROBOT, seed=seed, fidelity="kinematic")
-    return _met(mode, LocalRobotWire(_operations(made)), seed=seed)
+    return _met(mode, LocalRobotWire(_operations(made)), seed=seed, truth=lambda _: made.truth())
 
 
-def met_at(mode: Mode, url: str, token: str, *, seed: int = 3) -> MissionUnderLie:
-    """The same against the simulator at an address, which must run in lockstep.
+def met_at(mode: Mode, url: str, token: str, *, seed: int = 3, folder: Path | None = None) -> MissionUnderLie:
+    """The same against the simulator at an address, which must run in lockstep; `folder` is where it writes the truth.
 
     Raises ProviderFailed for an address that serves no simulation: nothing is ever forwarded to a physical robot.
     """
-    upstream = ForwardedRequests(url, token)
+    upstream = ForwardedRequests(url, token, raised_by=int(TOKENS_A_SECOND * _wall_s()))
     check_simulated(upstream, url)
     put_to_rest(upstream)
-    return _met(mode, upstream, seed=seed)
+    return _met(
+        mode,
+        upstream,
+        seed=seed,
+        truth=(lambda mission_id: read_truth(folder, mission_id)) if folder is not None else None,
+    )
 
 
 class ForwardedRequests:
-    """Requests passed on to a robot at an address."""
+    """Requests passed on to a robot at an address. `raised_by` is added to the fencing tokens of starts: a log that is
+    new counts from 1 again, and the robot refuses what is older than the tokens of the mission before.
+    """
 
-    def __init__(self, url: str, token: str) -> None:
-        self._exchanges = Exchanges(url, token, SIMULATION_S)
+    def __init__(self, url: str, token: str, *, raised_by: int = 0) -> None:
+        self._exchanges, self._raised_by = Exchanges(url, token, SIMULATION_S), raised_by
 
     def __call__(self, ask: Ask) -> Answer:
-        query = f"?{urlencode(ask.query)}" if ask.query else ""
-        reply = self._exchanges.ask(ask.method, f"{ask.path}{query}", ask.body, most_bytes=BLOB_BYTES)
+        query, body = f"?{urlencode(ask.query)}" if ask.query else "", ask.body
+        if ask.kind == "start" and self._raised_by:
+            start = ask.json()
+            body = encode({**start, "fencing": {name: one + self._raised_by for name, one in start["fencing"].items()}})
+        reply = self._exchanges.ask(ask.method, f"{ask.path}{query}", body, most_bytes=BLOB_BYTES)
         return Answer(status=reply.status, body=reply.body, content_type=reply.kind or "application/octet-stream")
 
 
@@ -122,7 +144,7 @@ def check_simulated(upstream: Forward, url: str) -> None:
         raise ProviderFailed(because("no_simulation_there", url=url))
 
 
-def _met(mode: Mode, upstream: Forward, *, seed: int) -> MissionUnderLie:
+def _met(mode: Mode, upstream: Forward, *, seed: int, truth: TruthOf | None) -> MissionUnderLie:
     course, began_s = _Course(), _wall_s()
     cards = upstream(Ask("GET", "/providers", {}, b"")).json()
     moving = frozenset(str(card["provider_id"]) for card in cards if card["moves"])
@@ -135,7 +157,7 @@ def _met(mode: Mode, upstream: Forward, *, seed: int) -> MissionUnderLie:
         hang = thread.is_alive()
         proxy.armed = False
         starts = decode(upstream(Ask("GET", "/starts", {}, b"")).body, list[PhysicalStart])
-        return _counted(mode, course, proxy, starts, hang=hang, wall_s=_wall_s() - began_s)
+        return _counted(mode, course, proxy, starts, truth=truth, hang=hang, wall_s=_wall_s() - began_s)
 
 
 def put_to_rest(upstream: Forward) -> None:
@@ -196,11 +218,19 @@ def _started(harness: Harness, mode: Mode, *, seed: int) -> MissionId:
 
 
 def _counted(
-    mode: Mode, course: _Course, proxy: LyingProxy, starts: list[PhysicalStart], *, hang: bool, wall_s: float
+    mode: Mode,
+    course: _Course,
+    proxy: LyingProxy,
+    starts: list[PhysicalStart],
+    *,
+    truth: TruthOf | None,
+    hang: bool,
+    wall_s: float,
 ) -> MissionUnderLie:
     mission, harness = course.mission, course.harness
     completed = mission is not None and mission.status == "succeeded"
-    false = completed and not mode.may_succeed
+    untrue = _untrue(harness, mission, truth)
+    false = (completed and not mode.may_succeed) or bool(untrue)
     why = mission.reason if mission is not None else course.refused.reason if course.refused else ""
     ended = mission.status if mission is not None else course.refused.code if course.refused else "none"
     mine = [one for one in starts if mission is not None and one.mission_id == mission.mission_id and one.moves]
@@ -214,17 +244,25 @@ def _counted(
         completed=completed,
         false_completion=false and not mode.undetectable,
         epistemic=false and mode.undetectable,
+        untrue=untrue,
+        against_truth=truth is not None,
         motions=len(mine),
         second_motions=len(mine)
         - len({one.request_id for one in mine})
         + proxy.seen.overlapping
-        + _after_unknown(harness, mission),
+        + after_unknown(_events(harness, mission)),
         hang=hang,
         traceback=course.traceback,
         held=_open_leases(harness, mission),
         wall_s=round(wall_s, 2),
         peak_mib=peak_memory_mib(),
     )
+
+
+def _untrue(harness: Harness | None, mission: Mission | None, truth: TruthOf | None) -> str:
+    if truth is None or mission is None or mission.contract is None:
+        return ""
+    return "; ".join(untrue(mission.contract, _events(harness, mission), truth(mission.mission_id)))
 
 
 def peak_memory_mib() -> int:
@@ -237,7 +275,7 @@ def _wall_s() -> float:
     return SystemClock().now().wall_s
 
 
-def _events(harness: Harness | None, mission: Mission | None) -> list[Any]:
+def _events(harness: Harness | None, mission: Mission | None) -> list[MissionEvent]:
     if harness is None or mission is None:
         return []
     return [DECIDER.codec.decode(event) for event in harness.runtime.events(mission.mission_id)]
@@ -247,10 +285,10 @@ def _committed(harness: Harness | None, mission: Mission | None) -> tuple[str, .
     return tuple(event.node_id for event in _events(harness, mission) if isinstance(event, NodeCommitted))
 
 
-def _after_unknown(harness: Harness | None, mission: Mission | None) -> int:
+def after_unknown(events: Sequence[MissionEvent]) -> int:
     """Motions that were authorised while another one's outcome was unknown: until its end was reported after all."""
     unknown, found = False, 0
-    for event in _events(harness, mission):
+    for event in events:
         found += unknown and isinstance(event, DispatchIntended) and event.moves
         unknown = unknown and not isinstance(event, PacketRetained)
         unknown = unknown or (isinstance(event, InvocationEnded) and event.status == "outcome_unknown")

@@ -4,6 +4,7 @@ import math
 
 from harness.contracts.effects import AnyEffect, Metric
 from harness.contracts.reasons import Reason, because
+from harness.contracts.rules import BEGUN_AGAIN
 from harness.contracts.verdicts import PredicateVerdict
 from harness.verification import geometry
 from harness.verification.bridging import GAP_S, PositionHistory, bridged
@@ -24,9 +25,7 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
         return ambiguous(because("no_pose_in_route_map"))
     history = _history(effect, evidence)
     track = list(history.track)
-    began_s = min(one.dispatched_s for one in evidence.tracks)
-    left_s = geometry.departed_s(track, origin=effect.target_m, after_s=began_s, radius_m=departure_m, samples=SAMPLES)
-    progress = geometry.route_progress(effect.route_m, [fix.point for fix in track])
+    left_s, progress = _walked(effect, track, evidence)
     gap_s = max(_unseen_s(history, track) for track in evidence.tracks)
     back = arrival(effect, evidence)
     declared = _declared(evidence)
@@ -63,6 +62,25 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
         evidence=tuple(one.blob for one in evidence.tracks if one.blob),
         age_s=back.age_s,
     )
+
+
+def _walked(
+    effect: Metric, track: list[geometry.Fix], evidence: Evidence
+) -> tuple[float | None, geometry.RouteProgress]:
+    """When the body left, and how much of the route it then walked in order, over all executions together.
+
+    Where the circuit was begun again, the way back to its start may pass later parts of the route and count as progress
+    with a gap, which nothing closes any more. From rules 5 on, what was walked since any one dispatch counts as well.
+    """
+    dispatches = sorted({one.dispatched_s for one in evidence.tracks})
+    begins = dispatches if evidence.policy.rules >= BEGUN_AGAIN else dispatches[:1]
+    found = []
+    for began_s in begins:
+        part = track if began_s == begins[0] else [fix for fix in track if fix.at_s >= began_s]
+        radius_m = effect.bounds["departure_m"]
+        left_s = geometry.departed_s(part, origin=effect.target_m, after_s=began_s, radius_m=radius_m, samples=SAMPLES)
+        found.append((left_s, geometry.route_progress(effect.route_m, [fix.point for fix in part])))
+    return max(found, key=lambda one: (one[1].waypoints, one[1].share))
 
 
 def _history(effect: Metric, evidence: Evidence) -> PositionHistory:

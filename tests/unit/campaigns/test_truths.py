@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 import pytest
 from msgspec.structs import replace
 
-from experiments.campaigns.truths import contradicted, torn, truly_reached
+from experiments.campaigns.truths import contradicted, torn
+from harness.conformance.hostile.truth import truly_reached
 from harness.contracts.effects import Metric
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import Digest

@@ -195,10 +195,13 @@ def test_a_target_without_frame_position_or_tolerance_is_refused_with_its_path(f
         ({"timeout_s": "soon"}, "Expected `float`, got `str`"),
         ({"timeout_s": -1.0}, "> 0"),
         ({"timeout_s": float("inf")}, "inf is not a finite number"),
-        ({"risk": "daring"}, "Invalid enum value 'daring'"),
-        ({"capabilities": ["levitate"]}, "Invalid enum value 'levitate'"),
+        ({"risk": "daring"}, "“daring” is none of high, low, medium"),
+        ({"capabilities": ["levitate"]}, "“levitate” is none of analyse_passage, capture_panorama"),
         ({"parameters": {"target": {"about": "there"}}}, "got `object`"),
-        ({"preconditions": [{"predicate": "in the mood"}]}, "Invalid enum value 'in the mood'"),
+        (
+            {"preconditions": [{"predicate": "in the mood"}]},
+            "none of at_place, hardware_stop_released, localised, static",
+        ),
     ],
 )
 def test_free_prose_and_unknown_words_are_no_parameters(change: dict[str, Any], says: str) -> None:

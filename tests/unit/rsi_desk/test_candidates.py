@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from harness.baseline.load import baseline
 from harness.contracts.configuration import Configuration, FailureClass, RecoveryAction
 from harness.contracts.ids import Digest
+from harness.contracts.listed_values import values_at
 from harness.contracts.values import encode
 from rsi_reviews.candidates import (
     DEEPEST,
@@ -18,7 +19,6 @@ from rsi_reviews.candidates import (
     read_candidate,
     read_configuration,
     read_manifest,
-    values_at,
 )
 from rsi_reviews.contracts import BETTER, SECTIONS, Author, CanaryTest, Manifest
 from rsi_reviews.errors import CandidateInvalid

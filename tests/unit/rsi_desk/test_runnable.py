@@ -6,6 +6,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from app.i18n.reasons.rendering import sentence
 from harness.baseline.load import baseline, earlier, shipped_workspace
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Refused
@@ -76,7 +77,7 @@ UNRUNNABLE: dict[str, tuple[Edit, str]] = {
         "spot_unbound",
     ),
     "a further precondition of another word": (
-        lambda t: stage(t, "circuit")["preconditions"].append({"predicate": "in_the_mood"}), "template_invalid"
+        lambda t: stage(t, "circuit")["preconditions"].append({"predicate": "in_the_mood"}), "value_not_listed"
     ),
     "evidence that no packet holds": (
         lambda t: stage(t, "circuit")["evidence"]["mandatory"].append("unicorn"), "unknown_evidence"
@@ -98,6 +99,13 @@ def test_a_candidate_that_cannot_run_is_refused_with_a_typed_reason(name: str) -
     found = unrunnable(baseline(), edited(edit))
     assert rule in [one.rule for one in found]
     assert all(one.reason.code and one.path for one in found)
+
+
+def test_a_wrong_value_in_a_template_is_answered_with_its_path_and_the_list() -> None:
+    edit, rule = UNRUNNABLE["a further precondition of another word"]
+    (found,) = [one for one in unrunnable(baseline(), edited(edit)) if one.rule == rule]
+    assert found.path == "templates.circuit.nodes.circuit.preconditions[2].predicate"
+    assert "is none of at_place, hardware_stop_released, localised, static" in sentence(found.reason)
 
 
 @pytest.mark.parametrize("name", UNRUNNABLE)

@@ -1,9 +1,12 @@
 """A circuit is departure, progress and return in this order; its start lies inside its goal's radius (D19)."""
 
+import math
+
 import pytest
 from msgspec.structs import replace
 
 from app.i18n.reasons.rendering import sentence
+from harness.contracts.rules import CURRENT_RULES
 from harness.contracts.verdicts import ConditionResult
 from tests.unit.verification.building import (
     CIRCUIT,
@@ -90,6 +93,25 @@ def test_a_circuit_spread_over_two_attempts_counts_as_one_history(bench: Bench) 
     assert whole.length_m == rest.length_m
     assert bench.judged(citing, state).verdict == "satisfied"
     assert bench.judged(second, state).verdict == "violated"
+
+
+def begun_again(bench: Bench, *, rules: int, until_m: float = math.inf) -> ConditionResult:
+    """Half a circuit; then straight back to its start, past its last leg, and the circuit from its begin."""
+    half = Drive(route=CIRCUIT, until_m=9.0, imu=False)
+    back = math.dist(CIRCUIT[2], CIRCUIT[0])
+    again = Drive(route=(CIRCUIT[2], *CIRCUIT), from_s=half.until_s + 1, until_m=back + until_m, imu=False)
+    first = replace(bench.driven(half), terminal="failed", failure="interrupted")
+    second = bench.driven(again, name="go-2", declared={"route_progress": 1.0})
+    state = retained(replace(ROUND, rules=rules), first)
+    return only(bench.judged(replace(second, cites=(first.identity.packet_id,)), state))
+
+
+def test_a_circuit_that_was_begun_again_counts_from_where_it_was_begun() -> None:
+    whole = begun_again(Bench(), rules=CURRENT_RULES)
+    assert whole.verdict == "satisfied", whole.reason
+    assert whole.measured["progress"] >= 0.95 and whole.measured["departed_at_s"] >= BEGAN_S + 24.0
+    assert begun_again(Bench(), rules=4).verdict == "violated", "missions before keep their rules"
+    assert begun_again(Bench(), rules=CURRENT_RULES, until_m=12.0).verdict == "violated", "it was not walked to its end"
 
 
 def unseen(bench: Bench, *, odometry: str) -> ConditionResult:

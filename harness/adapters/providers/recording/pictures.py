@@ -1,12 +1,17 @@
 """Converts recorded images and clouds to blobs: encoded pictures, and float32 xyz triples."""
 
+from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.contracts.errors import ProviderFailed
 from harness.contracts.reasons import Reason, because
+
+SizeOf = Callable[[bytes], tuple[int, int]]
+"""Width and height of an encoded image, in pixels."""
 
 _JPEG_QUALITY = 90
 _RAW = {
@@ -45,8 +50,11 @@ def raw_picture(message: Any) -> EncodedPicture | Reason:
     return EncodedPicture(body.tobytes(), "image/jpeg", width, height) if done else because("images_not_encodable")
 
 
-def compressed_picture(message: Any) -> EncodedPicture | Reason:
-    """A sensor_msgs CompressedImage as it was recorded, checked to be whole, or why it cannot be shown."""
+def compressed_picture(message: Any, *, size_of: SizeOf) -> EncodedPicture | Reason:
+    """A sensor_msgs CompressedImage as it was recorded, checked to be whole, or why it cannot be shown.
+
+    `size_of` decodes it, in a process with limits, and raises ProviderFailed.
+    """
     body = bytes(message.data)
     if body.startswith(b"\xff\xd8"):
         media_type: Literal["image/jpeg", "image/png"] = "image/jpeg"
@@ -55,10 +63,12 @@ def compressed_picture(message: Any) -> EncodedPicture | Reason:
         media_type, whole = "image/png", b"IEND" in body[-16:]
     else:
         return because("image_compression_unknown", format=str(message.format))
-    picture = cv2.imdecode(np.frombuffer(body, dtype=np.uint8), cv2.IMREAD_COLOR) if whole else None
-    if picture is None:
+    if not whole:
         return because("images_damaged")
-    return EncodedPicture(body, media_type, picture.shape[1], picture.shape[0])
+    try:
+        return EncodedPicture(body, media_type, *size_of(body))
+    except ProviderFailed:
+        return because("images_damaged")
 
 
 def cloud_points(message: Any, *, most: int) -> NDArray[np.float64] | Reason:

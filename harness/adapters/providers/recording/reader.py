@@ -5,9 +5,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from harness.adapters.pictures import PICTURES
 from harness.adapters.providers.recording.binding import METADATA, bind_frame, choose_clock
 from harness.adapters.providers.recording.container import Container
 from harness.adapters.providers.recording.messages import Decoder
+from harness.adapters.providers.recording.pictures import SizeOf
 from harness.adapters.providers.recording.roles import Topic, TopicRoles, assigned, listed
 from harness.adapters.providers.recording.samples import Arrival, Clocks, Samples
 from harness.adapters.providers.recording.segments import (
@@ -56,20 +58,24 @@ class RecordingSummary(Value):
     left_out: tuple[Reason, ...]
 
 
-def open_recording(path: Path, topics: TopicSettings | None = None, *, recover: bool = False) -> "Recording":
+def open_recording(
+    path: Path, topics: TopicSettings | None = None, *, recover: bool = False, size_of: SizeOf = PICTURES.size
+) -> "Recording":
     """Read a recording once from end to end, with every check its format offers.
+
+    `size_of` decodes its images: in a process of their own, unless this one is limited itself.
 
     Raises RecordingInvalid: what is wrong, where, and what to do. With `recover` a cut file gives its whole part, and
     its summary says that it is incomplete. Close the result, or use it as a context.
     """
-    return Recording(path, topics or TopicSettings(), recover=recover)
+    return Recording(path, topics or TopicSettings(), recover=recover, size_of=size_of)
 
 
 class Recording:
     """A recording that passed its first reading. Every iteration reads the file again, a block at a time."""
 
-    def __init__(self, path: Path, settings: TopicSettings, *, recover: bool) -> None:
-        self.path, self.settings = path, settings
+    def __init__(self, path: Path, settings: TopicSettings, *, recover: bool, size_of: SizeOf) -> None:
+        self.path, self.settings, self._size_of = path, settings, size_of
         self._container = Container(path, recover=recover)
         try:
             self._read()
@@ -130,9 +136,7 @@ class Recording:
 
     def track(self) -> Iterator[tuple[float, Point]]:
         """(sensor time, position) of every usable position, in order of arrival."""
-        bare = self._samples(
-            self.roles._replace(odometry=self.roles.odometry * (not self.roles.pose), camera="", cloud="")
-        )
+        bare = self._samples(self.roles._replace(camera="", cloud=""))
         for _, sample in bare.read(self._container.reader.messages(bare.topics), ids.sha256):
             if isinstance(sample, Pose):
                 yield sample.at_s, (sample.x_m, sample.y_m)
@@ -257,6 +261,7 @@ class Recording:
             frames=self._frames,
             times=self._times,
             decoder=self._decoder,
+            size_of=self._size_of,
         )
 
     def _first_s(self) -> float:

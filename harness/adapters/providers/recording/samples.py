@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.adapters.providers.recording import transforms
-from harness.adapters.providers.recording.messages import COMPRESSED_IMAGE, Decoder, stamp_ns
-from harness.adapters.providers.recording.pictures import cloud_points, compressed_picture, raw_picture
+from harness.adapters.providers.recording.messages import COMPRESSED_IMAGE, POSE_COVARIANCE, Decoder, stamp_ns
+from harness.adapters.providers.recording.pictures import SizeOf, cloud_points, compressed_picture, raw_picture
 from harness.adapters.providers.recording.raw_messages import Raw
 from harness.adapters.providers.recording.roles import TopicRoles
+from harness.adapters.providers.recording.sparse_localiser import Placed, SparseLocaliser
 from harness.adapters.providers.recording.survey import pose_of
 from harness.adapters.providers.recording.topics import Clock, TopicSettings
 from harness.contracts import observations
@@ -83,12 +84,15 @@ class Samples:
         frames: transforms.Frames,
         times: RecordingClock,
         decoder: Decoder,
+        size_of: SizeOf,
     ) -> None:
         self.left_out: dict[tuple[str, str], tuple[Reason, int]] = {}
         self._roles, self._settings, self._binding = roles, settings, binding
         self._frames, self._times, self._decoder = frames, times, decoder
+        self._size_of = size_of
         self._pose: observations.Pose | None = None
         self._next_at: dict[str, float] = {}
+        self._sparse = SparseLocaliser()
 
     @property
     def topics(self) -> frozenset[str]:
@@ -108,8 +112,10 @@ class Samples:
             yield from self._position(raw)
         elif topic == self._roles.odometry:
             message = self._decoder.decode(raw)
-            if transforms.planar(message.pose.pose) is not None:
+            at = transforms.planar(message.pose.pose)
+            if at is not None:
                 yield lambda seq: self._odometry(raw, message, seq)
+                yield from self._carried_on(raw, at)
         elif topic == self._roles.camera and self._due(raw, self._settings.camera_period_s):
             yield from self._image(raw, keep)
         elif topic == self._roles.cloud and self._pose and self._due(raw, self._settings.cloud_period_s):
@@ -139,6 +145,31 @@ class Samples:
         yield pose
         if single:
             yield lambda seq: self._odometry(raw, message, seq)
+        elif raw.channel.type == POSE_COVARIANCE:
+            self._sparse.update(Placed(self._times.sensed_s(raw), x_m, y_m, yaw_rad))
+
+    def _carried_on(
+        self, raw: Raw, at: tuple[float, float, float]
+    ) -> Iterator[Callable[[int], observations.AnySample]]:
+        """Where odometry leads from the newest pose of a localiser that publishes updates only."""
+        placed = self._sparse.moved(Placed(self._times.sensed_s(raw), *at))
+        if placed is None:
+            return
+
+        def pose(seq: int) -> observations.Pose:
+            self._pose = observations.Pose(
+                seq=seq,
+                at_s=placed.at_s,
+                source="odometry",
+                frame=self._binding.frame,
+                map_version=self._binding.map_version,
+                x_m=placed.x_m,
+                y_m=placed.y_m,
+                yaw_rad=placed.yaw_rad,
+            )
+            return self._pose
+
+        yield pose
 
     def _odometry(self, raw: Raw, message: Any, seq: int) -> observations.Odometry:
         x_m, y_m, yaw_rad = transforms.planar(message.pose.pose) or (0.0, 0.0, 0.0)
@@ -157,7 +188,7 @@ class Samples:
     def _image(self, raw: Raw, keep: Callable[[bytes], Digest]) -> Iterator[Callable[[int], observations.AnySample]]:
         message = self._decoder.decode(raw)
         packed = raw.channel.type == COMPRESSED_IMAGE
-        picture = compressed_picture(message) if packed else raw_picture(message)
+        picture = compressed_picture(message, size_of=self._size_of) if packed else raw_picture(message)
         if isinstance(picture, Reason):
             self._leave_out(raw, picture)
             return
