@@ -17,6 +17,7 @@ from harness.contracts.values import Count, Value
 from harness.projections.exploration import ExplorationDecision
 from rsi_reviews import contracts
 from rsi_reviews.difference import FieldChange
+from rsi_reviews.evaluation_jobs import EvaluationCost, EvaluationJob
 from rsi_reviews.events import ConfigurationQuarantined, HeldOutLooked, PointerMoved
 from rsi_reviews.pointers import Draining, Uptake
 from rsi_reviews.projections import CanaryEntry, ReviewEntry
@@ -368,6 +369,16 @@ class SiteControlResource(Value):
     autonomy: Autonomy
     limited_by: str | None
     reason: str
+
+
+class Evaluation(Value):
+    """How far the evaluation of a candidate is. `ahead`: jobs before a queued one; `left_s`: at the pace so far."""
+
+    candidate: Digest
+    job: EvaluationJob | None
+    cost: EvaluationCost | None
+    ahead: Count
+    left_s: float | None
 
 
 class StopsAsked(Value):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed, word
 from app.views.canary import CanaryPanel, canary_panel
+from app.views.candidate_evaluation import EvaluationPanel
 from app.views.candidates import stale
 from app.views.history import ShownDifference
 from app.views.review_actions import OfferedAction, offers
@@ -94,6 +95,7 @@ class ReviewPage:
     effects: tuple[str, ...]
     canary: CanaryPanel | None
     offers: tuple[OfferedAction, ...]
+    evaluation: EvaluationPanel
     robots: tuple[str, ...]
     key: str
     left: SubmittedReviewForm
@@ -106,6 +108,7 @@ def review_page(
     seen: ReviewSources,
     actor: Actor,
     *,
+    evaluation: EvaluationPanel,
     robots: Sequence[str],
     key: str,
     left: SubmittedReviewForm = SubmittedReviewForm(),
@@ -124,6 +127,7 @@ def review_page(
         effects=_effects(review, seen, robot=str(review.robot_id or robot)),
         canary=canary_panel(review, pointer, actor) if review.released_by else None,
         offers=offers(review, pointer, actor, now_s=shell.now_s, robot=robot),
+        evaluation=evaluation,
         robots=tuple(robots),
         key=key,
         left=left,
