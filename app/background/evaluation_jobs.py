@@ -149,11 +149,11 @@ class EvaluationJobs:
     def cost(self, candidate: Digest, *, by: str, processes: int = 0) -> EvaluationCost:
         """What its evaluation would take on this machine. Raises UnknownName."""
         trial = self._trial(candidate, by)
-        kept = self._kept(trial)
+        before = self._results_before(trial)
         missions, count = 2 * len(trial.cases), processes or self.processes
-        seconds = (missions - kept) * self._queue.worker_s / max(1, count)
+        seconds = (missions - before) * self._queue.worker_s / max(1, count)
         return EvaluationCost(
-            missions=missions, kept=kept, processes=count, seconds=seconds, looks=len(Looks(self.folder))
+            missions=missions, kept=before, processes=count, seconds=seconds, looks=len(Looks(self.folder))
         )
 
     def ask(self, candidate: Digest, by: Actor, *, processes: int = 0) -> EvaluationJob | Refused:
@@ -282,7 +282,7 @@ class EvaluationJobs:
             suite_edited_by=review.terms.suite_edited_by if review.terms else growth.hands,
         )
 
-    def _kept(self, trial: Trial) -> int:
+    def _results_before(self, trial: Trial) -> int:
         """How many results of this trial its evaluator has kept; read only, for one may be adding to them."""
         path = results_path(self.folder, trial.terms.evaluator)
         body = path.read_bytes() if path.is_file() else b""

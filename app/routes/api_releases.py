@@ -133,32 +133,32 @@ def replay(console: ConsoleDep, actor: ActorDep, candidate: str) -> Any:
     return api_requests.plain(schemas.Replay(missions=found.looked, decisions=found.decisions, differing=differing))
 
 
-@router.get("/candidates/{candidate}/evaluation", responses=api_requests.answers(schemas.Evaluation))
+@router.get("/candidates/{candidate}/evaluation", responses=api_requests.answers(schemas.CandidateEvaluation))
 def evaluation(console: ConsoleDep, principal: PrincipalDep, candidate: str) -> Any:
     """The newest evaluation asked for here, and what one would take where none waits or runs."""
     found = candidate_evaluation.panel_of(console, principal, _named(candidate))
     return api_requests.plain(
-        schemas.Evaluation(
+        schemas.CandidateEvaluation(
             candidate=Digest(found.candidate), job=found.job, cost=found.cost, ahead=found.ahead, left_s=found.left_s
         )
     )
 
 
-@router.post("/candidates/{candidate}/evaluate", responses=api_requests.answers(schemas.Evaluation))
+@router.post("/candidates/{candidate}/evaluate", responses=api_requests.answers(schemas.CandidateEvaluation))
 def evaluate(console: ConsoleDep, principal: PrincipalDep, candidate: str, body: acts.EvaluateCandidateAct) -> Any:
     """Evaluate it in the background of this console, after those that were asked for before."""
-    decision = candidate_evaluation.asked(console, principal, _named(candidate), body)
+    decision = candidate_evaluation.begin_evaluation(console, principal, _named(candidate), body)
     if isinstance(decision, Refused):
         return api_requests.refusal(decision)
     return evaluation(console, principal, candidate)
 
 
-@router.post("/candidates/{candidate}/cancel-evaluation", responses=api_requests.answers(schemas.Evaluation))
+@router.post("/candidates/{candidate}/cancel-evaluation", responses=api_requests.answers(schemas.CandidateEvaluation))
 def cancel_evaluation(
     console: ConsoleDep, principal: PrincipalDep, candidate: str, body: acts.CancelEvaluationAct
 ) -> Any:
     """End it, or take it out of the queue; what was measured is kept."""
-    decision = candidate_evaluation.cancelled(console, principal, _named(candidate))
+    decision = candidate_evaluation.cancel_evaluation(console, principal, _named(candidate))
     if isinstance(decision, Refused):
         return api_requests.refusal(decision)
     return evaluation(console, principal, candidate)

@@ -371,7 +371,7 @@ class SiteControlResource(Value):
     reason: str
 
 
-class Evaluation(Value):
+class CandidateEvaluation(Value):
     """How far the evaluation of a candidate is. `ahead`: jobs before a queued one; `left_s`: at the pace so far."""
 
     candidate: Digest

@@ -21,7 +21,9 @@ def now(console: ConsoleDep, principal: PrincipalDep, candidate: str) -> HTMLRes
     return render("candidates/_evaluation.html", EvaluationRegion(panel_of(console, principal, candidate)))
 
 
-def asked(console: Console, principal: Principal, candidate: str, act: EvaluateCandidateAct) -> EvaluationJob | Refused:
+def begin_evaluation(
+    console: Console, principal: Principal, candidate: str, act: EvaluateCandidateAct
+) -> EvaluationJob | Refused:
     """Queue the evaluation in this person's name. Raises UnknownName, and NotPermitted before anything is queued."""
     actor, name = principal.acting("propose"), console.releases.review(candidate).candidate
     if console.evaluations is None:
@@ -31,7 +33,7 @@ def asked(console: Console, principal: Principal, candidate: str, act: EvaluateC
     return job
 
 
-def cancelled(console: Console, principal: Principal, candidate: str) -> EvaluationJob | Refused:
+def cancel_evaluation(console: Console, principal: Principal, candidate: str) -> EvaluationJob | Refused:
     """End it in this person's name. Raises UnknownName and NotPermitted."""
     actor, name = principal.acting("propose"), console.releases.review(candidate).candidate
     if console.evaluations is None:

@@ -102,18 +102,20 @@ def evaluate(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, cand
     act = EvaluateCandidateAct.from_form(typed)
     if isinstance(act, tuple):
         return _again(console, actor, candidate, typed, refused=" ".join(one.text for one in act), status=422)
-    return _asked(console, actor, candidate, typed, candidate_evaluation.asked(console, principal, candidate, act))
+    return _after_evaluation(
+        console, actor, candidate, typed, candidate_evaluation.begin_evaluation(console, principal, candidate, act)
+    )
 
 
 @router.post("/{candidate}/cancel-evaluation")
 def cancel_evaluation(
     console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, candidate: str, typed: FormDep
 ) -> Response:
-    decision = candidate_evaluation.cancelled(console, principal, candidate)
-    return _asked(console, actor, candidate, typed, decision)
+    decision = candidate_evaluation.cancel_evaluation(console, principal, candidate)
+    return _after_evaluation(console, actor, candidate, typed, decision)
 
 
-def _asked(
+def _after_evaluation(
     console: Console, actor: Actor, candidate: str, typed: dict[str, str], decision: EvaluationJob | Refused
 ) -> Response:
     if isinstance(decision, Refused):

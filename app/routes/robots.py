@@ -15,7 +15,7 @@ from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from app.routes import robot_acts
 from app.views import forms, robots
-from app.views.robot_map import Observed, RobotMapRegion, RobotMapView, robot_map
+from app.views.robot_map import RobotMapRegion, RobotMapView, RobotSamples, robot_map
 from app.views.robots import CameraRegion, CameraView, RobotCard, RobotPage, RobotRegion, RobotsRegion, StopAllPage
 from app.views.safe_returns import LastRetreat, last_retreat
 from app.web.rendering import render
@@ -244,9 +244,9 @@ def map_of(console: Console, robot_id: RobotId, *, near: bool = False) -> RobotM
     live = console.runtime.observations(mission.mission_id) if mission else None
     if mission is None or live is None:
         observed, at_s = console.fleet.samples(robot_id)
-        seen = Observed(samples=observed, at_s=at_s)
+        seen = RobotSamples(samples=observed, at_s=at_s)
     else:
-        seen = Observed(samples=live.samples, at_s=live.at_s, route=_way(mission))
+        seen = RobotSamples(samples=live.samples, at_s=live.at_s, route=_way(mission))
 
     def read(blob: Digest) -> bytes:
         return console.runtime.blob(blob) if live is not None else console.fleet.blob(robot_id, blob)

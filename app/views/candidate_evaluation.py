@@ -31,7 +31,7 @@ class EvaluationPanel:
     may: bool
 
     @property
-    def shown(self) -> bool:
+    def visible(self) -> bool:
         """Whether there is anything to say of an evaluation now."""
         return bool(self.cost or (self.job is not None and (self.job.open or self.ended)))
 

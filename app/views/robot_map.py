@@ -48,7 +48,7 @@ class RobotMapRegion:
 
 
 @dataclass(frozen=True)
-class Observed:
+class RobotSamples:
     """The newest samples of a robot, oldest first, the instant they are read at, and the route it was sent on."""
 
     samples: Sequence[AnySample]
@@ -57,7 +57,13 @@ class Observed:
 
 
 def robot_map(
-    robot_id: str, site: Site, observed: Observed, *, read: Callable[[Digest], bytes], near: bool, handoff_id: str = ""
+    robot_id: str,
+    site: Site,
+    observed: RobotSamples,
+    *,
+    read: Callable[[Digest], bytes],
+    near: bool,
+    handoff_id: str = "",
 ) -> RobotMapView:
     """The map as these samples show it."""
     poses = [one for one in observed.samples if isinstance(one, Pose)]

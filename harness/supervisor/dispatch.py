@@ -197,8 +197,8 @@ class Dispatcher:
         planned = ahead if attempt.plan else mission
         examples = self._roles.examples(planned, attempt.node_id, card)
         intentions = (_intention(intention, attempt.node_id, at_s=view.at_s),) if intention else ()
-        shown = replace(view, mission=_limited(ahead, attempt), examples=examples, proposals=intentions)
-        c2 = skill_context(shown, attempt.node_id, card)
+        skill_view = replace(view, mission=_limited(ahead, attempt), examples=examples, proposals=intentions)
+        c2 = skill_context(skill_view, attempt.node_id, card)
         skill = propose_skill(c2)
         question_record, answered = record("question", question), record("candidates", chosen)
         intent = replace(
