@@ -324,35 +324,37 @@ def _options(opened: HandoffOpened, mission: Mission) -> ProposalOptions:
     moves = proposal is not None and "speed_cap_mps" in proposal.parameters
     cap_mps = mission.contract.constraints.speed_cap_mps if mission.contract else limit_mps
     waits = 0.0 if proposal is None or isinstance(proposal.wait_s, UnsetType) else proposal.wait_s
+    chosen_mps = limit_mps if moves and limit_mps != cap_mps else None
     actions = tuple(AlternativeAction(action=one, title=ACTIONS[one]) for one in opened.choices)
     return ProposalOptions(
         offers=(
             *(one for one in actions if one.action != now),
-            *_slower(proposal, now, limit_mps if moves else None),
-            *(() if waits or now not in opened.choices else (_later(now),)),
+            *_slower(now, limit_mps if moves else None, wait_s=waits),
+            *(() if waits or now not in opened.choices else (_later(now, speed_mps=chosen_mps),)),
         ),
         actions=actions,
         chosen=now,
         wait_s=waits,
         longest_wait_s=LONGEST_WAIT_S,
-        speed_mps=limit_mps if moves and limit_mps != cap_mps else None,
+        speed_mps=chosen_mps,
         lowest_mps=SLOWEST_MPS,
         highest_mps=cap_mps if moves else None,
     )
 
 
-def _slower(proposal: ProposedAction | None, action: str, limit_mps: float | None) -> tuple[AlternativeAction, ...]:
-    """The current action at half its speed, where it drives and that is not too slow."""
-    if proposal is None or limit_mps is None or limit_mps / 2 < SLOWEST_MPS:
+def _slower(action: str, limit_mps: float | None, *, wait_s: float) -> tuple[AlternativeAction, ...]:
+    """The current action at half its speed, where it drives and that is not too slow; its wait stays."""
+    if limit_mps is None or limit_mps / 2 < SLOWEST_MPS:
         return ()
     speed_mps = round(limit_mps / 2, 2)
     title = lazy_gettext("Slower: at most {speed:g} m/s", speed=speed_mps)
-    return (AlternativeAction(action=action, title=title, speed_cap_mps=speed_mps),)
+    return (AlternativeAction(action=action, title=title, wait_s=wait_s, speed_cap_mps=speed_mps),)
 
 
-def _later(action: str) -> AlternativeAction:
+def _later(action: str, *, speed_mps: float | None) -> AlternativeAction:
+    """The current action after a wait; its speed stays."""
     title = lazy_gettext("Wait {seconds:g} s, then do it", seconds=WAIT_S)
-    return AlternativeAction(action=action, title=title, wait_s=WAIT_S)
+    return AlternativeAction(action=action, title=title, wait_s=WAIT_S, speed_cap_mps=speed_mps)
 
 
 def _attestable(opened: HandoffOpened, mission: Mission) -> tuple[Condition, ...]:

@@ -128,7 +128,8 @@ class ConsoleWithRoles:
     def turn(self, last: str, cycle: int, *, api: bool) -> dict[str, object]:
         """A valid body for a request at a handoff."""
         known: dict[str, dict[str, object]] = {
-            **dict.fromkeys(("on-my-way", "ask-colleague"), {"reason": "because"}),
+            "on-my-way": {"reason": "because"},
+            "ask-colleague": {"reason": "because"},
             "choose": {"action": "retry", "cycle": cycle},
             "take-over": {"claim": "t", "device": "desk", "key": "k", "reason": "because"},
             "hand-back": {"claim": "t", "key": "k", "reason": "because"},

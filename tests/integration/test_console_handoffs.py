@@ -385,6 +385,8 @@ def test_a_slower_start_is_proposed_from_the_page_and_is_what_the_approval_sends
     assert "Slower: at most 0.25 m/s" in page and "Wait 30 s, then do it" in page
     chosen = {"action": "retry", "speed_cap_mps": "0.25", "cycle": shown(operator, handoff_id)["cycle"]}
     assert operator.post(f"/handoffs/{handoff_id}/choose", data=chosen).status_code == 303
+    later = operator.get(f"/handoffs/{handoff_id}").text.partition('name="wait_s" value="30.0"')[2]
+    assert 'name="speed_cap_mps" value="0.25"' in later.partition("</form>")[0], "waiting too keeps the speed"
     form = {**shown(operator, handoff_id), "decision": "approve", "reason": "narrow there"}
     assert operator.post(f"/handoffs/{handoff_id}/decision", data=form).status_code == 303
     invocation = stand.harness.runtime.mission(mission.mission_id).invocation
