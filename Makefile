@@ -3,6 +3,8 @@ SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := targets
 MAKEFLAGS += --no-print-directory
+# Some images forbid compiled files: then each of the processes below would compile the whole project anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 BIN := .venv/bin
 WORKERS ?= 2

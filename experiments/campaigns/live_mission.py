@@ -118,7 +118,7 @@ def started(
         return subprocess.Popen(
             [sys.executable, "-P", "-m", "app.cli.main", *words],
             cwd=ROOT,
-            env={**plain_environment, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1", **(changes or {})},
+            env={**plain_environment, "PYTHONPATH": str(ROOT), **(changes or {})},
             stdout=subprocess.DEVNULL,
             stderr=errors,
         )

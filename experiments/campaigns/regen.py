@@ -17,7 +17,7 @@ def regen(*words: object, before: Callable[[], None] | None = None, **changes: s
     return subprocess.run(
         [sys.executable, "-P", "-m", "app.cli.main", *(str(word) for word in words)],
         cwd=ROOT,
-        env={**environment, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"},
+        env={**environment, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         timeout=LONGEST_S,

@@ -1,15 +1,28 @@
-"""Running `regen` as a person would, in processes of its own."""
+"""Running `regen` as a person would, in processes of its own.
 
+They are forked from a server that has the command line's modules loaded: loading them anew takes longer than most
+commands. `command` is for what must be a fresh interpreter.
+"""
+
+import atexit
 import json
+import multiprocessing
 import os
+import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
+from functools import cache
+from multiprocessing.context import ForkServerContext
 from pathlib import Path
 from typing import Any
 
+from app.cli.main import main
+
 KEY = "REGEN_SNAPSHOT_KEY_FILE"
+LONGEST_S = 200.0
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -23,22 +36,61 @@ def environment(**changes: str) -> dict[str, str]:
     return kept | changes
 
 
+class RunningCommand:
+    """A call of the command line that is under way. Its exit code is negative for a signal."""
+
+    def __init__(self, words: tuple[str, ...], changed: dict[str, str]) -> None:
+        self.words = words
+        self._folder = tempfile.TemporaryDirectory()
+        self._process = _forks().Process(target=_called, args=(words, changed, self._folder.name))
+        self._process.start()
+        assert self._process.pid is not None
+        self.pid = self._process.pid
+
+    def communicate(self, timeout: float = LONGEST_S) -> tuple[str, str]:
+        """Waits for its end: standard output and standard error."""
+        self._process.join(timeout)
+        if self._process.exitcode is None:
+            os.kill(self.pid, signal.SIGKILL)
+            self._process.join()
+            raise subprocess.TimeoutExpired(list(self.words), timeout)
+        self.returncode = self._process.exitcode
+        self._process.close()
+        written = [(Path(self._folder.name) / name).read_text(encoding="utf-8") for name in ("out", "err")]
+        self._folder.cleanup()
+        return written[0], written[1]
+
+
+@cache
+def _forks() -> ForkServerContext:
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([f"app.cli.{file.stem}" for file in (ROOT / "app" / "cli").glob("[a-z]*.py")])
+    return context
+
+
+def _called(words: tuple[str, ...], changed: dict[str, str], folder: str) -> None:
+    """Becomes the command: in the child."""
+    os.chdir(ROOT)
+    os.environ.clear()
+    os.environ.update(changed)
+    for number, name in ((1, "out"), (2, "err")):
+        os.dup2(os.open(f"{folder}/{name}", os.O_WRONLY | os.O_CREAT | os.O_APPEND), number)
+    sys.argv = ["regen", *words]
+    try:
+        main()
+    finally:
+        atexit._run_exitfuncs()
+
+
+def start(*words: object, **changes: str) -> RunningCommand:
+    return RunningCommand(tuple(map(str, words)), environment(**changes))
+
+
 def regen(*words: object, **changes: str) -> subprocess.CompletedProcess[str]:
     """One call of the command line, waited for."""
-    return subprocess.run(
-        command(*words), cwd=ROOT, env=environment(**changes), capture_output=True, text=True, timeout=200, check=False
-    )
-
-
-def start(*words: object, **changes: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        command(*words),
-        cwd=ROOT,
-        env=environment(**changes),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    )
+    running = start(*words, **changes)
+    out, err = running.communicate()
+    return subprocess.CompletedProcess(list(running.words), running.returncode, out, err)
 
 
 def answer(done: subprocess.CompletedProcess[str]) -> dict[str, Any]:

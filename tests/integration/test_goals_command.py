@@ -1,9 +1,7 @@
 """Goals from the command line: what starts, what is asked about, and what is refused, before anything is written."""
 
 import json
-import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -27,11 +25,7 @@ PLAIN = (
 
 def asked(data: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
     """One `regen mission run`, to its end."""
-    environment = {**os.environ, "REGEN_FIDELITY": "kinematic"}
-    return subprocess.run(
-        [sys.executable, "-m", "app.cli", "mission", "run", *arguments, "--data", str(data), *KINEMATIC],
-        capture_output=True, text=True, timeout=300, env=environment, check=False,
-    )  # fmt: skip
+    return regen("mission", "run", *arguments, "--data", data, *KINEMATIC, REGEN_FIDELITY="kinematic")
 
 
 def test_goals_in_plain_words_are_understood_without_a_question() -> None:
