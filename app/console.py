@@ -46,6 +46,7 @@ from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 from harness.routing.explanation import explained
 from harness.routing.question import RoutingQuestion
+from rsi_reviews.evaluation_jobs import EvaluationCost, EvaluationJob
 
 Cards = Callable[[], Iterable[CapabilityCard]]
 Dossier = Callable[[MissionId, Path, str], object]
@@ -73,6 +74,22 @@ class TeleoperationPort(Protocol):
     def to_safety(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused: ...
 
     def stop_retreat(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused: ...
+
+
+class EvaluationPort(Protocol):
+    """How people have candidates evaluated in the background; see app/background/evaluation_jobs.py."""
+
+    def jobs(self) -> tuple[EvaluationJob, ...]: ...
+
+    def newest(self, candidate: Digest) -> EvaluationJob | None: ...
+
+    def ahead(self, job: EvaluationJob) -> int: ...
+
+    def cost(self, candidate: Digest, *, by: str, processes: int = 0) -> EvaluationCost: ...
+
+    def ask(self, candidate: Digest, by: Actor, *, processes: int = 0) -> EvaluationJob | Refused: ...
+
+    def cancel(self, candidate: Digest, by: Actor) -> EvaluationJob | Refused: ...
 
 
 def no_journal(mission_id: MissionId) -> None:
@@ -121,6 +138,7 @@ class Console:
     fleet: Fleet = field(default_factory=no_fleet)
     presence: Presence = field(default_factory=Presence)
     teleoperation: TeleoperationPort | None = None
+    evaluations: EvaluationPort | None = None
     dossier: Dossier | None = None
     absent: Mapping[RobotId, Reason] = field(default_factory=dict)
     unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = field(default_factory=dict)

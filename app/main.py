@@ -29,7 +29,17 @@ from app.background.notifications import Notices
 from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
 from app.background.trajectories import Measurements
-from app.console import Cards, ClearWay, Console, Dossier, Starts, TeleoperationPort, no_cards, no_journal
+from app.console import (
+    Cards,
+    ClearWay,
+    Console,
+    Dossier,
+    EvaluationPort,
+    Starts,
+    TeleoperationPort,
+    no_cards,
+    no_journal,
+)
 from app.i18n.languages import Languages
 from app.routes import (
     account,
@@ -49,6 +59,7 @@ from app.routes import (
     api_robots,
     audit,
     candidate_editor,
+    candidate_evaluation,
     candidates,
     driving,
     evaluation,
@@ -109,6 +120,7 @@ def create_app(
     folder: Path | None = None,
     fleet: Fleet | None = None,
     teleoperation: TeleoperationPort | None = None,
+    evaluations: EvaluationPort | None = None,
     absent: Mapping[RobotId, Reason] = MappingProxyType({}),
     unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = MappingProxyType({}),
     clear_way: ClearWay | None = None,
@@ -122,7 +134,7 @@ def create_app(
     `clear_way` takes away what stands in a simulated robot's way.
 
     `fleet` shows what robots say of themselves, `teleoperation` lets people drive them; both are ended with the
-    console.
+    console. `evaluations` runs what people ask to have evaluated.
 
     Sign-in links come from `app.state.sessions`. Its lists are kept in `folder`, or in memory without one, and have
     caught up with the log on return.
@@ -173,6 +185,7 @@ def create_app(
         cards=cards,
         fleet=fleet or no_fleet(),
         teleoperation=teleoperation,
+        evaluations=evaluations,
         absent=absent,
         unused=unused,
         clear_way=clear_way,
@@ -197,6 +210,7 @@ def create_app(
         alerts,
         evidence,
         candidate_editor,
+        candidate_evaluation,
         candidates,
         releases,
         evaluation,

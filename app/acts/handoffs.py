@@ -1,7 +1,7 @@
 """Acts on handoffs: everything a person can do with a waiting question."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field
 
@@ -10,6 +10,7 @@ from app.i18n.catalogues import N_
 from app.views.forms import Wrong
 from harness.contracts import commands, handoff_commands
 from harness.contracts.configuration import RecoveryAction
+from harness.contracts.handoff_events import LONGEST_WAIT_S
 from harness.contracts.reasons import because
 
 
@@ -45,12 +46,28 @@ class ExtendDeadlineAct(base.Act):
 
 
 class ChooseActionAct(base.Act):
-    """Propose another action of the recovery ladder instead; it needs an approval of its own digest."""
+    """Propose another action of the recovery ladder instead; it needs an approval of its own digest.
+
+    `wait_s`: how many seconds the start waits after the approval. `speed_cap_mps`: drive this slowly, this once.
+    """
 
     becomes = handoff_commands.ChooseAction
+    sentences: ClassVar[Mapping[str, str]] = {
+        "wait_s": N_("A start waits 0 to 90 seconds."),
+        "speed_cap_mps": N_("A speed is a number of metres per second above 0."),
+    }
     action: RecoveryAction
     cycle: base.Count
     claim: base.Text = ""
+    wait_s: Annotated[float, Field(ge=0, le=LONGEST_WAIT_S)] = 0.0
+    speed_cap_mps: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+
+
+class AskColleagueAct(base.Act):
+    """Ask the next person now, without waiting for the escalation's time."""
+
+    becomes = handoff_commands.AskColleague
+    reason: base.Reason = N_("I would like a colleague to look at it")
 
 
 class _DecisionAct(base.Act):
@@ -142,6 +159,7 @@ ACTS: Mapping[str, type[base.Act]] = {
     "release": ReleaseHandoffAct,
     "on-my-way": ExtendDeadlineAct,
     "choose": ChooseActionAct,
+    "ask-colleague": AskColleagueAct,
     "attest": AttestHandoffAct,
     "take-over": TakeControlAct,
     "hand-back": HandBackAct,

@@ -20,6 +20,7 @@ from rsi_reviews.suite_growth import AddCase
 
 Answered = Accepted[Any] | Refused
 Json = Annotated[str, StringConstraints(min_length=2, max_length=LARGEST_BYTES)]
+MOST_PROCESSES = 64
 LONGEST_WAIT_S = 30 * 86400.0
 
 
@@ -37,6 +38,17 @@ class AddCaseAct(base.Act):
 
     becomes = AddCase
     reason: base.Reason
+
+
+class EvaluateCandidateAct(base.ActModel):
+    """Evaluate a candidate on this console's machine; 0 `processes`: as many as the console gives a job."""
+
+    sentences: ClassVar[Mapping[str, str]] = {"processes": N_("An evaluation runs on 1 to 64 processes.")}
+    processes: Annotated[int, Field(ge=0, le=MOST_PROCESSES)] = 0
+
+
+class CancelEvaluationAct(base.ActModel):
+    """End an evaluation, or take it out of the queue. What was measured is kept."""
 
 
 class CandidateAct(base.Act):

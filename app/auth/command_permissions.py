@@ -45,6 +45,7 @@ ASKED: Mapping[type[Command], Permission] = MappingProxyType(
         handoff_commands.TakeClaim: "decide",
         handoff_commands.DropClaim: "decide",
         handoff_commands.ExtendDeadline: "decide",
+        handoff_commands.AskColleague: "decide",
         handoff_commands.TakeControl: "decide",
         handoff_commands.ReturnControl: "decide",
         handoff_commands.CloseQuestion: "decide",

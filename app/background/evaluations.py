@@ -14,6 +14,7 @@ from rsi_reviews.candidate_queries import CandidateQueries
 from rsi_reviews.contracts import ResultSet
 from rsi_reviews.projections import Review
 from rsi_reviews.regression.cases import Case, cases_of
+from rsi_reviews.regression.results import results_path
 from rsi_reviews.regression.suite import shipped
 
 KEPT = 4
@@ -48,7 +49,7 @@ class EvaluationCache:
         if terms is None:
             return ""
         needed = _grouped(2 * terms.cases)
-        path = self._folder / f"results-{terms.evaluator.rpartition('+')[2]}.jsonl" if self._folder else None
+        path = results_path(self._folder, terms.evaluator) if self._folder else None
         if path is None or not path.is_file():
             return lazy_gettext("{count} missions to run", count=needed)
         body = path.read_bytes()

@@ -13,7 +13,8 @@ from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from app.views.robots import LiveFrame, RobotReportSeen, Shots
 from harness.contracts.errors import HarnessError, UnknownName
-from harness.contracts.ids import RobotId
+from harness.contracts.ids import Digest, RobotId
+from harness.contracts.observations import Pose, Scan
 from harness.contracts.ports import LiveCamera, Robot
 from harness.contracts.reasons import because
 from harness.workers import Worker
@@ -23,6 +24,9 @@ FETCHED_S = 6.0
 """A picture that a page named a moment ago is still there when the browser fetches it."""
 MOST_SHOTS = 24
 MOST_BYTES = 4 * 1024 * 1024
+MOST_SEEN = 300
+"""Poses and sweeps of a robot that are kept for its map."""
+BATCH, MOST_BATCHES = 5000, 8
 WORD_EVERY_S = 1.0
 PICTURE_EVERY_S = 2.0
 RESTING_EVERY_S = 5.0
@@ -40,6 +44,10 @@ class _Post:
     numbered: int = 0
     lock: Lock = field(default_factory=Lock)
     looking: Lock = field(default_factory=Lock)
+    seen: deque[Pose | Scan] = field(default_factory=partial(deque, maxlen=MOST_SEEN))
+    seen_s: float = 0.0
+    after: int = 0
+    reading: Lock = field(default_factory=Lock)
 
 
 class Fleet:
@@ -107,6 +115,30 @@ class Fleet:
         if found is not None:
             return found
         raise UnknownName(because("picture_not_kept", number=number, robot_id=robot_id))
+
+    def samples(self, robot_id: str) -> tuple[tuple[Pose | Scan, ...], float]:
+        """The last poses and sweeps of a robot that runs no mission, and the robot's own time: read on from where the
+        last reading ended. Raises UnknownName; a robot that does not answer shows what it said last.
+        """
+        post = self._post(robot_id)
+        with post.reading:
+            try:
+                self._read_on(post)
+            except HarnessError as error:
+                post.trouble = reasoned(error.what)
+            return tuple(post.seen), post.seen_s
+
+    def _read_on(self, post: _Post) -> None:
+        for _ in range(MOST_BATCHES):
+            batch = self._robots[post.robot_id].observations(post.after, BATCH)
+            post.seen.extend(one for one in batch.samples if isinstance(one, Pose | Scan))
+            post.seen_s, post.after = batch.at_s, batch.next_seq
+            if len(batch.samples) < BATCH:
+                return
+
+    def blob(self, robot_id: str, digest: Digest) -> bytes:
+        """What a sample of this robot refers to. Raises UnknownName or BlobDamaged."""
+        return self._robots[self._post(robot_id).robot_id].blob(digest)
 
     def _post(self, robot_id: str) -> _Post:
         try:

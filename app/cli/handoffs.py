@@ -105,6 +105,17 @@ def extend(
     _post(data, handoff_id, "on-my-way", lambda _: acts.ExtendDeadlineAct.of(reason=reason), as_json=as_json)
 
 
+@app.command("ask-colleague")
+def ask_colleague(
+    handoff_id: str,
+    reason: Reason,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
+) -> None:
+    """Ask the next person now."""
+    _post(data, handoff_id, "ask-colleague", lambda _: acts.AskColleagueAct.of(reason=reason), as_json=as_json)
+
+
 @app.command()
 def choose(
     handoff_id: str,
@@ -112,11 +123,14 @@ def choose(
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
     token: Claimed = "",
+    wait_s: Annotated[float, typer.Option("--wait", help="How many seconds it waits after the approval.")] = 0.0,
+    speed_cap_mps: Annotated[float | None, typer.Option("--speed", help="At most so many m/s, this once.")] = None,
 ) -> None:
-    """Ask anew with another action. Nothing runs until its own digest is approved."""
+    """Ask anew with another action, later or slower. Nothing runs until its own digest is approved."""
 
     def act_of(handoff: Handoff) -> Act:
-        return acts.ChooseActionAct.of(action=action, cycle=handoff.cycle, claim=token)
+        given = {"wait_s": wait_s, "speed_cap_mps": speed_cap_mps}
+        return acts.ChooseActionAct.of(action=action, cycle=handoff.cycle, claim=token, **given)
 
     _post(data, handoff_id, "choose", act_of, as_json=as_json)
 

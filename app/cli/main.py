@@ -47,6 +47,7 @@ COMMANDS = {
     "mission dossier": "dossiers:dossier",
     "rsi case": "rsi_cases:case",
     "rsi evaluate": "rsi_evaluate:evaluate",
+    "rsi cancel-evaluation": "rsi_evaluate:cancel",
     "rsi recursion": "rsi_recursion:recursion",
     "rsi counterfactual": "rsi_recursion:replayed",
     "rsi generate": "rsi_recursion:generate",

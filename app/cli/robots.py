@@ -5,8 +5,8 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from app.acts.missions import LimitAutonomyAct, SetAutonomyAct, StopMissionAct
-from app.acts.robots import OrderPostureAct, SendToSafetyAct, StopRobotsAct
+from app.acts.missions import LimitAutonomyAct, SetAutonomyAct
+from app.acts.robots import OrderPostureAct, SendToSafetyAct, StopRobotAct, StopRobotsAct
 from app.cli import output
 from app.cli.owner_api import OwnerApi, owner_api
 from harness.contracts.control import LEVELS
@@ -26,14 +26,14 @@ def list_robots(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = 
 
 
 @app.command()
-def stop(robot: str, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
-    """Ask the mission of one robot to stop."""
-    api = _owner(data)
-    found = api.get(f"/robots/{robot}")
-    if not found["mission_id"]:
-        raise HarnessError(because("robot_without_mission", robot=robot))
-    outcome = api.post(f"/missions/{found['mission_id']}/stop", StopMissionAct.of(reason=reason).body())
-    output.show(outcome, as_json=as_json, lines=[f"{robot}: {outcome['mission_id']} is {outcome['status']}"])
+def stop(
+    robot: str,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
+    reason: Annotated[str, typer.Option(help="Why; it stands in the log, and may be left out.")] = "",
+) -> None:
+    """Stop whatever moves one robot: its mission, a person's hand, its way to safety. Exit 1 if that was refused."""
+    _stopped(data, StopRobotAct.of(reason=reason), robot=robot, as_json=as_json)
 
 
 @app.command("stop-all")
@@ -86,12 +86,12 @@ def autonomy(
     output.show(outcome, as_json=as_json, lines=[f"{bound}: {outcome['autonomy']}"])
 
 
-def _stopped(data: Path, act: StopRobotsAct, *, as_json: bool) -> NoReturn:
-    """A stop of everything, sent to safety too if the act says so, how it went, and how every robot is then."""
+def _stopped(data: Path, act: StopRobotAct | StopRobotsAct, *, as_json: bool, robot: str = "") -> NoReturn:
+    """A stop of one robot or of all, sent to safety too if the act says so; how it went, and how they are then."""
     api = _owner(data)
-    outcome = api.post("/robots/stop", act.body())
+    outcome = api.post(f"/robots/{robot}/stop" if robot else "/robots/stop", act.body())
     lines = [f"asked to stop: {one}" for one in outcome["asked"]] + [f"not done: {one}" for one in outcome["refused"]]
-    rows = [_line(row) for row in api.get("/robots")]
+    rows = [_line(row) for row in ([api.get(f"/robots/{robot}")] if robot else api.get("/robots"))]
     output.show(outcome, as_json=as_json, lines=(lines or ["No mission was under way."]) + output.table([HEAD, *rows]))
     raise typer.Exit(1 if outcome["refused"] else 0)
 

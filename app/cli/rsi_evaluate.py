@@ -1,6 +1,7 @@
 """regen rsi evaluate: run a candidate and its baseline on the suites, judge it, and record the result.
 
-Ctrl-C keeps every finished case; the same command goes on from there. Exit 0 passed, 1 not, 130 broken off.
+Beside a running console the console evaluates it, and this command follows. Else it runs here: Ctrl-C keeps every
+finished case, and the same command goes on from there. Exit 0 passed, 1 not, 130 broken off.
 """
 
 import os
@@ -19,10 +20,11 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from app.acts.releases import CancelEvaluationAct, EvaluateCandidateAct
 from app.cli import output
 from app.cli.data_folder import deciding
 from app.cli.logins import acting_name
-from app.cli.owner_api import owner_api
+from app.cli.owner_api import OwnerApi, owner_api
 from app.cli.person import me
 from app.cli.rsi import CandidateName
 from harness.bootstrap import read_harness
@@ -32,16 +34,18 @@ from harness.contracts.reasons import because
 from harness.contracts.values import digest
 from rsi_reviews.candidate_queries import CandidateQueries, selected
 from rsi_reviews.deciders import DECIDERS
+from rsi_reviews.evaluation_jobs import OPEN
 from rsi_reviews.held_out import Looks, secret_in
 from rsi_reviews.regression.executors import Executor, local
 from rsi_reviews.regression.grown_suite import with_growth
-from rsi_reviews.regression.results import ResultsFile, evaluator_version
+from rsi_reviews.regression.results import ResultsFile, evaluator_version, results_path
 from rsi_reviews.regression.runner import RunProgress
 from rsi_reviews.regression.suite import shipped
 from rsi_reviews.release_service import ReleaseService, SignedBy
 from rsi_reviews.trial import HeldOut, Means, Trial, TrialOutcome, carried_out, judged_on, prepared
 from simulator.in_process import SIMULATOR
 
+FOLLOW_S = 1.0
 EvaluatorFolder = Annotated[
     Path | None,
     typer.Option(
@@ -77,7 +81,10 @@ def evaluate(
     """Compare a candidate with its baseline on the shipped suites and put the report on record."""
     folder = evaluator or data.absolute().with_name(f"{data.absolute().name}-evaluator")
     how = RunOptions(data=data, folder=folder, cases=cases, fresh=not resume)
-    if cases is None and owner_api(data) is not None:
+    owner = owner_api(data) if cases is None else None
+    if owner is not None and evaluator is None and not ray and resume:
+        raise typer.Exit(_in_console(owner, candidate, processes, as_json=as_json))
+    if owner is not None:
         raise StoreOwned(because("console_owns_folder"), where=str(data))
     trial = _trial(candidate, how)
     if cases is None:
@@ -90,6 +97,35 @@ def evaluate(
     answer = report_of(trial, outcome, recorded=cases is None)
     output.show(answer, as_json=as_json, lines=_lines(answer))
     raise typer.Exit(0 if answer["answer"] == "pass" else 1)
+
+
+def cancel(candidate: CandidateName, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
+    """End an evaluation of the running console, or take it out of its queue. What was measured is kept."""
+    owner = owner_api(data)
+    if owner is None:
+        raise HarnessError(because("no_console"), where=str(data))
+    answer = owner.post(f"/candidates/{candidate}/cancel-evaluation", CancelEvaluationAct().body())
+    output.show(answer, as_json=as_json, lines=[f"{candidate[:16]}  {answer['job']['status']}"])
+
+
+def _in_console(owner: OwnerApi, candidate: str, processes: int, *, as_json: bool) -> int:
+    """Have the running console evaluate it, and follow that: 0 if it passed. Ctrl-C ends the following alone."""
+    path = f"/candidates/{candidate}"
+    answer = owner.post(f"{path}/evaluate", EvaluateCandidateAct.of(processes=processes).body())
+    try:
+        with _watched() as watch:
+            while answer["job"]["status"] in OPEN:
+                job = answer["job"]
+                watch(RunProgress(done=job["done"], of=max(1, job["of"]), kept=job["kept"], bad=job["bad"]))
+                time.sleep(FOLLOW_S)
+                answer = owner.get(f"{path}/evaluation")
+    except KeyboardInterrupt:
+        sys.stderr.write(f"regen: the console goes on; `regen rsi cancel-evaluation {candidate[:12]}` ends it\n")
+        return 130
+    job = answer["job"]
+    why = f": {job['reason']}" if job["reason"] else ""
+    output.show(answer, as_json=as_json, lines=[f"{candidate[:16]}  {job['answer'] or job['status']}{why}"])
+    return 0 if job["answer"] == "pass" else 1
 
 
 def executor(ray: str, processes: int) -> Executor:
@@ -140,7 +176,7 @@ def _trial(name: str, how: RunOptions) -> Trial:
 def _run(trial: Trial, how: RunOptions, executor: Executor) -> TrialOutcome:
     evaluator = evaluator_version(SIMULATOR.sources())
     how.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    path = how.folder / f"results-{evaluator.rpartition('+')[2]}.jsonl"
+    path = results_path(how.folder, evaluator)
     held_out = None
     if how.cases is None:
         held_out = HeldOut(secret=secret_in(how.folder, secrets.token_bytes), looks=Looks(how.folder))

@@ -1,5 +1,6 @@
 """regen up: the console with the runtime and simulated robots; regen doctor: checks a data folder."""
 
+import secrets
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -14,6 +15,7 @@ from pydantic import SecretStr
 from app.auth.commit_authority import authority
 from app.auth.exposure import check_exposure
 from app.auth.oidc_settings import identity_provider
+from app.background.evaluation_jobs import EvaluationJobs
 from app.background.evaluations import evaluator_folder
 from app.background.release_watch import ReleaseWatch
 from app.background.retention import Retention
@@ -118,6 +120,16 @@ def up(
         stack.callback(harness.teleoperation.close)
         fleet = Fleet(harness.robots, harness.cameras, time.time)
         fleet.watch()
+        evaluations = EvaluationJobs(
+            harness.runtime,
+            evaluator_folder(chosen.data_folder),
+            SIMULATOR,
+            clock=time.time,
+            now_s=time.monotonic,
+            fresh=secrets.token_bytes,
+            changed=broker.changed,
+        )
+        stack.callback(evaluations.close)
         app = create_app(
             harness.runtime,
             console,
@@ -132,11 +144,13 @@ def up(
             folder=chosen.data_folder,
             fleet=fleet,
             teleoperation=harness.teleoperation,
+            evaluations=evaluations,
             absent=harness.absent,
             unused=harness.unused,
             clear_way=_clear_way(harness),
         )
         app.state.alert_watch.watch()
+        evaluations.watch()
         _watch_releases(stack, harness, evaluator_folder(chosen.data_folder) if start is not None else None)
         if chosen.media_days is not None:
             retention = Retention(harness.runtime, days=chosen.media_days, clock=time.time)

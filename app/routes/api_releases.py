@@ -8,7 +8,7 @@ from starlette.responses import JSONResponse
 from app.acts import releases as acts
 from app.console import ActorDep, ConsoleDep
 from app.i18n.reasons.rendering import sentence
-from app.routes import api_requests
+from app.routes import api_requests, candidate_evaluation
 from app.routes import api_schemas as schemas
 from app.routes.candidate_editor import checked, proposed
 from app.routes.candidate_json import row, sheet
@@ -19,7 +19,7 @@ from app.views.review_replay import Decided
 from app.web.security import PrincipalDep
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
-from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.reasons import because
 from rsi_reviews.candidates import read_candidate
 from rsi_reviews.contracts import ReleasePolicy
@@ -131,6 +131,37 @@ def replay(console: ConsoleDep, actor: ActorDep, candidate: str) -> Any:
         for one in found.differing
     )
     return api_requests.plain(schemas.Replay(missions=found.looked, decisions=found.decisions, differing=differing))
+
+
+@router.get("/candidates/{candidate}/evaluation", responses=api_requests.answers(schemas.CandidateEvaluation))
+def evaluation(console: ConsoleDep, principal: PrincipalDep, candidate: str) -> Any:
+    """The newest evaluation asked for here, and what one would take where none waits or runs."""
+    found = candidate_evaluation.panel_of(console, principal, _named(candidate))
+    return api_requests.plain(
+        schemas.CandidateEvaluation(
+            candidate=Digest(found.candidate), job=found.job, cost=found.cost, ahead=found.ahead, left_s=found.left_s
+        )
+    )
+
+
+@router.post("/candidates/{candidate}/evaluate", responses=api_requests.answers(schemas.CandidateEvaluation))
+def evaluate(console: ConsoleDep, principal: PrincipalDep, candidate: str, body: acts.EvaluateCandidateAct) -> Any:
+    """Evaluate it in the background of this console, after those that were asked for before."""
+    decision = candidate_evaluation.begin_evaluation(console, principal, _named(candidate), body)
+    if isinstance(decision, Refused):
+        return api_requests.refusal(decision)
+    return evaluation(console, principal, candidate)
+
+
+@router.post("/candidates/{candidate}/cancel-evaluation", responses=api_requests.answers(schemas.CandidateEvaluation))
+def cancel_evaluation(
+    console: ConsoleDep, principal: PrincipalDep, candidate: str, body: acts.CancelEvaluationAct
+) -> Any:
+    """End it, or take it out of the queue; what was measured is kept."""
+    decision = candidate_evaluation.cancel_evaluation(console, principal, _named(candidate))
+    if isinstance(decision, Refused):
+        return api_requests.refusal(decision)
+    return evaluation(console, principal, candidate)
 
 
 def _act() -> api_requests.Handler:

@@ -18,6 +18,7 @@ from harness.projections.exploration import ExplorationDecision
 from harness.projections.unverified import UnverifiedPart
 from rsi_reviews import contracts
 from rsi_reviews.difference import FieldChange
+from rsi_reviews.evaluation_jobs import EvaluationCost, EvaluationJob
 from rsi_reviews.events import ConfigurationQuarantined, HeldOutLooked, PointerMoved
 from rsi_reviews.pointers import Draining, Uptake
 from rsi_reviews.projections import CanaryEntry, ReviewEntry
@@ -371,6 +372,16 @@ class SiteControlResource(Value):
     autonomy: Autonomy
     limited_by: str | None
     reason: str
+
+
+class CandidateEvaluation(Value):
+    """How far the evaluation of a candidate is. `ahead`: jobs before a queued one; `left_s`: at the pace so far."""
+
+    candidate: Digest
+    job: EvaluationJob | None
+    cost: EvaluationCost | None
+    ahead: Count
+    left_s: float | None
 
 
 class StopsAsked(Value):

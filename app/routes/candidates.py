@@ -6,12 +6,14 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from app.acts.releases import ACTS
+from app.acts.releases import ACTS, EvaluateCandidateAct
+from app.auth.guarded_runtime import principal as present
 from app.background.evaluations import situations
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.languages import explained
 from app.i18n.messages import reasoned
+from app.routes import candidate_evaluation
 from app.views import candidates
 from app.views.candidates import BoardPage, CandidateListParams
 from app.views.review import ReviewPage, ReviewSources, SubmittedReviewForm, review_page
@@ -19,6 +21,7 @@ from app.views.review_replay import ReplayPage, replay_page
 from app.views.review_results import CasesPage, cases_page
 from app.views.rollback import RollbackPage, rollback_page
 from app.web.rendering import render
+from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decider import Codec
 from harness.contracts.decisions import Refused
@@ -28,6 +31,7 @@ from harness.contracts.ports import MISSION_STREAMS
 from harness.contracts.reasons import because
 from rsi_reviews.contracts import Subject
 from rsi_reviews.counterfactual import counterfactual
+from rsi_reviews.evaluation_jobs import EvaluationJob
 from rsi_reviews.events import CandidateEvent, ReviewOpened
 
 router = APIRouter(prefix="/candidates")
@@ -92,6 +96,33 @@ def rolling_back(console: ConsoleDep, actor: ActorDep, candidate: str) -> HTMLRe
     return render("candidates/rollback.html", rollback_of(console, actor, candidate))
 
 
+@router.post("/{candidate}/evaluate")
+def evaluate(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, candidate: str, typed: FormDep) -> Response:
+    """303 to the candidate, 422 for a number of processes that is none, 409 with the reason of a refusal."""
+    act = EvaluateCandidateAct.from_form(typed)
+    if isinstance(act, tuple):
+        return _again(console, actor, candidate, typed, refused=" ".join(one.text for one in act), status=422)
+    return _after_evaluation(
+        console, actor, candidate, typed, candidate_evaluation.begin_evaluation(console, principal, candidate, act)
+    )
+
+
+@router.post("/{candidate}/cancel-evaluation")
+def cancel_evaluation(
+    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, candidate: str, typed: FormDep
+) -> Response:
+    decision = candidate_evaluation.cancel_evaluation(console, principal, candidate)
+    return _after_evaluation(console, actor, candidate, typed, decision)
+
+
+def _after_evaluation(
+    console: Console, actor: Actor, candidate: str, typed: dict[str, str], decision: EvaluationJob | Refused
+) -> Response:
+    if isinstance(decision, Refused):
+        return _again(console, actor, candidate, typed, refused=reasoned(decision.reason), status=409)
+    return RedirectResponse(f"/candidates/{decision.candidate}", status_code=303)
+
+
 @router.post("/{candidate}/{verb}")
 def act(console: ConsoleDep, actor: ActorDep, candidate: str, verb: str, typed: FormDep) -> Response:
     """One act of app/acts/releases.py: 303, 422 not well said, 409 refused and why, with the page as it is now."""
@@ -152,7 +183,14 @@ def page_of(
     )
     shell = console.shell(candidates.title_of(review), "candidates", actor, topics=(f"candidate/{name}",))
     return review_page(
-        shell, review, seen, actor, robots=console.settings.robots, key=console.sessions.key(), left=left
+        shell,
+        review,
+        seen,
+        actor,
+        evaluation=candidate_evaluation.panel_of(console, present(), name),
+        robots=console.settings.robots,
+        key=console.sessions.key(),
+        left=left,
     )
 
 

@@ -10,7 +10,7 @@ from app.i18n.catalogues import N_
 from app.i18n.languages import in_words
 from app.i18n.messages import lazy_gettext, reasoned
 from app.routes.robot_acts import wheel_returned, wheel_taken
-from app.routes.robots import RobotPath, card
+from app.routes.robots import RobotPath, card, map_of
 from app.views.driving import DrivePage, TakenOver, taken_over
 from app.web.rendering import render
 from app.web.security import PrincipalDep
@@ -104,6 +104,7 @@ def _pad(
             lazy_gettext("Drive {robot_id}", robot_id=robot_id), "robots", actor, topics=[f"robot/{robot_id}"]
         ),
         robot=card(console, robot_id),
+        robot_map=map_of(console, robot_id, near=True),
         session=held.session if held is not None and held.actor.name == actor.name else "",
         taken=_taken(console, actor, robot_id),
         device=typed.device if typed else "",

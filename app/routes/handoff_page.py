@@ -1,6 +1,7 @@
 """Collects what the page of one handoff shows, and checks an answer against the page it was given on."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from app.acts.base import Act
 from app.acts.handoffs import ApproveHandoffAct
@@ -11,16 +12,17 @@ from app.views.handoff_question import ShownQuestion, differences, shown_questio
 from app.views.handoffs import HandoffEvents, HandoffForm, HandoffInputs, HandoffPage, HandoffScene
 from app.views.history import ShownDifference
 from app.views.places import site_map
+from app.views.robot_map import swept
 from app.views.robots import CameraView, LastReport
-from app.views.seen_around import SeenAround, seen_around
+from app.views.seen_around import SeenAround
 from harness.contracts import ids
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
 from harness.contracts.decisions import Decision, Refused, refused
-from harness.contracts.errors import BlobDamaged, UnknownName
+from harness.contracts.errors import UnknownName
 from harness.contracts.handoff_events import HandoffEvent, HandoffOpened
-from harness.contracts.observations import Pose, Scan
+from harness.contracts.observations import Pose
 from harness.contracts.read_models import HandoffItem, ListQuery
 from harness.contracts.values import digest, encode
 from harness.projections.handoffs import Handoff, apply
@@ -31,12 +33,11 @@ EARLIER = 50
 
 @dataclass(frozen=True)
 class SubmittedForm:
-    """A form as it was left: what was typed, why it was refused, and the cycle that it answered."""
+    """A form as it was left: which it was, what was typed in it, and why it was refused."""
 
-    typed: str = ""
-    device: str = ""
+    word: str = ""
+    fields: Mapping[str, str] = field(default_factory=dict)
     refused: str = ""
-    cycle: str = ""
 
 
 def page_of(
@@ -58,10 +59,10 @@ def page_of(
     form = HandoffForm(
         shown=digest(shown_record(opened, mission)),
         key=console.sessions.key(),
-        typed=left.typed,
-        device=left.device,
+        word=left.word,
+        fields=left.fields,
         refused=left.refused,
-        changes=changes(handoff, events, left.cycle) if left.refused else (),
+        changes=changes(handoff, events, left.fields.get("cycle", "")) if left.refused else (),
     )
     inputs = HandoffInputs(
         now_s=console.clock(),
@@ -163,12 +164,4 @@ def _live_at(console: Console, mission_id: ids.MissionId) -> tuple[float, float,
 def _seen(console: Console, mission_id: ids.MissionId) -> SeenAround:
     """What the newest lidar sweep shows around the robot, on the map; nothing where none is kept."""
     live = console.runtime.observations(mission_id)
-    samples = live.samples if live else ()
-    scan = next((one for one in reversed(samples) if isinstance(one, Scan)), None)
-    pose = next((one for one in reversed(samples) if isinstance(one, Pose)), None)
-    if scan is None or pose is None:
-        return SeenAround("", "", None)
-    try:
-        return seen_around(console.runtime.blob(scan.blob), pose)
-    except (BlobDamaged, UnknownName):
-        return SeenAround("", "", None)
+    return swept(live.samples if live else (), console.runtime.blob)

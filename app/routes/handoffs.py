@@ -8,6 +8,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts import handoffs as handoff_acts
 from app.acts.base import Act
+from app.acts.missions import PauseMissionAct, ResumeMissionAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.messages import reasoned
 from app.routes.handoff_page import SubmittedForm, answered, page_of, question_of
@@ -63,12 +64,30 @@ def _route(word: str) -> Callable[..., Response]:
     def act(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
         submitted = handoff_acts.act_of(word, typed).from_form(typed)
         if isinstance(submitted, tuple):
-            return _again(
-                console, actor, handoff_id, typed, refused=" ".join(one.text for one in submitted), status=422
-            )
+            wrong = SubmittedForm(word=word, fields=typed, refused=" ".join(one.text for one in submitted))
+            return _again(console, actor, handoff_id, wrong, status=422)
         decision = _claimed(console, actor, handoff_id, submitted) or answered(console, actor, handoff_id, submitted)
         if isinstance(decision, Refused):
-            return _again(console, actor, handoff_id, typed, refused=reasoned(decision.reason), status=409)
+            left = SubmittedForm(word=word, fields=typed, refused=reasoned(decision.reason))
+            return _again(console, actor, handoff_id, left, status=409)
+        return RedirectResponse(f"/handoffs/{handoff_id}", status_code=303)
+
+    return act
+
+
+def _mission_route(word: str, kind: type[Act]) -> Callable[..., Response]:
+    """The handler of an act on the mission that asks, which leads back to the question."""
+
+    def act(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
+        submitted = kind.from_form(typed)
+        if isinstance(submitted, tuple):
+            wrong = SubmittedForm(word=word, fields=typed, refused=" ".join(one.text for one in submitted))
+            return _again(console, actor, handoff_id, wrong, status=422)
+        mission_id = handoffs.required(console.runtime.handoff(handoff_id)).mission_id
+        decision = console.runtime.submit(mission_id, submitted.to_command(actor))
+        if isinstance(decision, Refused):
+            left = SubmittedForm(word=word, fields=typed, refused=reasoned(decision.reason))
+            return _again(console, actor, handoff_id, left, status=409)
         return RedirectResponse(f"/handoffs/{handoff_id}", status_code=303)
 
     return act
@@ -84,12 +103,9 @@ def _claimed(console: Console, actor: Actor, handoff_id: HandoffId, act: Act) ->
 
 for word in ("decision", *handoff_acts.ACTS):
     router.post(f"/{{handoff_id}}/{word}", name=word)(_route(word))
+router.post("/{handoff_id}/pause", name="pause")(_mission_route("pause", PauseMissionAct))
+router.post("/{handoff_id}/resume", name="resume")(_mission_route("resume", ResumeMissionAct))
 
 
-def _again(
-    console: Console, actor: Actor, handoff_id: HandoffId, typed: dict[str, str], *, refused: str, status: int
-) -> HTMLResponse:
-    left = SubmittedForm(
-        typed=typed.get("reason", ""), device=typed.get("device", ""), refused=refused, cycle=typed.get("cycle", "")
-    )
+def _again(console: Console, actor: Actor, handoff_id: HandoffId, left: SubmittedForm, *, status: int) -> HTMLResponse:
     return render("handoffs/detail.html", page_of(console, actor, handoff_id, left), status=status)

@@ -1,12 +1,14 @@
 """One mission now or at an earlier event: the object that every region of the mission page reads."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, reduce
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from fastapi import Depends, Query
 
 from app.console import Console, ConsoleDep
+from app.routes.robots import camera_of, map_of
 from app.views import budgets, contexts, evidence, frames, missions, plots, stages, timeline
 from app.views.budgets import Budget
 from app.views.contexts import ContextsView, ContextView
@@ -15,16 +17,19 @@ from app.views.evidence import EvidenceView
 from app.views.frames import FramesView
 from app.views.missions import MissionHeader, RobotStrip
 from app.views.plots import Plot
+from app.views.robot_map import RobotMapView
+from app.views.robots import CameraView
 from app.views.shell import Shell
 from app.views.stages import Graph, Observed, Stage
 from app.views.timeline import Axis, Timeline, TimelineEntry
 from harness.contracts.events import CompletionReported, FailureReported, MissionEnded
 from harness.contracts.evidence import CommittedFact
-from harness.contracts.ids import MissionId, NodeId
+from harness.contracts.ids import MissionId, NodeId, RobotId
 from harness.projections.mission import Mission
 from harness.projections.mission_fold import apply
 from harness.runtime import Live
 
+T = TypeVar("T")
 ENDS = (MissionEnded, CompletionReported, FailureReported)
 
 
@@ -161,6 +166,22 @@ class MissionPage(MissionAt):
 
     shell: Shell
     viewer: str
+
+    @cached_property
+    def camera(self) -> CameraView | None:
+        """The robot's camera while the mission is open; None where the robot is not connected here."""
+        return self._now(camera_of)
+
+    @cached_property
+    def robot_map(self) -> RobotMapView | None:
+        """The robot on the map while the mission is open; None where it is not connected here."""
+        return self._now(map_of)
+
+    def _now(self, view: Callable[[Console, RobotId], T]) -> T | None:
+        mission = self.console.runtime.mission(self.mission_id)
+        if mission.ended or mission.replay or mission.robot_id not in self.console.fleet.names:
+            return None
+        return view(self.console, mission.robot_id)
 
 
 def instant_of(

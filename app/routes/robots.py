@@ -15,6 +15,7 @@ from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from app.routes import robot_acts
 from app.views import forms, robots
+from app.views.robot_map import RobotMapRegion, RobotMapView, RobotSamples, robot_map
 from app.views.robots import CameraRegion, CameraView, RobotCard, RobotPage, RobotRegion, RobotsRegion, StopAllPage
 from app.views.safe_returns import LastRetreat, last_retreat
 from app.web.rendering import render
@@ -26,9 +27,10 @@ from harness.contracts.control import CONTROL
 from harness.contracts.decisions import Decision, Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.handoff_commands import LookAgain
-from harness.contracts.ids import HandoffId, MissionId, RobotId
+from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
 from harness.contracts.read_models import ListQuery
 from harness.contracts.reasons import because
+from harness.contracts.values import Point
 from harness.projections.admissions import Admissions
 from harness.projections.mission import Mission
 
@@ -113,6 +115,11 @@ def show(console: ConsoleDep, actor: ActorDep, robot_id: RobotPath, stopped: str
 @router.get("/{robot_id}/now")
 def one_now(console: ConsoleDep, robot_id: RobotPath) -> HTMLResponse:
     return render("robots/_robot.html", RobotRegion(robot=card(console, robot_id)))
+
+
+@router.get("/{robot_id}/map")
+def map_now(console: ConsoleDep, robot_id: RobotPath, near: bool = False) -> HTMLResponse:
+    return render("robots/_map.html", RobotMapRegion(map_of(console, robot_id, near=near)))
 
 
 @router.get("/{robot_id}/camera")
@@ -231,6 +238,30 @@ def camera_of(console: Console, robot_id: str) -> CameraView:
     return robots.camera_view(robot_id, console.fleet.shots(robot_id), now_s=console.clock())
 
 
+def map_of(console: Console, robot_id: RobotId, *, near: bool = False) -> RobotMapView:
+    """The robot as its mission's samples show it, else as it says itself. Raises UnknownName."""
+    mission = next((one for one in console.open_missions() if one.robot_id == robot_id and not one.replay), None)
+    live = console.runtime.observations(mission.mission_id) if mission else None
+    if mission is None or live is None:
+        observed, at_s = console.fleet.samples(robot_id)
+        seen = RobotSamples(samples=observed, at_s=at_s)
+    else:
+        seen = RobotSamples(samples=live.samples, at_s=live.at_s, route=_way(mission))
+
+    def read(blob: Digest) -> bytes:
+        return console.runtime.blob(blob) if live is not None else console.fleet.blob(robot_id, blob)
+
+    handoff_id = mission.handoff_id or "" if mission else ""
+    return robot_map(robot_id, console.runtime.site, seen, read=read, near=near, handoff_id=handoff_id)
+
+
+def _way(mission: Mission) -> tuple[Point, ...]:
+    """The way of the open invocation, if it drives one."""
+    route = mission.invocation.intent.parameters.get("route") if mission.invocation else None
+    points = route if isinstance(route, tuple | list) else ()
+    return tuple((float(one[0]), float(one[1])) for one in points if isinstance(one, tuple | list))
+
+
 def _card(console: Console, robot_id: RobotId, missions: list[Mission]) -> RobotCard:
     now_s = console.clock()
     mine = [one for one in missions if one.robot_id == robot_id]
@@ -278,6 +309,7 @@ def _one(
     found = card(console, robot_id)
     page = RobotPage(
         robot=found,
+        robot_map=map_of(console, robot_id),
         shell=console.shell(robot_id, "robots", actor, topics=[f"robot/{robot_id}"]),
         levels=robots.levels(found.mission.autonomy if found.mission else ""),
         errors=tuple(errors or ()),

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from app.i18n.messages import reasoned
 from app.views.handoffs import title
+from app.views.robot_map import RobotMapView
 from app.views.robots import RobotCard
 from app.views.shell import Shell
 from harness.projections.handoffs import Handoff
@@ -32,6 +33,7 @@ class DrivePage:
 
     shell: Shell
     robot: RobotCard
+    robot_map: RobotMapView
     session: str
     taken: TakenOver | None
     device: str

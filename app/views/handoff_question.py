@@ -4,7 +4,7 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from msgspec import to_builtins
+from msgspec import UnsetType, to_builtins
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, word
@@ -95,9 +95,10 @@ def action_view(proposal: ProposedAction | None, *, subject: str) -> ActionView 
     body = encode(proposal)
     arguments: dict[str, Any] = json.loads(body)
     action, parameters, limits = arguments.pop("action"), arguments.pop("parameters"), arguments.pop("limits")
+    limits |= {"wait_s": arguments.pop("wait_s")} if "wait_s" in arguments else {}
     first = action == "retry" and arguments["attempt"] == 1
     return ActionView(
-        title=N_("Begin this stage") if first else ACTIONS.get(action, action.replace("_", " ")),
+        title=_title(N_("Begin this stage") if first else ACTIONS.get(action, word(action)), proposal),
         cost=N_("one of the recovery budget") if arguments["spends"] else N_("nothing of the recovery budget"),
         rows=(("action", action), *((name.replace("_", " "), _text(value)) for name, value in arguments.items())),
         parameters=tuple((quantity(name, "")[0], _valued(name, value)) for name, value in parameters.items()),
@@ -106,6 +107,13 @@ def action_view(proposal: ProposedAction | None, *, subject: str) -> ActionView 
         body=body.decode(),
         sound=sha256(body) == subject,
     )
+
+
+def _title(title: str, proposal: ProposedAction) -> str:
+    """What would start, and after which wait."""
+    if isinstance(proposal.wait_s, UnsetType):
+        return title
+    return lazy_gettext("{what}, after {seconds:g} s", what=title, seconds=proposal.wait_s)
 
 
 def differences(was: HandoffOpened, now: HandoffOpened) -> tuple[ShownDifference, ...]:

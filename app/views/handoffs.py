@@ -1,7 +1,9 @@
 """Shapes the list of handoffs and the page of one: the question, what happens without an answer, and what followed."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+from msgspec import UnsetType
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned, word
@@ -12,9 +14,10 @@ from app.views.places import SiteMap
 from app.views.robots import CameraView, LastReport
 from app.views.seen_around import SeenAround
 from app.views.shell import Shell
+from app.views.svg_floor import polyline
 from app.views.tabbed_list import Group, ListShape
 from harness.contracts.effects import Condition
-from harness.contracts.handoff_events import HandoffEvent, HandoffOpened
+from harness.contracts.handoff_events import LONGEST_WAIT_S, SLOWEST_MPS, HandoffEvent, HandoffOpened, ProposedAction
 from harness.contracts.read_models import HandoffItem
 from harness.contracts.values import Point
 from harness.projections.handoffs import Handoff, HandoffAnswer
@@ -29,6 +32,8 @@ GROUPS: tuple[Group, ...] = (
 )
 LIST = ListShape("/handoffs", GROUPS, filters=(("robot", "robot"), ("failure", "why")), by_length=False)
 FRESH_S = 60.0
+WAIT_S = 30.0
+"""How long a start waits that is offered at one press."""
 REASONS = (N_("seen on camera"), N_("checked on site"), N_("path is clear now"), N_("not safe"))
 OUTSIDE = frozenset({"next_person", "outside"})
 """The levels of escalation at which external services are notified, where the installation has any."""
@@ -73,11 +78,26 @@ class RobotMark:
 
 @dataclass(frozen=True)
 class AlternativeAction:
-    """Another action that could be proposed instead."""
+    """Something else that could be proposed: an action, later or slower where that is what differs."""
 
     action: str
     title: str
-    chosen: bool
+    wait_s: float = 0.0
+    speed_cap_mps: float | None = None
+
+
+@dataclass(frozen=True)
+class ProposalOptions:
+    """What can be proposed instead: at one press, or put together. `highest_mps` is None for what drives nowhere."""
+
+    offers: tuple[AlternativeAction, ...]
+    actions: tuple[AlternativeAction, ...]
+    chosen: str
+    wait_s: float
+    longest_wait_s: float
+    speed_mps: float | None
+    lowest_mps: float
+    highest_mps: float | None
 
 
 @dataclass(frozen=True)
@@ -109,14 +129,21 @@ class HandoffScene:
 
 @dataclass(frozen=True)
 class HandoffForm:
-    """The form of the answer as it was left. `shown` is the digest of what the person sees; `key` is one-use."""
+    """The forms of the page as they were left. `shown` is the digest of what the person sees; `key` is one-use.
+
+    `word` names the form that was sent last, `fields` what was typed in it.
+    """
 
     shown: str
     key: str
-    typed: str
-    device: str
+    word: str
+    fields: Mapping[str, str]
     refused: str
     changes: tuple[ShownDifference, ...]
+
+    def left(self, word: str, name: str) -> str:
+        """What was typed in this field of this form."""
+        return self.fields.get(name, "") if word == self.word else ""
 
 
 @dataclass(frozen=True)
@@ -155,12 +182,14 @@ class HandoffPage:
     no_answer: str
     fresh_until_s: float
     marks: tuple[RobotMark, ...]
+    route: str
     hold: ClaimView
     viewers: tuple[str, ...]
     notified: tuple[str, ...]
-    choices: tuple[AlternativeAction, ...]
+    options: ProposalOptions
     attestable: tuple[Condition, ...]
     steps: tuple[DecisionStep, ...]
+    paused: bool
     following: str
     similar: tuple[HandoffItem, ...]
     lines: tuple[HistoryLine, ...]
@@ -208,12 +237,14 @@ def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, inputs: Hando
         no_answer=no_answer(opened),
         fresh_until_s=opened.snapshot.taken_at_s + FRESH_S,
         marks=_marks(opened, inputs.live_at),
+        route=_route(opened.proposal),
         hold=_holding(handoff, inputs),
         viewers=tuple(name for name in inputs.viewers if name != inputs.person),
         notified=inputs.services if set(handoff.escalated) & OUTSIDE else (),
-        choices=_choices(opened),
+        options=_options(opened, mission),
         attestable=_attestable(opened, mission),
         steps=steps(handoff, mission, inputs.told),
+        paused=mission.status == "paused",
         following=_following(handoff, mission),
         similar=similar(inputs.earlier, handoff),
         lines=history(inputs.told),
@@ -275,13 +306,55 @@ def _marks(opened: HandoffOpened, live: tuple[float, float, float] | None) -> tu
     return tuple(found)
 
 
+def _route(proposal: ProposedAction | None) -> str:
+    """The way that the proposed action would drive, as SVG points; empty where it drives none."""
+    route = proposal.parameters.get("route") if proposal else None
+    points = route if isinstance(route, tuple | list) else ()
+    return polyline([(float(one[0]), float(one[1])) for one in points if isinstance(one, tuple | list)])
+
+
 def _mark(name: str, at: Point, yaw_rad: float, *, live: bool) -> RobotMark:
     return RobotMark(name=name, x=round(at[0], 2), y=round(-at[1], 2), yaw_deg=round(-yaw_rad * 57.29578, 1), live=live)
 
 
-def _choices(opened: HandoffOpened) -> tuple[AlternativeAction, ...]:
-    now = opened.proposal.action if opened.proposal else ""
-    return tuple(AlternativeAction(action=one, title=ACTIONS[one], chosen=one == now) for one in opened.choices)
+def _options(opened: HandoffOpened, mission: Mission) -> ProposalOptions:
+    proposal = opened.proposal
+    now = proposal.action if proposal else ""
+    limit_mps = proposal.limits["speed_cap_mps"] if proposal else None
+    moves = proposal is not None and "speed_cap_mps" in proposal.parameters
+    cap_mps = mission.contract.constraints.speed_cap_mps if mission.contract else limit_mps
+    waits = 0.0 if proposal is None or isinstance(proposal.wait_s, UnsetType) else proposal.wait_s
+    chosen_mps = limit_mps if moves and limit_mps != cap_mps else None
+    actions = tuple(AlternativeAction(action=one, title=ACTIONS[one]) for one in opened.choices)
+    return ProposalOptions(
+        offers=(
+            *(one for one in actions if one.action != now),
+            *_slower(now, limit_mps if moves else None, wait_s=waits),
+            *(() if waits or now not in opened.choices else (_later(now, speed_mps=chosen_mps),)),
+        ),
+        actions=actions,
+        chosen=now,
+        wait_s=waits,
+        longest_wait_s=LONGEST_WAIT_S,
+        speed_mps=chosen_mps,
+        lowest_mps=SLOWEST_MPS,
+        highest_mps=cap_mps if moves else None,
+    )
+
+
+def _slower(action: str, limit_mps: float | None, *, wait_s: float) -> tuple[AlternativeAction, ...]:
+    """The current action at half its speed, where it drives and that is not too slow; its wait stays."""
+    if limit_mps is None or limit_mps / 2 < SLOWEST_MPS:
+        return ()
+    speed_mps = round(limit_mps / 2, 2)
+    title = lazy_gettext("Slower: at most {speed:g} m/s", speed=speed_mps)
+    return (AlternativeAction(action=action, title=title, wait_s=wait_s, speed_cap_mps=speed_mps),)
+
+
+def _later(action: str, *, speed_mps: float | None) -> AlternativeAction:
+    """The current action after a wait; its speed stays."""
+    title = lazy_gettext("Wait {seconds:g} s, then do it", seconds=WAIT_S)
+    return AlternativeAction(action=action, title=title, wait_s=WAIT_S, speed_cap_mps=speed_mps)
 
 
 def _attestable(opened: HandoffOpened, mission: Mission) -> tuple[Condition, ...]:
@@ -321,10 +394,14 @@ def _followed(handoff: Handoff, mission: Mission) -> tuple[DecisionStep, ...]:
     open_now = invocation is not None and invocation.intent.invocation_id == handoff.invocation_id
     moves = "moving" if (invocation.intent.moves if open_now and invocation else _moved(handoff)) else "looking"
     known = handoff.status in KNOWN
+    proposal = handoff.opened.proposal if handoff.opened else None
+    waits = handoff.status == "approved" and proposal is not None and not isinstance(proposal.wait_s, UnsetType)
     good = handoff.status == "confirmed"
     return (
         DecisionStep(
-            name="dispatched", state="done" if sent else "pending", text=handoff.invocation_id or N_("not yet")
+            name="dispatched",
+            state="done" if sent else "pending",
+            text=handoff.invocation_id or (N_("waits as approved, then starts") if waits else N_("not yet")),
         ),
         DecisionStep(
             name=moves,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed, word
 from app.views.canary import CanaryPanel, canary_panel
+from app.views.candidate_evaluation import EvaluationPanel
 from app.views.candidates import stale
 from app.views.history import ShownDifference
 from app.views.review_actions import OfferedAction, offers
@@ -14,7 +15,7 @@ from app.views.shell import Shell
 from harness.contracts.actors import Actor
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ClauseAnswer, Subject
-from rsi_reviews.difference import CandidateDifference
+from rsi_reviews.difference import CandidateDifference, FieldChange
 from rsi_reviews.pointers import Pointer, Uptake
 from rsi_reviews.projections import ENDED, Review
 
@@ -24,6 +25,9 @@ CLAUSE_NAMES = {
     "metric_better": N_("The declared metric is better"),
     "release_authorised": N_("A release is authorised"),
 }
+LADDER, STEP = "recovery.ladders.", " > "
+SHOWN_UNITS = ("s", "m", "m/s")
+"""Units that are said with a value; a weight or a number of records says in its meaning what it is."""
 MOST = "_share_at_most"
 VERDICTS = {"pass": "satisfied", "fail": "violated", "inconclusive": "ambiguous", "error": "violated"}
 PARTS = {"proposed": N_("proposed it"), "wrote_earlier": N_("wrote an earlier one"),
@@ -40,6 +44,15 @@ class HeldOutView:
     looks: int
     alpha: float
     cases: int
+
+
+@dataclass(frozen=True)
+class ChangeLine:
+    """One changed field in words: what it says, and both values with their unit."""
+
+    what: str
+    before: str
+    after: str
 
 
 @dataclass(frozen=True)
@@ -87,6 +100,7 @@ class ReviewPage:
     shell: Shell
     review: Review
     seen: ReviewSources
+    change: tuple[ChangeLine, ...]
     stale: str
     held_out: HeldOutView | None
     pins: tuple[PinRow, ...]
@@ -94,6 +108,7 @@ class ReviewPage:
     effects: tuple[str, ...]
     canary: CanaryPanel | None
     offers: tuple[OfferedAction, ...]
+    evaluation: EvaluationPanel
     robots: tuple[str, ...]
     key: str
     left: SubmittedReviewForm
@@ -106,6 +121,7 @@ def review_page(
     seen: ReviewSources,
     actor: Actor,
     *,
+    evaluation: EvaluationPanel,
     robots: Sequence[str],
     key: str,
     left: SubmittedReviewForm = SubmittedReviewForm(),
@@ -117,6 +133,7 @@ def review_page(
         shell=shell,
         review=review,
         seen=seen,
+        change=tuple(change_line(one) for one in seen.difference.changes),
         stale=_stale(review, pointer) if stale(review, pointer) else "",
         held_out=held_out_view(review, pointer, seen.clauses),
         pins=pin_rows(review, pointer, seen.pins, seen.versions),
@@ -124,11 +141,31 @@ def review_page(
         effects=_effects(review, seen, robot=str(review.robot_id or robot)),
         canary=canary_panel(review, pointer, actor) if review.released_by else None,
         offers=offers(review, pointer, actor, now_s=shell.now_s, robot=robot),
+        evaluation=evaluation,
         robots=tuple(robots),
         key=key,
         left=left,
         changes=_changed(left.subject, review.subject),
     )
+
+
+def change_line(change: FieldChange) -> ChangeLine:
+    """A ladder says which failure it answers; any other field what it means."""
+    if change.path.startswith(LADDER):
+        failure = word(change.path.removeprefix(LADDER))
+        what = lazy_gettext("After {failure}, in this order", failure=failure)
+        return ChangeLine(what=what, before=_steps(change.before), after=_steps(change.after))
+    return ChangeLine(what=change.meaning, before=_value(change.before, change), after=_value(change.after, change))
+
+
+def _steps(text: str) -> str:
+    return listed(word(one) for one in text.split(STEP)) if text else N_("nothing")
+
+
+def _value(text: str, change: FieldChange) -> str:
+    if not text:
+        return N_("nothing")
+    return f"{text} {change.unit}" if change.unit in SHOWN_UNITS else text
 
 
 def _stale(review: Review, pointer: Pointer) -> str:

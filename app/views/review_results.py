@@ -1,5 +1,6 @@
 """Shapes what an evaluation measured: what became worse, paired gains with their intervals, and the list of cases."""
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -14,8 +15,11 @@ from rsi_reviews.bounds import paired
 from rsi_reviews.projections import Review
 
 TWO_SIDED = 0.025
-WIDTH = 460.0
+WIDTH = 640.0
 ROW = 26.0
+LABELS, MARGIN = 140.0, 16.0
+"""Where the names of the rows end on the plot, and what is left free right of the scale."""
+TICKS = 5
 FLIPS = 50
 Pair = tuple[contracts.CaseResult, contracts.CaseResult]
 """The same case under the baseline and under the candidate."""
@@ -69,12 +73,14 @@ class FamilyRow:
 
 @dataclass(frozen=True)
 class PlotShape:
-    """The plot's size, and where no effect and the declared effect lie on it."""
+    """The plot's size without its axis, where no effect and the declared effect lie on it, and the axis's ticks."""
 
     width: float
     height: float
+    left_x: float
     zero_x: float
     declared_x: float
+    ticks: tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True)
@@ -174,7 +180,7 @@ def _families(
     span = (right - left) or 1.0
 
     def place(value: float) -> float:
-        return round(10.0 + (value - left) / span * (WIDTH - 20.0), 1)
+        return round(LABELS + MARGIN + (value - left) / span * (WIDTH - LABELS - 2 * MARGIN), 1)
 
     rows = tuple(
         FamilyRow(
@@ -197,8 +203,23 @@ def _families(
         for index, (name, part, whole, (gain, low, high)) in enumerate(found)
     )
     return rows, PlotShape(
-        width=WIDTH, height=ROW * len(rows), zero_x=place(0.0), declared_x=place(manifest.smallest_effect)
+        width=WIDTH,
+        height=ROW * len(rows),
+        left_x=LABELS,
+        zero_x=place(0.0),
+        declared_x=place(manifest.smallest_effect),
+        ticks=tuple((place(value), value) for value in _ticks(left, right)),
     )
+
+
+def _ticks(low: float, high: float) -> tuple[float, ...]:
+    """Round values between these two, about TICKS of them."""
+    rough = (high - low or 1.0) / TICKS
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(one * power for one in (1.0, 2.0, 5.0, 10.0) if one * power >= rough)
+    first = math.ceil(low / step - 1e-9)
+    last = math.floor(high / step + 1e-9)
+    return tuple(round(number * step, 10) for number in range(first, last + 1))
 
 
 def _mean(pairs: Sequence[Pair], side: int, metric: contracts.Metric) -> float:

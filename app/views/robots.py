@@ -6,6 +6,7 @@ from types import MappingProxyType
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned
+from app.views.robot_map import RobotMapView
 from app.views.safe_returns import LastRetreat
 from app.views.shell import Shell
 from harness.contracts.control import LEVELS, Autonomy
@@ -171,6 +172,7 @@ class RobotPage(RobotRegion):
     """
 
     shell: Shell
+    robot_map: RobotMapView
     levels: tuple[Level, ...]
     errors: tuple[str, ...]
     stopped: bool

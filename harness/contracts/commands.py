@@ -66,7 +66,8 @@ class AuthoriseDispatch(Command, tag=True):
     """Authorise one invocation, with what pays for it.
 
     `recovery` pays for it in the same transaction, or `approval` by a person. An `attestation` opens one look without
-    motion, free (D17). `handed_back`: the approval is a hand-back and opens such a look.
+    motion, free (D17). `handed_back`: the approval is a hand-back and opens such a look. `plan`: the approval revises
+    the graph first, and the invocation is the first on it.
     """
 
     intent: DispatchIntended
@@ -79,6 +80,7 @@ class AuthoriseDispatch(Command, tag=True):
     attestation: revision_commands.RecordAttestation | None = None
     handed_back: bool = False
     reason: Explanation = ""
+    plan: revision_commands.RevisedPlan | None = None
 
 
 class RefusePrecondition(Command, tag=True):

@@ -103,7 +103,8 @@ class DispatchIntended(Event, tag=True):
     """Recorded, with its leases, before the robot moves (D9). `k_ctx` is k after this transaction's spend.
 
     `question` and `candidates` are the records of routing's input and output. `aborting`: it runs because a required
-    stage failed, and will not count as its own stage (D26).
+    stage failed, and will not count as its own stage (D26). `not_before_s`: a person approved it for then, and it is
+    sent no earlier.
     """
 
     node_id: ids.NodeId
@@ -129,6 +130,7 @@ class DispatchIntended(Event, tag=True):
     question: ids.Digest | None = None
     candidates: ids.Digest | None = None
     aborting: bool = False
+    not_before_s: float | None = None
 
 
 class InvocationAccepted(Event, tag=True):

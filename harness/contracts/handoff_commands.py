@@ -4,7 +4,7 @@ from harness.contracts.actors import Actor, Command
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.handoff_events import EscalationLevel, NoAnswer, Snapshot
 from harness.contracts.reasons import Explanation, Reason
-from harness.contracts.values import Count, Name
+from harness.contracts.values import Count, Name, NonNegative, Positive
 
 # decided by the gate, sent by the handoff service ---------------------------------------------------------------------
 
@@ -35,6 +35,13 @@ class Escalate(Command, tag=True):
     """Escalate an unclaimed question to the level that is due now."""
 
     level: EscalationLevel
+
+
+class AskColleague(Command, tag=True):
+    """Ask the next person now: the escalation does not wait for its time. A claim stays whose it is."""
+
+    actor: Actor
+    reason: Name
 
 
 class TakeControl(Command, tag=True):
@@ -87,6 +94,7 @@ HandoffTurn = (
     | DropClaim
     | ExtendDeadline
     | Escalate
+    | AskColleague
     | TakeControl
     | ReturnControl
     | CloseQuestion
@@ -104,9 +112,14 @@ class LookAgain(Command, tag=True):
 
 
 class ChooseAction(Command, tag=True):
-    """Propose another action of the ladder instead: becomes a RefreshHandoff, approved on its own digest."""
+    """Propose another action of the ladder instead: becomes a RefreshHandoff, approved on its own digest.
+
+    `wait_s`: how long the start waits after its approval. `speed_cap_mps`: a lower speed limit for this one start.
+    """
 
     actor: Actor
     action: RecoveryAction
     cycle: Count
     claim: str = ""
+    wait_s: NonNegative = 0.0
+    speed_cap_mps: Positive | None = None

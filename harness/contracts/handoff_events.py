@@ -2,6 +2,8 @@
 
 from typing import Literal
 
+from msgspec import UNSET, UnsetType
+
 from harness.contracts import ids
 from harness.contracts.actors import Actor, Event
 from harness.contracts.capabilities import Risk
@@ -13,10 +15,18 @@ from harness.contracts.values import Count, Name, Value
 
 NoAnswer = Literal["hold", "lie_down", "retreat"]
 EscalationLevel = Literal["sound", "next_person", "outside"]
+LONGEST_WAIT_S = 90.0
+"""How long an approved start may wait, mission time: less than an approval holds (D28)."""
+SLOWEST_MPS = 0.1
+"""No start is approved for a slower drive than this."""
 
 
 class ProposedAction(Value):
-    """Exactly what an approval would let run, once. Its canonical bytes are what the person sees and digests."""
+    """Exactly what an approval would let run, once. Its canonical bytes are what the person sees and digests.
+
+    `wait_s`: how long the start waits after the approval. `plan`: the record of the revised plan that the start belongs
+    to; approving takes both, or neither.
+    """
 
     mission_id: ids.MissionId
     node_id: ids.NodeId
@@ -29,6 +39,8 @@ class ProposedAction(Value):
     graph_revision: Count
     limits: dict[str, float]
     spends: Count
+    wait_s: float | UnsetType = UNSET
+    plan: ids.Digest | UnsetType = UNSET
 
 
 class Snapshot(Value):
@@ -114,10 +126,14 @@ class HandoffExtended(Event, tag=True):
 
 
 class HandoffEscalated(Event, tag=True):
-    """Still unclaimed: a sound at once, the next person after a minute, an external channel after three (D27)."""
+    """Still unclaimed: a sound at once, the next person after a minute, an external channel after three (D27).
+
+    `actor` asked a colleague before it was due; none where time did.
+    """
 
     level: EscalationLevel
     at_s: float
+    actor: Actor | None = None
 
 
 class HandoffTakenOver(Event, tag=True):

@@ -5,7 +5,7 @@ from harness.contracts.ids import ConditionId, Digest, HandoffId, NodeId
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.tasks import Constraints, TaskContract
-from harness.contracts.values import Name
+from harness.contracts.values import Name, Value
 
 
 class ReviseContract(Command, tag=True):
@@ -29,6 +29,16 @@ class ReviseToRecover(Command, tag=True):
     proposal: RecoveryProposal
     signature: Signature
     context: Digest
+    planner: Name
+    reason: Explanation
+
+
+class RevisedPlan(Value):
+    """Another plan that a person may approve with the first start on it. `node_id` is the stage that pays for it."""
+
+    node_id: NodeId
+    contract: TaskContract
+    reopened: tuple[NodeId, ...]
     planner: Name
     reason: Explanation
 

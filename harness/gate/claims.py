@@ -14,12 +14,14 @@ RENEWED_S = 15.0
 """A renewal that would add less than this is no event."""
 ON_THE_WAY_S = 600.0
 ESCALATION_S: dict[handoff_events.EscalationLevel, float] = {"sound": 0.0, "next_person": 60.0, "outside": 180.0}
+COLLEAGUES: tuple[handoff_events.EscalationLevel, ...] = ("next_person", "outside")
 
 Turn = (
     handoff_commands.TakeClaim
     | handoff_commands.DropClaim
     | handoff_commands.ExtendDeadline
     | handoff_commands.Escalate
+    | handoff_commands.AskColleague
     | handoff_commands.TakeControl
     | handoff_commands.ReturnControl
     | handoff_commands.CloseQuestion
@@ -38,6 +40,8 @@ def turn(handoff: Handoff, command: Turn, now: Moment) -> Decision[handoff_event
         case handoff_commands.Escalate():
             due = command.level in due_levels(handoff, now.wall_s)
             return Accepted((handoff_events.HandoffEscalated(level=command.level, at_s=now.wall_s),) if due else ())
+        case handoff_commands.AskColleague():
+            return _ask_colleague(handoff, command, now)
         case handoff_commands.TakeControl():
             return _take(handoff, command, now)
         case handoff_commands.ReturnControl():
@@ -154,6 +158,21 @@ def _drop(handoff: Handoff, command: handoff_commands.DropClaim, now: Moment) ->
         actor=command.actor, reason=command.reason, at_s=now.wall_s, deadline_at_s=deadline_s
     )
     return Accepted((released,))
+
+
+def _ask_colleague(
+    handoff: Handoff, command: handoff_commands.AskColleague, now: Moment
+) -> Decision[handoff_events.HandoffEvent]:
+    """The next person is asked now, or whoever comes after that; nothing where everybody was asked."""
+    if refusal := over(handoff, now):
+        return refusal
+    held = live_claim(handoff, now.wall_s)
+    if held is not None and held.actor.name != command.actor.name:
+        return claimed_by(held)
+    level = next((one for one in COLLEAGUES if one not in handoff.escalated), None)
+    if level is None:
+        return Accepted(())
+    return Accepted((handoff_events.HandoffEscalated(level=level, at_s=now.wall_s, actor=command.actor),))
 
 
 def _extend(

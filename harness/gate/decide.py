@@ -22,7 +22,7 @@ from harness.gate.completion import complete
 from harness.gate.dispatch import authorise, wait
 from harness.gate.goal import judge
 from harness.gate.pins import recompile
-from harness.gate.revisions import dispute, pass_over, revise, revise_to_recover, tighten
+from harness.gate.revisions import dispute, pass_over, revise, revise_to_recover, start_revised, tighten
 from harness.projections.mission import Mission
 from harness.projections.mission_fold import apply
 
@@ -49,7 +49,7 @@ def _decided(mission: Mission, command: commands.MissionCommand) -> Decision[eve
                 return refused("not_compiled", because("mission_is", status=mission.status))
             return Accepted((events.MissionActivated(),))
         case commands.AuthoriseDispatch():
-            return authorise(mission, command)
+            return start_revised(mission, command, command.plan) if command.plan else authorise(mission, command)
         case commands.AuthoriseWait():
             return wait(mission, command)
         case commands.CompleteNode():

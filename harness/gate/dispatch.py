@@ -11,6 +11,7 @@ from harness.contracts.events import (
     OperatorRetryGranted,
     RecoveryAuthorised,
 )
+from harness.contracts.handoff_events import LONGEST_WAIT_S
 from harness.contracts.ids import Digest, invocation_id, request_id
 from harness.contracts.proposals import RecoveryProposal
 from harness.contracts.reasons import because
@@ -35,8 +36,8 @@ from harness.recovery.state import VERIFY_ONLY, cost_of, left_now, over_budget
 def authorise(mission: Mission, command: AuthoriseDispatch) -> Decision[MissionEvent]:
     """The spend, its k bump and the intent are one commit; the intent's `k_ctx` is the k after it."""
     refusal = (
-        _unready(mission, command)
-        or _misbound(mission, command)
+        unready(mission, command)
+        or misbound(mission, command)
         or unattested(mission, command)
         or _unpaid(mission, command)
     )
@@ -74,7 +75,8 @@ def wait(mission: Mission, command: AuthoriseWait) -> Decision[MissionEvent]:
     return Accepted((accounted(mission, step),))
 
 
-def _unready(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
+def unready(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
+    """Why nothing may start now, or not this stage."""
     intent = command.intent
     answered = command.attestation.handoff_id if command.attestation else command.approval
     waiting = mission.status == "awaiting_human" and answered == mission.handoff_id
@@ -97,7 +99,8 @@ def _unready(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     return None
 
 
-def _misbound(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
+def misbound(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
+    """Why this intent is not one of this stage as the contract states it."""
     intent, node = command.intent, required_contract(mission).node(command.intent.node_id)
     if intent.request_id != request_id(mission.mission_id, intent.node_id, intent.attempt):
         return refused("wrong_request_id", because("request_id_not_of_node"))
@@ -105,7 +108,9 @@ def _misbound(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
         return refused("wrong_invocation_id")
     if intent.attempt != mission.of(intent.node_id).attempt + 1:
         return refused("wrong_attempt", attempt=intent.attempt, last_attempt=mission.of(intent.node_id).attempt)
-    if intent.deadline_s > intent.dispatched_s + node.timeout_s:
+    if wrong := _wait(command):
+        return wrong
+    if intent.deadline_s > (intent.not_before_s or intent.dispatched_s) + node.timeout_s:
         return refused("deadline_too_late", timeout_s=node.timeout_s)
     if not intent.verify_only and intent.capability not in node.capabilities:
         return refused("wrong_capability", capability=intent.capability, node_id=intent.node_id)
@@ -117,6 +122,16 @@ def _misbound(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     if beyond := sorted(set(intent.resources) - set(allowed)) if allowed else []:
         return refused("resource_not_allowed", resources=tuple(beyond))
     return _effect_changed(mission, intent, node)
+
+
+def _wait(command: AuthoriseDispatch) -> Refused | None:
+    """Only a person's approval may lie in front of its start, and only as long as the approval itself holds."""
+    if command.intent.not_before_s is None:
+        return None
+    if command.approval is None:
+        return refused("wait_unapproved")
+    wait_s = command.intent.not_before_s - command.intent.dispatched_s
+    return None if 0 < wait_s <= LONGEST_WAIT_S else refused("wait_too_long", wait_s=wait_s, limit_s=LONGEST_WAIT_S)
 
 
 def _effect_changed(mission: Mission, intent: DispatchIntended, node: Node) -> Refused | None:
@@ -151,7 +166,7 @@ def _unpaid(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     if command.attestation is not None:
         return None
     if command.approval is not None:
-        return _beyond(mission, command)
+        return beyond(mission, command)
     if command.recovery is not None:
         broken = first_broken_recovery(
             mission,
@@ -174,16 +189,16 @@ def _unpaid(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     return refused("approval_required", why=needed) if needed else None
 
 
-def _beyond(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
+def beyond(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     """A person may choose any action that the budget pays for, or one retry outside it; a hand-back only looks."""
-    step = command.recovery
+    step, payer = command.recovery, command.plan.node_id if command.plan else command.intent.node_id
     if command.handed_back and (step is None or step.action != "verify_again"):
         return refused("not_a_look", because("hand_back_not_a_look"))
     if step is None or (step.action == "retry" and step.cost == 0):
         return None
     if step.cost != cost_of(step.action):
         return refused("wrong_cost", because("only_retry_is_free", action=step.action, cost=cost_of(step.action)))
-    why = over_budget(mission, command.intent.node_id, step.action)
+    why = over_budget(mission, payer, step.action)
     return refused(why.code, because("action_unpaid", action=step.action, why=why)) if why else None
 
 

@@ -42,6 +42,7 @@ def decide(handoff: Handoff, command: commands.HandoffCommand, now: Moment) -> D
             | handoff_commands.DropClaim()
             | handoff_commands.ExtendDeadline()
             | handoff_commands.Escalate()
+            | handoff_commands.AskColleague()
             | handoff_commands.TakeControl()
             | handoff_commands.ReturnControl()
             | handoff_commands.CloseQuestion()
@@ -169,7 +170,7 @@ def _approve(handoff: Handoff, command: commands.ApproveHandoff, now: Moment) ->
         claims.over(handoff, now)
         or claims.not_yours(handoff, command.actor, command.claim, now)
         or _unseen(handoff, command)
-        or _moved(opened.snapshot, command.fresh)
+        or moved(opened.snapshot, command.fresh)
     )
     if broken:
         return broken
@@ -263,7 +264,8 @@ def _unseen(handoff: Handoff, command: commands.ApproveHandoff) -> Refused | Non
     return None
 
 
-def _moved(seen: handoff_events.Snapshot, fresh: handoff_events.Snapshot) -> Refused | None:
+def moved(seen: handoff_events.Snapshot, fresh: handoff_events.Snapshot) -> Refused | None:
+    """Why the robot, or what was found of it, is no longer as the person saw it; None where it is (D28)."""
     turned = abs((fresh.yaw_rad - seen.yaw_rad + pi) % (2 * pi) - pi)
     shifted = hypot(fresh.x_m - seen.x_m, fresh.y_m - seen.y_m)
     if not fresh.static:

@@ -1,10 +1,13 @@
 """Decides whether a plan, restriction or dispute counts. None of them removes a limit or a fact. Pure."""
 
+from functools import reduce
+
 from msgspec.structs import replace
 
+from harness.contracts.commands import AuthoriseDispatch
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.errors import ContractInvalid
-from harness.contracts.events import FailureClassified, MissionEvent
+from harness.contracts.events import FailureClassified, HandoffAnswered, MissionEvent
 from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.reasons import because
@@ -12,6 +15,7 @@ from harness.contracts.revision_commands import (
     DisputeCompletion,
     PassOverStep,
     ReviseContract,
+    RevisedPlan,
     ReviseToRecover,
     TightenConstraints,
 )
@@ -22,10 +26,11 @@ from harness.contracts.revision_events import (
 )
 from harness.contracts.tasks import TaskContract, order
 from harness.contracts.values import digest
-from harness.gate.dispatch import accounted, spend
+from harness.gate.dispatch import accounted, beyond, misbound, spend, unready
 from harness.planning.restrictions import tightest
 from harness.planning.revision import revision_refusal
 from harness.projections.mission import Mission, required_contract, required_policy
+from harness.projections.mission_fold import apply
 from harness.recovery.approval import approval_required
 from harness.recovery.rules import first_broken_recovery
 from harness.recovery.state import left_now, over_budget
@@ -109,6 +114,64 @@ def revise_to_recover(mission: Mission, command: ReviseToRecover) -> Decision[Mi
         left_mission=left[1] - proposal.cost,
     )
     return Accepted((accounted(mission, replace(paid, signature=command.signature)), revised))
+
+
+def start_revised(mission: Mission, command: AuthoriseDispatch, plan: RevisedPlan) -> Decision[MissionEvent]:
+    """A person approved another plan with the first start on it: answer, spend, revision and intent are one commit.
+
+    The plan is bound to the budgets and to everything that a plan may not change; the start to the revised contract.
+    """
+    state, step = mission.nodes.get(plan.node_id), command.recovery
+    if command.approval is None or command.approver is None or step is None:
+        return refused("not_authorised")
+    if state is None or state.failure is None:
+        return refused("no_failure", because("nothing_to_recover", node_id=plan.node_id))
+    if mission.status != "awaiting_human" or mission.handoff_id != command.approval:
+        return refused("not_active", because("nothing_planned_now", status=mission.status))
+    if mission.invocation is not None:
+        return refused("in_flight", node_id=mission.invocation.intent.node_id)
+    broken = beyond(mission, command) or revision_refusal(mission, plan.contract, reopened=plan.reopened)
+    if broken:
+        return broken
+    paid = _paid_plan(mission, command, plan, step=step)
+    ahead = reduce(apply, paid, mission)
+    start = replace(command, plan=None, recovery=None)
+    refusal = unready(ahead, start) or misbound(ahead, start)
+    return refusal or Accepted((*paid, replace(command.intent, k_ctx=ahead.k)))
+
+
+def revised_ahead(mission: Mission, plan: RevisedPlan, step: RecoveryProposal) -> Mission:
+    """The mission as it would be on an approved plan, before its first start."""
+    return apply(mission, _graph(mission, plan, step))
+
+
+def _paid_plan(
+    mission: Mission, command: AuthoriseDispatch, plan: RevisedPlan, *, step: RecoveryProposal
+) -> tuple[MissionEvent, ...]:
+    state, approval, approver = mission.of(plan.node_id), command.approval, command.approver
+    assert approval is not None
+    assert approver is not None
+    answered = HandoffAnswered(handoff_id=approval, decision="approved", actor=approver, reason=command.reason)
+    context = command.recovery_context or command.intent.context
+    paid = spend(state, step, attempt=state.attempt + 1, context=context, until_s=None)
+    chosen = replace(paid, signature=command.signature, handoff_id=approval)
+    return answered, accounted(mission, chosen), _graph(mission, plan, step)
+
+
+def _graph(mission: Mission, plan: RevisedPlan, step: RecoveryProposal) -> GraphRevised:
+    left = left_now(mission, plan.node_id)
+    return GraphRevised(
+        revision=mission.graph_revision + 1,
+        cause="recovery",
+        responsible=plan.node_id,
+        reopened=plan.reopened,
+        reason=plan.reason,
+        failure=step.failure,
+        contract=plan.contract,
+        proposed_by=plan.planner,
+        left_node=max(0, left[0] - step.cost),
+        left_mission=max(0, left[1] - step.cost),
+    )
 
 
 def pass_over(mission: Mission, command: PassOverStep) -> Decision[MissionEvent]:

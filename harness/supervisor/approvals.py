@@ -1,17 +1,23 @@
 """Checks an approval again just before its one dispatch; it is void if anything it was bound to changed (D28)."""
 
+from msgspec.structs import replace
+
 from harness.contracts.commands import EndInvocation, MarkDispatched, RecordEffect
 from harness.contracts.decisions import Refused, refused
 from harness.contracts.events import DispatchIntended
 from harness.contracts.handoff_commands import VoidApproval
 from harness.contracts.ids import HandoffId, RobotId, handoff_stream, mission_stream
+from harness.contracts.observations import Pose
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.gate.commit import CommandEnvelope
+from harness.gate.handoffs import moved
 from harness.gate.rules import standing_vetoes
 from harness.projections.mission import Invocation, Mission
 from harness.runtime import Runtime
 from harness.supervisor.leases import HeldLeases, give_back
 from harness.supervisor.robot_connection import RobotConnection
+from harness.supervisor.roles import RoleContexts
+from harness.verification.preconditions import verify_preconditions
 
 
 def clear_to_send(runtime: Runtime, mission: Mission, invocation: Invocation) -> Refused | None:
@@ -30,6 +36,32 @@ def clear_to_send(runtime: Runtime, mission: Mission, invocation: Invocation) ->
     marked = MarkDispatched(invocation_id=intent.invocation_id, actor=answer.actor if answer else None)
     decision = runtime.commit([CommandEnvelope(handoff_stream(intent.handoff_id), marked, mission.robot_id)])
     return decision if isinstance(decision, Refused) else None
+
+
+def after_wait(roles: RoleContexts, mission: Mission, invocation: Invocation) -> Refused | None:
+    """Why a start that waited after its approval is not sent any more: the robot moved, or a precondition fails."""
+    intent = invocation.intent
+    if intent.not_before_s is None or intent.handoff_id is None:
+        return None
+    view, answer = roles.view(mission), roles.runtime.handoff(intent.handoff_id).answer
+    results = verify_preconditions(
+        view.node(intent.node_id),
+        status=view.status,
+        recent=view.recent,
+        facts=mission.facts,
+        at_s=view.at_s,
+        rules=view.rules,
+    )
+    broken = next((one for one in results if one.verdict != "satisfied"), None)
+    if broken is not None:
+        return refused("approval_void", because("precondition_fails", condition=broken.text, reason=broken.reason))
+    pose = next((one for one in reversed(view.recent) if isinstance(one, Pose)), None)
+    if answer is None or answer.fresh is None or pose is None:
+        return None
+    here = replace(
+        answer.fresh, x_m=pose.x_m, y_m=pose.y_m, yaw_rad=pose.yaw_rad, static=roles.observations.rest().static
+    )
+    return moved(answer.fresh, here)
 
 
 def changed(mission: Mission, invocation: Invocation) -> Reason | None:

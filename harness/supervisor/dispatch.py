@@ -22,11 +22,12 @@ from harness.contracts.ports import Record
 from harness.contracts.proposals import RecoveryProposal, Signature, SkillProposal
 from harness.contracts.protocol import Parameters
 from harness.contracts.reasons import Explanation, Reason, because, several
-from harness.contracts.revision_commands import RecordAttestation
-from harness.contracts.tasks import Node
+from harness.contracts.revision_commands import RecordAttestation, RevisedPlan
+from harness.contracts.tasks import Node, TaskContract
 from harness.contracts.values import digest
 from harness.gate.commit import CommandEnvelope
 from harness.gate.dispatch import spend
+from harness.gate.revisions import revised_ahead
 from harness.planning.planner import Plan, planned
 from harness.planning.skill import LOOK_S, propose_skill
 from harness.projections.mission import Mission, NodeState, required_contract
@@ -55,16 +56,22 @@ class Approval:
 
 @dataclass(frozen=True)
 class DispatchAttempt:
-    """One request to dispatch a node: the first attempt, or a recovery step that C4 proposed."""
+    """One request to dispatch a node: the first attempt, or a recovery step that C4 proposed or a person chose.
+
+    A person may also have it wait, drive slower than the contract allows, or be the first on another `plan`.
+    """
 
     node_id: ids.NodeId
     recovery: RecoveryProposal | None = None
     c4: Context | None = None
     approval: Approval | None = None
+    plan: RevisedPlan | None = None
+    wait_s: float = 0.0
+    speed_cap_mps: float | None = None
 
     @property
     def verify_only(self) -> bool:
-        return self.recovery is not None and self.recovery.action in VERIFY_ONLY
+        return self.plan is None and self.recovery is not None and self.recovery.action in VERIFY_ONLY
 
 
 @dataclass(frozen=True)
@@ -176,7 +183,8 @@ class Dispatcher:
         self, mission: Mission, attempt: DispatchAttempt, *, intention: Plan | None = None
     ) -> PreparedDispatch | Refused:
         """Route and compile C2 to exactly what would run; nothing is written. C2 is shown the planner's intention."""
-        view = self._roles.view(self._ahead(mission, attempt))
+        ahead = self._ahead(mission, attempt)
+        view = self._roles.view(ahead)
         question = self._question(view, attempt)
         chosen = question.answer()
         if chosen.chosen is None:
@@ -186,13 +194,15 @@ class Dispatcher:
             )
             return refused("provider_unavailable", because("nobody_can_serve", node_id=attempt.node_id, why=why))
         card = self._connection.provider(chosen.chosen).card
-        examples = self._roles.examples(mission, attempt.node_id, card)
+        planned = ahead if attempt.plan else mission
+        examples = self._roles.examples(planned, attempt.node_id, card)
         intentions = (_intention(intention, attempt.node_id, at_s=view.at_s),) if intention else ()
-        c2 = skill_context(replace(view, examples=examples, proposals=intentions), attempt.node_id, card)
+        skill_view = replace(view, mission=_limited(ahead, attempt), examples=examples, proposals=intentions)
+        c2 = skill_context(skill_view, attempt.node_id, card)
         skill = propose_skill(c2)
         question_record, answered = record("question", question), record("candidates", chosen)
         intent = replace(
-            self._intent(mission, attempt, card=card, skill=skill, c2=c2),
+            self._intent(planned, attempt, card=card, skill=skill, c2=c2),
             question=question_record.digest,
             candidates=answered.digest,
         )
@@ -203,9 +213,10 @@ class Dispatcher:
         """The state version the invocation will be bound to: after the spend that pays for it (D9)."""
         if attempt.recovery is None or attempt.c4 is None:
             return mission
-        node = mission.of(attempt.node_id)
+        node = mission.of(attempt.plan.node_id if attempt.plan else attempt.node_id)
         paid = spend(node, attempt.recovery, attempt=node.attempt + 1, context=attempt.c4.digest, until_s=None)
-        return apply(mission, paid)
+        after = apply(mission, paid)
+        return revised_ahead(after, attempt.plan, attempt.recovery) if attempt.plan else after
 
     def _question(self, view: StateView, attempt: DispatchAttempt) -> RoutingQuestion:
         mission, node = view.mission, view.node(attempt.node_id)
@@ -240,6 +251,7 @@ class Dispatcher:
         node, number = required_contract(mission).node(attempt.node_id), mission.of(attempt.node_id).attempt + 1
         request = ids.request_id(mission.mission_id, attempt.node_id, number)
         now_s = self._connection.clock.now().mission_s
+        begins_s = now_s + attempt.wait_s
         timeout_s = min(node.timeout_s, OBSERVING_TIMEOUT_S) if attempt.verify_only else node.timeout_s
         images = skill.parameters.get("images", ())
         cites = tuple(packet.identity.packet_id for packet in mission.of(attempt.node_id).packets)
@@ -254,16 +266,17 @@ class Dispatcher:
             parameters=skill.parameters,
             resources=tokens(self._runtime, mission.robot_id, card.resources),
             k_ctx=mission.k,
-            deadline_s=now_s + timeout_s,
+            deadline_s=begins_s + timeout_s,
             dispatched_s=now_s,
             context=c2.digest,
             before=self._before(node, attempt),
             blobs=tuple(d for d in images if isinstance(d, str)) if isinstance(images, tuple) else (),  # type: ignore[misc]
             verify_only=attempt.verify_only,
             cites=cites,
-            action=attempt.recovery.action if attempt.recovery else _paid(mission.of(attempt.node_id), number),
+            action=_action(mission, attempt, number=number),
             handoff_id=attempt.approval.handoff_id if attempt.approval else None,
             moves=card.moves,
+            not_before_s=begins_s if attempt.wait_s else None,
         )
 
     def _before(self, node: Node, attempt: DispatchAttempt) -> tuple[EvidenceReference, ...]:
@@ -281,13 +294,14 @@ class Dispatcher:
             intent=intent,
             planned=_planned(prepared, *plan) if plan else None,
             recovery=attempt.recovery,
-            signature=_signature(attempt.recovery, intent),
+            signature=_signature(attempt, intent),
             recovery_context=attempt.c4.digest if attempt.c4 else None,
             approval=approval.handoff_id if approval and approval.attestation is None else None,
             approver=approval.command.actor if approval else None,
             attestation=approval.attestation if approval else None,
             handed_back=approval is not None and isinstance(approval.command, ReturnControl),
             reason=approval.command.reason if approval else "",
+            plan=attempt.plan,
         )
 
     def _commit(
@@ -359,13 +373,33 @@ def _planned(prepared: PreparedDispatch, plan: Plan, c1: Context) -> NodePlanned
     )
 
 
-def _signature(recovery: RecoveryProposal | None, intent: DispatchIntended) -> Signature | None:
+def _signature(attempt: DispatchAttempt, intent: DispatchIntended) -> Signature | None:
+    recovery, plan = attempt.recovery, attempt.plan
     if recovery is None:
         return None
     return Signature(
         action=recovery.action,
-        provider_id=ids.ProviderId(intent.provider_id),
-        provider_version=intent.provider_version,
-        parameters=digest(intent.parameters),
+        provider_id=ids.ProviderId(plan.planner if plan else intent.provider_id),
+        provider_version=plan.planner if plan else intent.provider_version,
+        parameters=digest(plan.contract if plan else intent.parameters),
         failure=recovery.failure,
     )
+
+
+def _action(mission: Mission, attempt: DispatchAttempt, *, number: int) -> RecoveryAction | None:
+    """The step that this invocation is: of another plan only its payer's own is, other stages begin on it."""
+    recovery, plan = attempt.recovery, attempt.plan
+    if recovery is None:
+        return _paid(mission.of(attempt.node_id), number)
+    return None if plan is not None and plan.node_id != attempt.node_id else recovery.action
+
+
+def _limited(mission: Mission, attempt: DispatchAttempt) -> Mission:
+    """The mission as the skill role is shown it: a lower speed that a person chose binds this invocation."""
+    contract = required_contract(mission)
+    speed_mps = min(attempt.speed_cap_mps or contract.constraints.speed_cap_mps, contract.constraints.speed_cap_mps)
+    return replace(mission, contract=_with_speed(contract, speed_mps))
+
+
+def _with_speed(contract: TaskContract, speed_mps: float) -> TaskContract:
+    return replace(contract, constraints=replace(contract.constraints, speed_cap_mps=speed_mps))

@@ -8,10 +8,9 @@ from msgspec.structs import replace
 from harness.contracts import commands, handoff_commands
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.configuration import RecoveryAction
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
-from harness.contracts.handoff_events import HandoffOpened
+from harness.contracts.handoff_events import HandoffOpened, ProposedAction
 from harness.contracts.ids import HandoffId, handoff_stream, mission_stream, sha256
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.proposals import RecoveryProposal
@@ -23,7 +22,7 @@ from harness.gate.handoffs import decide
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Failure, Mission, required_contract
 from harness.supervisor.dispatch import Approval, DispatchAttempt, Dispatcher
-from harness.supervisor.questions import Questions
+from harness.supervisor.questions import Questions, Wish
 from harness.supervisor.roles import RoleContexts, context_record
 from harness.supervisor.zones import patience, reserve_s
 
@@ -48,6 +47,7 @@ class HandoffService:
         allowed = patience(site.zones, (snapshot.x_m, snapshot.y_m), reserve_s=reserve)
         goal = allowed.retreat.place_id if allowed.retreat else None
         now_s = self._connection.clock.now().wall_s
+        wish = self._questions.first(mission, failure.node_id)
         opening = commands.OpenHandoff(
             handoff_id=handoff_id,
             mission_id=mission.mission_id,
@@ -57,7 +57,7 @@ class HandoffService:
             failure=failure.failure,
             reason=reason,
             risk=contract.node(failure.node_id).risk,
-            proposal=self._questions.proposal(mission, failure.node_id),
+            proposal=self._questions.proposal(mission, failure.node_id, wish),
             snapshot=snapshot,
             evidence=self._questions.evidence(mission, failure.node_id, snapshot),
             no_answer=allowed.no_answer,
@@ -99,7 +99,9 @@ class HandoffService:
             case commands.RejectHandoff() | handoff_commands.CloseQuestion():
                 return self._ends(mission, handoff, command)
             case handoff_commands.LookAgain():
-                return self._asked_anew(mission, handoff, opened, actor=command.actor, action=_proposed(handoff))
+                wish = self._questions.wished(mission, opened.proposal, again=True)
+                proposal = self._questions.proposal(mission, opened.node_id, wish)
+                return self._asked_anew(mission, handoff, opened, actor=command.actor, proposal=proposal)
             case handoff_commands.ChooseAction():
                 return self._choose(mission, handoff, opened, command)
             case handoff_commands.TakeControl() if (
@@ -110,6 +112,7 @@ class HandoffService:
                 handoff_commands.TakeClaim()
                 | handoff_commands.DropClaim()
                 | handoff_commands.ExtendDeadline()
+                | handoff_commands.AskColleague()
                 | handoff_commands.TakeControl()
             ):
                 return self._answer_of(handoff, command)
@@ -124,18 +127,30 @@ class HandoffService:
             return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
         if command.action not in self._questions.choices(mission, opened.node_id):
             return refused("no_choice", because("action_not_offered", action=command.action))
-        if self._questions.proposal(mission, opened.node_id, command.action) is None:
+        wish = Wish(action=command.action, wait_s=command.wait_s, speed_cap_mps=command.speed_cap_mps)
+        if outside := self._questions.outside(mission, wish):
+            return refused("not_possible", outside)
+        proposal = self._questions.proposal(mission, opened.node_id, wish)
+        if proposal is None:
             return refused("not_possible", because("action_not_possible", action=command.action))
-        return self._asked_anew(mission, handoff, opened, actor=command.actor, action=command.action)
+        if unfit := self._questions.unfit(wish, proposal):
+            return refused("not_possible", unfit)
+        return self._asked_anew(mission, handoff, opened, actor=command.actor, proposal=proposal)
 
     def _asked_anew(
-        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, *, actor: Actor, action: RecoveryAction
+        self,
+        mission: Mission,
+        handoff: Handoff,
+        opened: HandoffOpened,
+        *,
+        actor: Actor,
+        proposal: ProposedAction | None,
     ) -> Decision[AnyEvent]:
         """Observe without motion and show the question with the current state: a new cycle."""
         snapshot = self._questions.snapshot(mission, opened.node_id)
         refreshed = commands.RefreshHandoff(
             k=mission.k,
-            proposal=self._questions.proposal(mission, opened.node_id, action),
+            proposal=proposal,
             snapshot=snapshot,
             evidence=self._questions.evidence(mission, opened.node_id, snapshot),
             choices=self._questions.choices(mission, opened.node_id),
@@ -153,12 +168,15 @@ class HandoffService:
         fresh = self._questions.snapshot(mission, opened.node_id)
         digest = command.shown or self._runtime.keep(encode(opened))
         approve = replace(command, k=mission.k, fresh=fresh, shown=digest)
-        wish = self._questions.wish(mission, opened.node_id, _proposed(handoff))
-        attempt = dataclasses.replace(wish, approval=Approval(handoff_id=handoff.handoff_id, command=approve))
+        changed = refused("wrong_digest", because("action_changed_now"))
+        wish = self._questions.wished(mission, opened.proposal, again=False)
+        wished = self._questions.attempt(mission, opened.node_id, wish)
+        if wished is None:
+            return self._refused(handoff, approve) or changed
+        attempt = dataclasses.replace(wished, approval=Approval(handoff_id=handoff.handoff_id, command=approve))
         prepared = self._dispatcher.prepare(mission, attempt)
         same = self._questions.proposed(mission, attempt, prepared) == opened.proposal
         if isinstance(prepared, Refused) or not same:
-            changed = refused("wrong_digest", because("action_changed_now"))
             return self._refused(handoff, approve) or changed
         return self._dispatcher.commit(mission, attempt, prepared)
 
@@ -250,18 +268,13 @@ class HandoffService:
         command: handoff_commands.TakeClaim
         | handoff_commands.DropClaim
         | handoff_commands.ExtendDeadline
+        | handoff_commands.AskColleague
         | handoff_commands.TakeControl
         | commands.RefreshHandoff,
     ) -> Decision[AnyEvent]:
         return self._runtime.commit(
             [CommandEnvelope(handoff_stream(handoff.handoff_id), command, self._connection.robot_id)]
         )
-
-
-def _proposed(handoff: Handoff) -> RecoveryAction:
-    """The current proposal; an operator's retry where there was none."""
-    proposal = handoff.opened.proposal if handoff.opened else None
-    return proposal.action if proposal else "retry"
 
 
 def _not_waiting(mission: Mission) -> Refused:

@@ -16,7 +16,7 @@ from harness.contracts.reasons import Explanation, Reason, because
 from harness.gate.commit import CommandEnvelope
 from harness.projections.mission import Invocation, Mission, required_contract
 from harness.runtime import Live
-from harness.supervisor.approvals import clear_to_send, withdraw
+from harness.supervisor.approvals import after_wait, changed, clear_to_send, withdraw
 from harness.supervisor.leases import HeldLeases, MotionIntent, give_back, holds
 from harness.supervisor.measurements import IndependentMeasurements
 from harness.supervisor.observations import image_reference
@@ -81,6 +81,8 @@ class InvocationMonitor:
 
     def _attended(self, mission: Mission, invocation: Invocation, now_s: float) -> float:
         intent, trouble = invocation.intent, self._roles.observations.trouble
+        if intent.not_before_s is not None and now_s < intent.not_before_s and changed(mission, invocation) is None:
+            return min(now_s + POLL_S, intent.not_before_s)
         refused = self._refused is not None and self._refused[0] == intent.invocation_id
         if not refused and self._lost(invocation):
             reason = because("provider_cannot_be_asked", provider_id=intent.provider_id)
@@ -132,7 +134,7 @@ class InvocationMonitor:
             self._accepted(mission, intent, known)
             return known
         self._check_unsent(invocation)
-        if refused := clear_to_send(self._runtime, mission, invocation):
+        if refused := after_wait(self._roles, mission, invocation) or clear_to_send(self._runtime, mission, invocation):
             return refused
         self._sent.add(intent.invocation_id)
         try:

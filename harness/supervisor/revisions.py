@@ -22,7 +22,7 @@ from harness.contracts.observations import Trajectory
 from harness.contracts.ports import Record
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.reasons import Reason, because
-from harness.contracts.revision_commands import PassOverStep, ReviseToRecover
+from harness.contracts.revision_commands import PassOverStep, RevisedPlan, ReviseToRecover
 from harness.contracts.tasks import Node, TaskContract
 from harness.contracts.values import Point, decode, digest
 from harness.exploration.detours import detour
@@ -85,6 +85,20 @@ class Revisions:
         contract = required_contract(mission)
         reads = views.frames_of(contract, contract.node(failure.node_id))
         return proposal.action == "re_perceive" and reads is not None
+
+    def plan(self, mission: Mission, node_id: NodeId, proposal: RecoveryProposal) -> RevisedPlan | None:
+        """The plan that this step would go on with, for a person to approve; None where it changes no plan."""
+        contract = required_contract(mission)
+        planned = self._planned(mission, contract, contract.node(node_id), proposal)
+        if not isinstance(planned, Revision):
+            return None
+        return RevisedPlan(
+            node_id=node_id,
+            contract=planned.contract,
+            reopened=planned.reopened,
+            planner=PLANNER,
+            reason=planned.reason,
+        )
 
     def carry_out(self, mission: Mission, failure: Failure, proposal: RecoveryProposal, c4: Context) -> bool | Refused:
         """Whether the step is done with: as a revision, or passed over where no other route is planned that the gate

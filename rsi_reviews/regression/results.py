@@ -89,6 +89,11 @@ class ResultsFile:
             ) from error
 
 
+def results_path(folder: Path, evaluator: str) -> Path:
+    """Where an evaluator's folder keeps the results of this version of it."""
+    return folder / f"results-{evaluator.rpartition('+')[2]}.jsonl"
+
+
 @lru_cache(maxsize=1)
 def evaluator_version(simulator: Digest) -> str:
     """Identifies the evaluator by its sources: any source that can change a result changes it, the harness included.

@@ -27,7 +27,9 @@ function tick() {
   for (const one of document.querySelectorAll("time[data-since]")) write(one, span(at - Number(one.dataset.since)));
   for (const one of document.querySelectorAll("[data-fresh-until]")) {
     const old = Number(one.dataset.freshUntil) < at;
-    if (old && !one.disabled) { one.disabled = true; one.dataset.old = ""; write(one, tr("Picture too old: look again")); }
+    if (!old || one.disabled) continue;
+    one.disabled = one.hidden = true;
+    one.form.querySelector("[data-instead]").hidden = false;
   }
 }
 

@@ -64,7 +64,7 @@ addEventListener("pagehide", () => {
   if (left?.value) sessionStorage.setItem(draft, left.value);
 });
 document.addEventListener("submit", (event) => {
-  if (event.target.id === "decision" && !event.defaultPrevented) event.target.dataset.sent = "";
+  if (event.target.id === "decision" && event.submitter?.name === "decision" && !event.defaultPrevented) event.target.dataset.sent = "";
 });
 
 document.addEventListener("htmx:after:swap", () => {

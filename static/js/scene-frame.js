@@ -1,7 +1,12 @@
 // The 3D view's frame: the page's own words on it follow once it is loaded; it is opened anew after a lost link.
+const NOTICE = '.mantine-Notification-root[style*="orange"]';
+
 for (const frame of document.querySelectorAll(".scene iframe")) {
   frame.addEventListener("load", () => {
-    for (const wait of [1500, 5000]) setTimeout(() => document.body.dispatchEvent(new CustomEvent("live:scene")), wait);
+    for (const wait of [1500, 5000]) setTimeout(() => {
+      document.body.dispatchEvent(new CustomEvent("live:scene"));
+      if (frame.contentDocument?.querySelector(NOTICE)) frame.closest("section").querySelector("[data-software]").hidden = false;
+    }, wait);
   });
 }
 

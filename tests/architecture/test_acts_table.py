@@ -18,6 +18,7 @@ from tests.architecture.sources import ROOT
 ROW = re.compile(r"^\| `(\w+)` \| (\w+) (\S+) \| (?:regen ([\w -]+))?\s*\| (\w+)", re.MULTILINE)
 SEVERAL = {
     "StopRobotAct": "stop", "ExplainStopAct": "stop", "StopRobotsAct": "stop", "SteerAct": "drive",
+    "EvaluateCandidateAct": "propose", "CancelEvaluationAct": "propose",
     "AddAccountAct": "people", "ChangeAccountAct": "people", "IssueTokenAct": "people",
 }  # fmt: skip
 """Acts that are not one gate command, with what they need; test_console_people.py asks every route for it."""

@@ -178,3 +178,14 @@ def test_on_a_phone_the_buttons_come_before_the_history_and_axe_finds_nothing(
         page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
         found = Axe().run(page, options={"runOnly": {"type": "tag", "values": LEVELS}})
         assert found.response["violations"] == [], found.generate_report()
+    expect(page.locator(".decide .act")).to_be_in_viewport()
+    assert page.evaluate("document.fonts.check('14px \"Language Names\"', '简体中文')"), "the switch is legible"
+    page.locator("#reason").fill("looked at it twice")
+    page.evaluate("document.querySelector('#approve').dataset.freshUntil = '1'")
+    expect(page.locator("#approve")).to_be_hidden()
+    again = page.locator("#look-now")
+    expect(again).to_be_in_viewport()
+    with page.expect_navigation():
+        again.click()
+    expect(page.locator("#approve")).to_be_visible()
+    expect(page.locator("#reason")).to_have_value("looked at it twice")

@@ -13,7 +13,7 @@ from tests.builders.consoles import Stand
 from tests.builders.people import PASSWORD
 from tests.builders.releases import candidate, tried
 
-TURNS = ("claim", "release", "on-my-way", "choose", "take-over", "hand-back", "close")
+TURNS = ("claim", "release", "on-my-way", "choose", "ask-colleague", "take-over", "hand-back", "close")
 ALERT_TURNS = ("acknowledge", "shelve", "suppress", "restore", "assign")
 PHOTOGRAPH = b"\xff\xd8\xff a photograph that nothing refers to"
 REASONED = ("stop", "reason", "pause", "resume", "dispute", "withdraw", "case", "free", "erase")
@@ -129,6 +129,7 @@ class ConsoleWithRoles:
         """A valid body for a request at a handoff."""
         known: dict[str, dict[str, object]] = {
             "on-my-way": {"reason": "because"},
+            "ask-colleague": {"reason": "because"},
             "choose": {"action": "retry", "cycle": cycle},
             "take-over": {"claim": "t", "device": "desk", "key": "k", "reason": "because"},
             "hand-back": {"claim": "t", "key": "k", "reason": "because"},
@@ -149,6 +150,8 @@ class ConsoleWithRoles:
 
 def about_candidate(verb: str) -> dict[str, object]:
     """A valid body for an act on a candidate that is no longer what was shown."""
+    if verb in ("evaluate", "cancel-evaluation"):
+        return {}
     seen = {"cycle": 1, "subject": "0" * 64}
     known: dict[str, dict[str, object]] = {
         **dict.fromkeys(("request-changes", "request_changes", "approve", "reject", "authorise"), seen),

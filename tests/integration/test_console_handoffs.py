@@ -374,3 +374,49 @@ def test_two_approvals_at_once_on_fresh_evidence_start_the_action_once(
     ]
     assert len(approved) == 1
     assert starts(stand, waiting[0]) - before <= 1
+
+
+def test_a_slower_start_is_proposed_from_the_page_and_is_what_the_approval_sends(
+    stand: Stand, waiting: tuple[Mission, HandoffId]
+) -> None:
+    mission, handoff_id = waiting
+    operator = stand.operator()
+    page = operator.get(f"/handoffs/{handoff_id}").text
+    assert "Slower: at most 0.25 m/s" in page and "Wait 30 s, then do it" in page
+    chosen = {"action": "retry", "speed_cap_mps": "0.25", "cycle": shown(operator, handoff_id)["cycle"]}
+    assert operator.post(f"/handoffs/{handoff_id}/choose", data=chosen).status_code == 303
+    later = operator.get(f"/handoffs/{handoff_id}").text.partition('name="wait_s" value="30.0"')[2]
+    assert 'name="speed_cap_mps" value="0.25"' in later.partition("</form>")[0], "waiting too keeps the speed"
+    form = {**shown(operator, handoff_id), "decision": "approve", "reason": "narrow there"}
+    assert operator.post(f"/handoffs/{handoff_id}/decision", data=form).status_code == 303
+    invocation = stand.harness.runtime.mission(mission.mission_id).invocation
+    assert invocation is not None and invocation.intent.parameters["speed_cap_mps"] == 0.25
+
+
+def test_a_refused_form_keeps_what_was_typed_in_it_and_no_other_form_does(
+    stand: Stand, waiting: tuple[Mission, HandoffId]
+) -> None:
+    operator, handoff_id = stand.operator(), waiting[1]
+    binding = shown(operator, handoff_id)
+    chosen = {"action": "verify_again", "wait_s": "500", "cycle": binding["cycle"]}
+    answer = operator.post(f"/handoffs/{handoff_id}/choose", data=chosen)
+    assert answer.status_code == 422
+    assert "0 to 90 seconds" in answer.text and 'value="500"' in answer.text
+    taken = operator.post(f"/handoffs/{handoff_id}/take-over", data={"device": "desk 2", "claim": "t", "key": "k"})
+    assert taken.status_code == 422
+    assert 'value="desk 2"' in taken.text and 'value="500"' not in taken.text
+
+
+def test_a_mission_is_paused_and_resumed_on_the_page_of_its_question(
+    stand: Stand, waiting: tuple[Mission, HandoffId]
+) -> None:
+    operator, (mission, handoff_id) = stand.operator(), waiting
+    assert operator.post(f"/handoffs/{handoff_id}/pause", data={}).status_code == 422
+    paused = operator.post(f"/handoffs/{handoff_id}/pause", data={"reason": "visitors"})
+    assert (paused.status_code, paused.headers["location"]) == (303, f"/handoffs/{handoff_id}")
+    page = operator.get(f"/handoffs/{handoff_id}").text
+    assert "The mission is paused." in page and f'action="/handoffs/{handoff_id}/resume"' in page
+    resumed = operator.post(f"/handoffs/{handoff_id}/resume", data={"reason": "they left"})
+    assert resumed.status_code == 303
+    assert stand.harness.runtime.mission(mission.mission_id).status == "awaiting_human"
+    assert "The mission is paused." not in operator.get(f"/handoffs/{handoff_id}").text

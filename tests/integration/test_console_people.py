@@ -42,6 +42,7 @@ OWN_BUSINESS = {
     "/audit/anchors",
 }
 ROBOT_TURNS: dict[str, Permission] = {"autonomy": "drive", "pause": "stop", "resume": "drive", "safe": "stop"}
+EVALUATION = ("evaluate", "cancel-evaluation")
 TELEOPERATION = ("teleoperation", "wheel")
 """The path of the API, and its name in the release before, kept as a hidden alias."""
 CHANGE: dict[tuple[str, str], Permission] = {
@@ -51,6 +52,8 @@ CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/handoffs/{handoff_id}/decision"): "decide",
     **{("POST", f"{door}/handoffs/{{handoff_id}}/{turn}"): "decide" for door in ("", "/api/v1") for turn in TURNS},
     **{("POST", f"{door}/handoffs/{{handoff_id}}/attest"): "attest" for door in ("", "/api/v1")},
+    ("POST", "/handoffs/{handoff_id}/pause"): "stop",
+    ("POST", "/handoffs/{handoff_id}/resume"): "drive",
     **{("POST", f"/robots/{{robot_id}}/{turn}"): needed for turn, needed in ROBOT_TURNS.items()},
     ("POST", "/robots/stop"): "stop",
     **{("POST", f"{door}/robots/{{robot_id}}/stop"): "stop" for door in ("", "/api/v1")},
@@ -109,6 +112,11 @@ CHANGE: dict[tuple[str, str], Permission] = {
         for verb, kind in releases.ACTS.items()
     },
     ("POST", "/candidates/{candidate}/{verb}"): "propose",
+    **{
+        ("POST", f"{door}/candidates/{{candidate}}/{verb}"): "propose"
+        for door in ("", "/api/v1")
+        for verb in EVALUATION
+    },
     ("POST", "/api/v1/candidates/{candidate}/request_changes"): "review",
     **{("POST", f"{door}/releases/policy"): "policy" for door in ("", "/api/v1")},
     **{("POST", f"{door}/evidence/{{digest}}/erase"): "erase" for door in ("", "/api/v1")},

@@ -243,6 +243,8 @@ TWINS = {
     "/robots/{robot_id}/drive/return": "/robots/{robot_id}/teleoperation/return",
     "/robots/{robot_id}/drive/turn": "/robots/{robot_id}/teleoperation/turn",
     "/robots/{robot_id}/release": "/leases/{resource}/free",
+    "/handoffs/{handoff_id}/pause": "/missions/{mission_id}/pause",
+    "/handoffs/{handoff_id}/resume": "/missions/{mission_id}/resume",
     "/robots/{robot_id}/pause": "/missions/{mission_id}/pause",
     "/robots/{robot_id}/resume": "/missions/{mission_id}/resume",
     "/robots/{robot_id}/stand": "/robots/{robot_id}/posture",

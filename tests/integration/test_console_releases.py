@@ -105,12 +105,18 @@ def test_the_review_page_tells_what_got_worse_first_and_everything_a_reviewer_ne
     name = console.bench.in_review(candidate())
     text = console.page("viewer", f"/candidates/{name}")
     shows(text, "Pass to fail", "Fail to pass", "Paired differences", "Held-out, apart", "clause by clause",
-          "The change, by component", "The raw difference", "Your decision", "Because", "Counterfactual replay",
+          "The change, by component", "The raw difference", "Your decision", "Missions that led to it",
+          "Counterfactual replay",
           "Who is pinned to what", "Rollback target", "What a release changes", "Discussion")  # fmt: skip
     shows(text, "resource conflict", "<svg", "better by")
     assert "loaded just now and keeps its name" in text
     assert text.count('data-verdict="satisfied"') >= 4
     assert "10.0" in text and "recovery.wait_s" in text
+    assert text.index("The change<") < text.index("Why:") < text.index("Paired differences"), "in words, before numbers"
+    assert re.search(r"How long a free rung waits[^<]*</span>\s*<del>20\.0 s</del> → <ins>10\.0 s</ins>", text)
+    assert text.count('class="tick-label"') >= 4, "an axis with ticks and its name"
+    chinese = house.people["viewer"].get(f"/candidates/{name}?lang=zh-Hans").text
+    assert "1970" not in chinese
 
 
 def test_a_case_that_got_worse_is_listed_before_those_that_got_better(console: ReleaseConsole) -> None:

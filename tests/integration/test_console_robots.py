@@ -38,6 +38,8 @@ def test_a_stop_of_everything_names_every_mission_and_robot_and_stops_them() -> 
         assert operator.post("/robots/stop", data=REASON).status_code == 303
         assert {stand.harness.runtime.mission(one).status for one in both} == {"stopping"}
         assert "the provider has not answered yet" in operator.get("/robots").text
+        watched = operator.get(f"/missions/{both[0]}").text
+        assert f'id="camera-{ONE}"' in watched and 'class="planned"' in watched, "camera and map beside each other"
         run_together(stand.harness, *both)
         for mission_id in both:
             mission = stand.harness.runtime.mission(mission_id)
@@ -89,6 +91,7 @@ def test_driving_by_hand_from_the_page_moves_the_robot_and_only_for_its_driver()
         operator, owner = stand.operator(), stand.owner()
         assert operator.post(f"/robots/{ONE}/drive", data={"device": "tablet", **REASON}).status_code == 303
         page = operator.get(f"/robots/{ONE}/drive").text
+        assert f'id="camera-{ONE}"' in page and f'id="map-{ONE}"' in page
         session = page.partition('data-session="')[2].partition('"')[0]
         clock, before = stand.harness.clocks[ONE], len(stand.harness.robots[ONE].starts())
         for _ in range(6):
@@ -96,6 +99,8 @@ def test_driving_by_hand_from_the_page_moves_the_robot_and_only_for_its_driver()
             assert answer.status_code == 200
             clock.wait_until(clock.now().mission_s + 0.4)
         assert answer.json()["status"] == "driving" and answer.json()["v_mps"] > 0.1
+        shown = operator.get(f"/robots/{ONE}/map?near=yes").text
+        assert 'class="robot-mark"' in shown and 'class="hits' in shown, "where it is, and what its lidar sees"
         assert len(stand.harness.robots[ONE].starts()) == before + 1
         assert "by hand from tablet" in operator.get("/robots").text
         wrong = operator.post(

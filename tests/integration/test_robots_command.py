@@ -14,9 +14,10 @@ from app.cli.main import app as regen
 from app.main import bind
 from harness.adapters.stores.owner import OwnerLock
 from harness.contracts.control import CONTROL
+from harness.contracts.decisions import Accepted
 from simulator.robot import SimulatedRobot
 from tests.builders.consoles import OWNER, Stand
-from tests.builders.fleets import ONE, TWO, fleet_stand, run_together, started
+from tests.builders.fleets import ADA, ONE, TWO, fleet_stand, run_together, started
 
 WHY = ("--reason", "smoke in the hall")
 
@@ -74,3 +75,28 @@ def test_either_one_robot_is_named_or_all_are_meant(owned: Stand, tmp_path: Path
     assert alone.exit_code == 0, alone.output
     assert owned.harness.robots[TWO].status().posture == "lying"
     assert owned.harness.robots[ONE].status().posture == "standing"
+
+
+def stop(folder: Path, *words: str) -> Result:
+    return CliRunner().invoke(regen, ["robot", "stop", *words, "--data", str(folder), "--json"])
+
+
+def test_a_stop_at_the_terminal_stops_a_robot_on_its_way_to_safety_and_a_hand_that_drives_one(
+    owned: Stand, tmp_path: Path
+) -> None:
+    mission_id = started(owned.harness, ONE)
+    run_together(owned.harness, mission_id, until=lambda: from_dock_m(owned) > 2.0)
+    asked = stop(tmp_path, ONE)
+    assert (asked.exit_code, json.loads(asked.stdout)["asked"]) == (0, [mission_id]), asked.output
+    run_together(owned.harness, mission_id)
+    assert safe(tmp_path, ONE).exit_code == 0
+    assert owned.harness.runtime.fold(CONTROL).retreating(ONE) is not None
+    driven = owned.harness.teleoperation.take(TWO, actor=ADA, device="pad", reason="to look")
+    assert isinstance(driven, Accepted)
+    for robot in (ONE, TWO):
+        done = stop(tmp_path, robot, "--reason", "a person in the way")
+        assert done.exit_code == 0, done.output
+    control = owned.harness.runtime.fold(CONTROL)
+    assert TWO not in control.wheels
+    sent = control.retreats[ONE]
+    assert sent.stop is not None, "the way to safety was asked to end"

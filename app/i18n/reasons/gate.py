@@ -96,6 +96,8 @@ SENTENCES: Mapping[str, str] = {
     "only_retry_is_free": N_("{action:word} costs {cost}; only a retry is free for a person."),
     "other_window": N_("You claimed this question in another window. Decide there, or claim it here."),
     "over_speed": N_("{speed_mps:g} m/s exceeds the contract's {limit_mps:g} m/s."),
+    "wait_unapproved": N_("Only a start that a person approved may wait."),
+    "wait_too_long": N_("A start waits at most {limit_s:g} s, not {wait_s:g} s."),
     "packet_of_no_invocation": N_("No invocation is open, so this packet belongs to none."),
     "place_heading_invalid": N_("The heading is between -360 and 360 degrees."),
     "place_nowhere": N_("Coordinates are finite and within {limit_km:.0f} km of the map's origin."),

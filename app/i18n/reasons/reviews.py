@@ -5,6 +5,11 @@ from collections.abc import Mapping
 from app.i18n.catalogues import N_
 
 SENTENCES: Mapping[str, str] = {
+    "cancelled_by": N_("cancelled by {actor}"),
+    "evaluation_jobs_unreadable": N_("The list of evaluations cannot be read: {error}"),
+    "evaluation_process_lost": N_("the evaluating process ended before it was done; ask again to go on"),
+    "no_evaluation_open": N_("No evaluation of it waits or runs."),
+    "no_evaluations_here": N_("This console evaluates nothing: start it with `regen up`."),
     "alpha_overspent": N_("Look {look} spent {spent:g} of the {alpha:g} for all looks."),
     "approved_already": N_("{actor} approved it in this cycle."),
     "authorisation_ends_at_once": N_("An authorisation that ends at once could never be used."),

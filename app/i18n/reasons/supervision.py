@@ -9,6 +9,11 @@ SENTENCES: Mapping[str, str] = {
     "action_changed_now": N_("What would run now is not what you saw. Look again, then decide."),
     "action_not_offered": N_("{action:word} is not a step that this stage's ladder and budget still offer."),
     "action_not_possible": N_("Nobody can do {action:word} now."),
+    "action_drives_nowhere": N_("{action:capital} drives nowhere: it has no speed to lower."),
+    "speed_outside": N_("{speed_mps:g} m/s is outside {low_mps:g} to {high_mps:g} m/s."),
+    "too_slow_for_stage": N_(
+        "At {speed_mps:g} m/s the {length_m:.0f} m of the route take longer than the {timeout_s:g} s of the stage."
+    ),
     "already_there": N_("It already stands {away_m:.2f} m from {place}."),
     "approval_mission_is": N_("the mission is {status:word}"),
     "approval_of_another_version": N_("the mission is at version {k}, the approval was given for {approved_k}"),

@@ -27,6 +27,7 @@ BODIES: dict[str, dict[str, Any]] = {
     "choose": {"action": "verify_again", "cycle": 2, "claim": "t"},
     "attest": {"condition_id": "door", "statement": "it is open", "key": "k-1", "cycle": 2, "claim": "t"},
     "take-over": HELD | {"device": "desk 2"},
+    "ask-colleague": {"reason": "a second look"},
     "hand-back": HELD,
     "close": HELD,
     "free": {"reason": "beside it"},

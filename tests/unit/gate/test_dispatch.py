@@ -49,7 +49,7 @@ def test_a_second_attempt_needs_an_authorised_recovery() -> None:
     assert paid.of(GO).attempt == 2
 
 
-@pytest.mark.ledger("R83", "R10", symbol="harness.gate.dispatch:_misbound")
+@pytest.mark.ledger("R83", "R10", symbol="harness.gate.dispatch:misbound")
 def test_the_request_id_is_bound_to_task_node_and_attempt() -> None:
     mission = created()
     assert refused(mission, dispatch(mission, request_id=RequestId("0" * 64))) == "wrong_request_id"
@@ -66,7 +66,7 @@ def test_no_attempt_may_change_the_nodes_effect() -> None:
     assert refused(mission, dispatch(mission, parameters=faster)) == "over_speed"
 
 
-@pytest.mark.ledger("R87", symbol="harness.gate.dispatch:_misbound")
+@pytest.mark.ledger("R87", symbol="harness.gate.dispatch:misbound")
 def test_a_deadline_never_exceeds_the_nodes_timeout() -> None:
     mission = created()
     assert refused(mission, dispatch(mission, deadline_s=NOW.mission_s + 101.0)) == "deadline_too_late"
@@ -78,7 +78,7 @@ def test_one_invocation_is_in_flight_at_a_time() -> None:
     assert refused(mission, dispatch(mission)) == "invocation_open"
 
 
-@pytest.mark.ledger("R43", "R172", symbol="harness.gate.dispatch:_unready")
+@pytest.mark.ledger("R43", "R172", symbol="harness.gate.dispatch:unready")
 def test_nothing_starts_under_a_veto() -> None:
     mission = after(created(), RaiseVeto(layer="watchdog", reason="tilt"))
     assert refused(mission, dispatch(mission)) == "vetoed"
