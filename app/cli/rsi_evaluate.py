@@ -113,7 +113,7 @@ def _in_console(owner: OwnerApi, candidate: str, processes: int, *, as_json: boo
     path = f"/candidates/{candidate}"
     answer = owner.post(f"{path}/evaluate", EvaluateCandidateAct.of(processes=processes).body())
     try:
-        with _watched() as watch:
+        with _progress_bar() as watch:
             while answer["job"]["status"] in OPEN:
                 job = answer["job"]
                 watch(RunProgress(done=job["done"], of=max(1, job["of"]), kept=job["kept"], bad=job["bad"]))

@@ -29,8 +29,8 @@ from harness.contracts.values import encode
 from harness.contracts.verdicts import NodeVerdict
 from harness.extra_templates import begin
 from harness.projections.mission import declared_goals
-from harness.provider_protocol.delegation import DelegatingProvider
 from harness.projections.unverified import unverified_parts
+from harness.provider_protocol.delegation import DelegatingProvider
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from harness.verification.verdict import verify

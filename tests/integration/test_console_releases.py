@@ -115,7 +115,7 @@ def test_the_review_page_tells_what_got_worse_first_and_everything_a_reviewer_ne
     assert text.index("The change<") < text.index("Why:") < text.index("Paired differences"), "in words, before numbers"
     assert re.search(r"How long a free rung waits[^<]*</span>\s*<del>20\.0 s</del> → <ins>10\.0 s</ins>", text)
     assert text.count('class="tick-label"') >= 4, "an axis with ticks and its name"
-    chinese = house.people["viewer"].get(f"/candidates/{name}?lang=zh-Hans").text
+    chinese = console.people["viewer"].get(f"/candidates/{name}?lang=zh-Hans").text
     assert "1970" not in chinese
 
 
