@@ -219,7 +219,7 @@ class EvaluationJobs:
         context = multiprocessing.get_context("spawn")
         mine, theirs = context.Pipe()
         order = _Order(trial, self.folder, job.processes, self.simulator, self.now_s, self.fresh)
-        process = context.Process(target=evaluated, args=(theirs, order), name="evaluation", daemon=False)
+        process = context.Process(target=evaluate_in_child, args=(theirs, order), name="evaluation", daemon=False)
         process.start()
         theirs.close()
         self._run = _Run(job.job_id, trial, process, mine)
@@ -324,7 +324,7 @@ class EvaluationJobs:
         beside.replace(self.folder / JOBS)
 
 
-def evaluated(line: Connection, order: _Order) -> None:
+def evaluate_in_child(line: Connection, order: _Order) -> None:
     """The main of the evaluating process, below the console in priority. It ends when nobody listens any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(NICENESS)

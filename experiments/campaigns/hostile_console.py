@@ -74,7 +74,7 @@ def _met(modes: Sequence[Mode], data: Path, *, seed: int) -> tuple[list[MissionU
     data.mkdir()
     robots = {f"vbot-{number}": mode for number, mode in enumerate(modes, start=1)}
     with _console(data, robots) as console:
-        missions = {name: _begun(console, name, mode, seed=seed) for name, mode in robots.items()}
+        missions = {name: _start_mission(console, name, mode, seed=seed) for name, mode in robots.items()}
         ended = {name: _ended(console, missions[name]) for name in robots}
         answers = console.client.get("/api/v1/missions").is_success and console.process.poll() is None
         peak = console.peak_mib() if answers else 0
@@ -86,7 +86,7 @@ def _met(modes: Sequence[Mode], data: Path, *, seed: int) -> tuple[list[MissionU
     return found, peak
 
 
-def _begun(console: RunningConsole, robot: str, mode: Mode, *, seed: int) -> str:
+def _start_mission(console: RunningConsole, robot: str, mode: Mode, *, seed: int) -> str:
     """The mission of the lie; where an honest one goes before, that is waited for."""
     mission_id = ""
     for number in range(1 + mode.second):

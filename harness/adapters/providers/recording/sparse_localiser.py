@@ -54,22 +54,22 @@ class SparseLocaliser:
             self._odometry.popleft()
         if self._newest is None:
             return None
-        pose, begun = self._newest
-        turned_rad = abs(math.remainder(odometry.yaw_rad - begun.yaw_rad, math.tau))
-        if _apart_m(begun, odometry) > CARRIED_M or turned_rad > CARRIED_RAD:
+        pose, start = self._newest
+        turned_rad = abs(math.remainder(odometry.yaw_rad - start.yaw_rad, math.tau))
+        if _apart_m(start, odometry) > CARRIED_M or turned_rad > CARRIED_RAD:
             self._newest, self._confirmed = None, False
             return None
-        return _laid(pose, begun, odometry) if self._confirmed and odometry.at_s - pose.at_s > SILENT_S else None
+        return _laid(pose, start, odometry) if self._confirmed and odometry.at_s - pose.at_s > SILENT_S else None
 
 
 def _apart_m(a: Placed, b: Placed) -> float:
     return math.dist((a.x_m, a.y_m), (b.x_m, b.y_m))
 
 
-def _laid(pose: Placed, begun: Placed, odometry: Placed) -> Placed:
-    """Odometry's motion since `begun`, laid onto the pose of the same instant."""
-    turn = pose.yaw_rad - begun.yaw_rad
+def _laid(pose: Placed, start: Placed, odometry: Placed) -> Placed:
+    """Odometry's motion since `start`, laid onto the pose of the same instant."""
+    turn = pose.yaw_rad - start.yaw_rad
     cosine, sine = math.cos(turn), math.sin(turn)
-    x, y = odometry.x_m - begun.x_m, odometry.y_m - begun.y_m
+    x, y = odometry.x_m - start.x_m, odometry.y_m - start.y_m
     yaw_rad = math.remainder(odometry.yaw_rad + turn, math.tau)
     return Placed(odometry.at_s, pose.x_m + cosine * x - sine * y, pose.y_m + sine * x + cosine * y, yaw_rad)
