@@ -109,7 +109,7 @@ BUGS: tuple[Bug, ...] = (
         check="simulation",
         edits=(
             Edit(file=RULES, function="vetoed", new=PREDICATES),
-            Edit(file="harness/gate/dispatch.py", function="_unready", old="if mission.vetoes:", new="if False:"),
+            Edit(file="harness/gate/dispatch.py", function="unready", old="if mission.vetoes:", new="if False:"),
         ),
     ),
     Bug(

@@ -14,8 +14,9 @@ from harness.contracts.protocol import InvocationReport, StartRequest
 from harness.projections.exploration import choices
 from harness.projections.mission import required_contract
 from harness.projections.region import contains
+from harness.provider_protocol.delegation import DelegatingProvider
 from harness.runtime import Start
-from tests.builders.connections import Stage, Wrapped, only, staged
+from tests.builders.connections import Stage, only, staged
 from tests.builders.missions_run import OPERATOR, ROBOT
 
 WAIT = NodeId("wait")
@@ -40,7 +41,7 @@ def test_a_wait_is_read_run_and_judged_with_its_time(tmp_path: Path) -> None:
     assert wait["terminal_s"] - wait["dispatched_s"] >= 20.0 and track["until_s"] - track["from_s"] >= 20.0
 
 
-class Hurried(Wrapped):
+class Hurried(DelegatingProvider):
     """An observer that looks for two thirds of the time, and reports success."""
 
     def start(self, request: StartRequest) -> InvocationReport:
