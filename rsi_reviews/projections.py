@@ -76,6 +76,16 @@ class Review(Value):
         return frozenset(hand.name for hand in self.hands)
 
     @property
+    def unanswered(self) -> bool:
+        """Whether its evaluation ended in an error: it may be repeated under the same terms."""
+        return self.status == "inconclusive" and self.evaluation is not None and self.evaluation.answer == "error"
+
+    @property
+    def evaluable(self) -> bool:
+        """Whether an evaluation may begin, or begin again."""
+        return self.status in ("draft", "evaluating") or self.unanswered
+
+    @property
     def exercised(self) -> tuple[CanaryEntry, ...]:
         """Canary missions in which the change took a part."""
         return tuple(entry for entry in self.canary if entry.measured.exercised)

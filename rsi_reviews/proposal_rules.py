@@ -61,10 +61,9 @@ def begin(review: Review, command: BeginEvaluation, now: Moment) -> Decision[Can
         return other
     if review.status == "evaluating" and review.terms == command.terms:
         return Accepted(())
-    errored = review.status == "inconclusive" and review.evaluation and review.evaluation.answer == "error"
-    if review.status != "draft" and not errored:
+    if review.status != "draft" and not review.unanswered:
         return refused("not_a_draft", status=review.status)
-    if errored and review.terms != command.terms:
+    if review.unanswered and review.terms != command.terms:
         return refused("other_terms", because("terms_fixed"))
     return Accepted(
         (EvaluationBegun(terms=command.terms, terms_digest=digest(command.terms), by=signed(command, now)),)

@@ -127,8 +127,7 @@ class EvaluationJobs:
         self._worker.close()
         with self._lock:
             if self._run is not None:
-                self._run.end()
-                self._run = None
+                self._over(self._run)
 
     # what people ask ------------------------------------------------------------------------------------------------
 
@@ -163,8 +162,7 @@ class EvaluationJobs:
             before = self.newest(review.candidate)
             if before is not None and before.open:
                 return before
-            errored = review.status == "inconclusive" and review.evaluation and review.evaluation.answer == "error"
-            if review.status not in ("draft", "evaluating") and not errored:
+            if not review.evaluable:
                 return refused("not_a_draft", status=review.status)
             asked_s = self.clock()
             job = EvaluationJob(
@@ -184,8 +182,7 @@ class EvaluationJobs:
             if job is None or not job.open:
                 return refused("no_evaluation_open")
             if self._run is not None and self._run.job_id == job.job_id:
-                self._run.end()
-                self._run = None
+                self._over(self._run)
             ended = msgspec.structs.replace(
                 job, status="cancelled", ended_at_s=self.clock(), reason=because("cancelled_by", actor=by.name)
             )
@@ -296,10 +293,8 @@ class EvaluationJobs:
     # the file -------------------------------------------------------------------------------------------------------
 
     def _put(self, job: EvaluationJob, *, store: bool = True) -> None:
-        others = tuple(one for one in self._queue.jobs if one.job_id != job.job_id)
-        place = next((at for at, one in enumerate(self._queue.jobs) if one.job_id == job.job_id), len(others))
-        jobs = (*others[:place], job, *others[place:])
-        self._queue = msgspec.structs.replace(self._queue, jobs=jobs[-KEPT:])
+        jobs = {one.job_id: one for one in self._queue.jobs} | {job.job_id: job}
+        self._queue = msgspec.structs.replace(self._queue, jobs=tuple(jobs.values())[-KEPT:])
         if store:
             self._write()
         self.changed(f"candidate/{job.candidate}")

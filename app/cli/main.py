@@ -94,12 +94,14 @@ def _summary(where: str) -> str:
 
 
 def _named(where: str) -> Any:
-    module, _, name = where.partition(":")
-    gc.disable()  # what an import makes stays: looking through it for garbage takes a fifth of the start
-    found = getattr(import_module(f"app.cli.{module}"), name)
-    gc.freeze()
-    gc.enable()
-    return found
+    file, _, name = where.partition(":")
+    module = f"app.cli.{file}"
+    if module not in sys.modules:
+        gc.disable()  # what an import makes stays: looking through it for garbage takes a fifth of the start
+        import_module(module)
+        gc.freeze()
+        gc.enable()
+    return getattr(sys.modules[module], name)
 
 
 def _group(name: str, where: str) -> Any:

@@ -6,7 +6,7 @@ from starlette.responses import HTMLResponse
 from app.acts.releases import EvaluateCandidateAct
 from app.auth.permissions import Principal
 from app.console import Console, ConsoleDep
-from app.views.candidate_evaluation import EvaluationPanel, EvaluationRegion, evaluation_panel, may_begin
+from app.views.candidate_evaluation import EvaluationPanel, EvaluationRegion, evaluation_panel
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.decisions import Refused, refused
@@ -47,7 +47,7 @@ def panel_of(console: Console, principal: Principal, candidate: str) -> Evaluati
     """Raises UnknownName."""
     review, jobs = console.releases.review(candidate), console.evaluations
     job = jobs.newest(review.candidate) if jobs else None
-    begins = jobs is not None and may_begin(review) and not (job and job.open)
+    begins = jobs is not None and review.evaluable and not (job and job.open)
     return evaluation_panel(
         review,
         job,

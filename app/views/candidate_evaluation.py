@@ -7,7 +7,6 @@ from app.i18n.messages import lazy_gettext
 from rsi_reviews.evaluation_jobs import EvaluationCost, EvaluationJob
 from rsi_reviews.projections import Review
 
-BEGINS = ("draft", "evaluating")
 ENDS = {
     "done": N_("The evaluation is done; its answer stands below."),
     "cancelled": N_("The evaluation was cancelled. What was measured is kept."),
@@ -43,12 +42,6 @@ class EvaluationRegion:
     evaluation: EvaluationPanel
 
 
-def may_begin(review: Review) -> bool:
-    """Whether the rules of candidates let an evaluation begin, or begin again."""
-    errored = review.evaluation is not None and review.evaluation.answer == "error"
-    return review.status in BEGINS or (review.status == "inconclusive" and errored)
-
-
 def evaluation_panel(
     review: Review,
     job: EvaluationJob | None,
@@ -66,7 +59,7 @@ def evaluation_panel(
         ahead=ahead,
         percent=100.0 * job.done / job.of if job and job.of else 0.0,
         left_s=job.left_s(now_s) if job else None,
-        ended=_ended(job) if job and may_begin(review) else "",
+        ended=_ended(job) if job and review.evaluable else "",
         may=may,
     )
 
