@@ -14,13 +14,18 @@ FULL = b"HTTP/1.1 503 Service Unavailable\r\nconnection: close\r\nretry-after: 5
 
 
 class ConnectionLimits:
-    """At most `most` connections at once, `unsent` of them without a whole header: the oldest of those goes first."""
+    """At most `most` connections at once, `unsent` of them without a whole header: the oldest of those goes first.
+
+    A connection that was given up no longer counts, though its socket is closed a moment later: when the server is
+    busy, hundreds of them are accepted and given up in one turn of its loop.
+    """
 
     def __init__(self, most: int, *, header_s: float = HEADER_S, body_s: float = BODY_S) -> None:
         files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
         self.most = most if files == resource.RLIM_INFINITY else max(min(most, files // 2), 1)
         self.unsent = max(self.most // 4, 1)
         self.header_s, self.body_s = header_s, body_s
+        self.open: set[BoundedProtocol] = set()
         self.waiting: dict[BoundedProtocol, None] = {}
 
 
@@ -36,10 +41,11 @@ class BoundedProtocol(H11Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
-        if len(self.connections) > self.limits.most:
+        if len(self.limits.open) >= self.limits.most:
             self._give_up(FULL)
             return
         self._await("header", self.limits.header_s)
+        self.limits.open.add(self)
         self.limits.waiting[self] = None
         if len(self.limits.waiting) > self.limits.unsent:
             next(iter(self.limits.waiting))._give_up(LATE)
@@ -57,6 +63,7 @@ class BoundedProtocol(H11Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._done()
+        self.limits.open.discard(self)
         super().connection_lost(exc)
 
     def _await(self, what: str, for_s: float) -> None:
@@ -76,6 +83,7 @@ class BoundedProtocol(H11Protocol):
 
     def _give_up(self, answer: bytes) -> None:
         self._done()
+        self.limits.open.discard(self)
         if answer:
             self.transport.write(answer)
         self.transport.close()

@@ -1,5 +1,6 @@
 """Serves the application of a stand on a port, as `regen up` does, so that streams and sockets are real ones."""
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -25,6 +26,7 @@ class Listening:
 
     stand: Stand
     address: str
+    server: uvicorn.Server
     clients: list[httpx.Client] = field(default_factory=list)
 
     def client(self, **named: Any) -> httpx.Client:
@@ -32,6 +34,10 @@ class Listening:
         made = httpx.Client(base_url=self.address, timeout=TIMEOUT_S, trust_env=False, **named)
         self.clients.append(made)
         return made
+
+    def keep_busy(self, for_s: float) -> None:
+        """For this long the server's loop does nothing else."""
+        self.server.servers[0].get_loop().call_soon_threadsafe(time.sleep, for_s)
 
     def add(self, name: str, *roles: str) -> httpx.Client:
         """A browser of a new account with these roles."""
@@ -88,7 +94,7 @@ def listening(limits: ConnectionLimits | None = None, **settings: object) -> Ite
         server = uvicorn.Server(config)
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})
         thread.start()
-        made = Listening(stand, f"http://127.0.0.1:{port}")
+        made = Listening(stand, f"http://127.0.0.1:{port}", server)
         try:
             yield made
         finally:

@@ -2,6 +2,8 @@
 
 import socket
 import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 
 import httpx
 
@@ -15,6 +17,24 @@ def opened(here: Listening, sent: bytes) -> socket.socket:
     one = socket.create_connection(("127.0.0.1", int(here.address.rsplit(":", 1)[1])), timeout=10.0)
     one.sendall(sent)
     return one
+
+
+@contextmanager
+def half_sent(here: Listening, count: int) -> Iterator[list[socket.socket]]:
+    """This many connections that sent half a header, until the block ends."""
+    with ExitStack() as held:
+        yield [held.enter_context(opened(here, b"GET / HTTP/1.1\r\nHost: ")) for _ in range(count)]
+
+
+def is_open(one: socket.socket) -> bool:
+    one.setblocking(False)
+    try:
+        one.recv(1000)
+    except BlockingIOError:
+        return True
+    except OSError:
+        pass
+    return False
 
 
 def rest_of(one: socket.socket) -> bytes:
@@ -73,20 +93,17 @@ def test_a_body_that_never_ends_is_closed_and_nothing_is_done_for_it() -> None:
 
 
 def test_four_hundred_half_sent_requests_do_not_keep_anybody_out() -> None:
-    with listening(ConnectionLimits(100, header_s=30.0)) as here:
-        held = [opened(here, b"GET / HTTP/1.1\r\nHost: ") for _ in range(400)]
+    with listening(ConnectionLimits(100, header_s=30.0)) as here, half_sent(here, 400) as held:
         assert httpx.get(f"{here.address}/healthz", trust_env=False, timeout=10.0).status_code == 200
-        still = 0
-        for one in held:
-            one.setblocking(False)
-            try:
-                one.recv(1000)
-            except BlockingIOError:
-                still += 1
-            except OSError:
-                pass
-            one.close()
-        assert still <= 25
+        assert sum(map(is_open, held)) <= 25
+
+
+def test_four_hundred_half_sent_requests_at_once_at_a_busy_server_do_not_keep_anybody_out() -> None:
+    with listening(ConnectionLimits(100, header_s=30.0)) as here:
+        assert httpx.get(f"{here.address}/healthz", trust_env=False).status_code == 200
+        here.keep_busy(2.0)
+        with half_sent(here, 400):
+            assert httpx.get(f"{here.address}/healthz", trust_env=False, timeout=10.0).status_code == 200
 
 
 def test_beyond_the_limit_of_connections_one_is_told_to_come_later() -> None:
