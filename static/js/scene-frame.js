@@ -10,6 +10,11 @@ for (const frame of document.querySelectorAll(".scene iframe")) {
   });
 }
 
+for (const button of document.querySelectorAll("[data-full-screen]")) {
+  button.hidden = !document.fullscreenEnabled;
+  button.addEventListener("click", () => document.fullscreenElement ? document.exitFullscreen() : button.parentElement.requestFullscreen());
+}
+
 document.body.addEventListener("live:resync", () => {
   for (const frame of document.querySelectorAll(".scene iframe")) frame.src = frame.src;
 });

@@ -72,7 +72,7 @@ class FolderOutbox:
 
 def erase_from_outbox(folder: Path, image: Digest) -> None:
     """Remove the copies of one picture from the messages of an outbox; texts and checksums stay. Raises OSError."""
-    for described in folder.glob("*/message.json"):
+    for described in folder.rglob("message.json"):
         body = described.read_bytes()
         if image.encode() not in body:
             continue

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Protocol
 
 import msgspec
+from msgspec import UNSET
 
 from harness.contracts.errors import HarnessError, StoreUnavailable
 from harness.contracts.evidence import EvidenceReference
@@ -60,15 +61,16 @@ class MemoryReader:
 class MessageReadBack:
     """IndependentSource of `message_stored`: whether the channel holds what was to be sent, asked again for the goal.
 
-    A read path that does not answer gives a reading that says so; it never passes for a message that is not there.
+    `reader_of` gives a channel's read path by its name, None for one that cannot be read. A read path that does not
+    answer gives a reading that says so; it never passes for a message that is not there.
     """
 
     predicate = "message_stored"
     lasting = True
     able = True
 
-    def __init__(self, reader: MessageReadPath, *, keep: Keep) -> None:
-        self._reader, self._keep = reader, keep
+    def __init__(self, reader_of: Callable[[str], MessageReadPath | None], *, keep: Keep) -> None:
+        self._reader_of, self._keep = reader_of, keep
 
     def measure(self, measurement: Measurement) -> tuple[EvidenceReference, ...]:
         """One reading per request, kind "read_back"; the text that was found is kept as a blob."""
@@ -77,7 +79,9 @@ class MessageReadBack:
     def _read(self, request: RequestId, measurement: Measurement) -> EvidenceReference:
         message, problem = None, _NO_PROBLEM
         try:
-            message = self._reader.find(request)
+            reader = self._reader_of(measurement.channel)
+            message = reader.find(request) if reader else None
+            problem = _NO_PROBLEM if reader else because("channel_not_readable", channel=measurement.channel)
         except HarnessError as error:
             problem = error.reason
         reading = ReadBack(
@@ -87,7 +91,10 @@ class MessageReadBack:
             text=self._keep(message.text.encode()) if message else None,
             images=message.images if message else (),
             problem=problem,
+            channel=measurement.channel or UNSET,
+            copies=message.copies if message and message.copies > 1 else UNSET,
         )
+        channel = {"channel": measurement.channel} if measurement.channel else {}
         return EvidenceReference(
             kind="read_back",
             origin="sensor",
@@ -96,7 +103,7 @@ class MessageReadBack:
             until_s=measurement.until_s,
             confidence=1.0,
             blob=self._keep(encode(reading)),
-            values={"request_id": request, "asked_text": reading.asked_text},
+            values={"request_id": request, "asked_text": reading.asked_text, **channel},
         )
 
 

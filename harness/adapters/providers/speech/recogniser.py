@@ -8,6 +8,7 @@ from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
+import msgspec
 from pocketsphinx import get_model_path
 
 from harness.adapters.providers.speech.language_model import bigrams, pronunciations, sentences, spoken
@@ -16,9 +17,10 @@ from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import sha256
 from harness.contracts.measurements import Recognition
 from harness.contracts.reasons import Reason, because, recorded
+from harness.contracts.values import Value
 
 NAME = f"pocketsphinx {version('pocketsphinx')} en-us"
-_CHILD = Path(__file__).with_name("sphinx_child.py")
+CHILD = Path(__file__).with_name("sphinx_child.py")
 _LONGEST_S = 60.0
 
 
@@ -42,22 +44,42 @@ def recognised(recording: bytes, *, text: str, names: tuple[str, ...]) -> Recogn
     )
 
 
+class Decoded(Value):
+    """The words of a sound, and [word, from, until] of each, seconds; fillers such as silence stand among them."""
+
+    text: str
+    words: tuple[tuple[str, float, float], ...] = ()
+
+
 def decode(samples: bytes, *, model: str = "", dictionary: str = "") -> str:
     """The words in 16-bit mono samples of RATE_HZ; without a model, by the one of general English in the wheel.
 
     Raises ProviderFailed if the recogniser fails.
     """
+    return decoded(samples, model=model, dictionary=dictionary).text.strip()
+
+
+def decoded(samples: bytes, *, model: str = "", dictionary: str = "") -> Decoded:
+    """The words of `decode` with their times. Raises as it does."""
     job = json.dumps({"model": model, "dictionary": dictionary}).encode() + b"\n" + samples
     try:
         child = subprocess.run(
-            [sys.executable, "-P", str(_CHILD)], input=job, capture_output=True, timeout=_LONGEST_S, check=False
+            [sys.executable, "-P", str(CHILD)], input=job, capture_output=True, timeout=_LONGEST_S, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         raise _failure(recorded(str(error))) from error
     if child.returncode != 0:
         lines = child.stderr.decode(errors="replace").strip().splitlines()
         raise _failure(recorded(lines[-1]) if lines else because("process_ended_with", status=child.returncode))
-    return child.stdout.decode(errors="replace").strip()
+    return read_answer(child.stdout)
+
+
+def read_answer(line: bytes) -> Decoded:
+    """What the child says. Raises ProviderFailed where that is nothing of the kind."""
+    try:
+        return msgspec.json.decode(line, type=Decoded)
+    except msgspec.MsgspecError as error:
+        raise _failure(recorded(str(error))) from error
 
 
 def _samples(recording: bytes) -> bytes:
