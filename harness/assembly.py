@@ -3,21 +3,24 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, get_args
 
 from harness.adapters.failpoints import parse, provider_with_failpoint
+from harness.adapters.installed_predicates import INSTALLED
 from harness.adapters.pictures import PICTURES
 from harness.adapters.providers.archive import EvidenceArchiver
 from harness.adapters.providers.intake import TextIntake
 from harness.adapters.providers.lidar import PassageSweep
+from harness.adapters.providers.messaging.channels import SiteChannels, open_channels
 from harness.adapters.providers.messaging.delivery import OutboxDelivery
-from harness.adapters.providers.messaging.folder import FolderOutbox
-from harness.adapters.providers.messaging.memory import MemoryOutbox
-from harness.adapters.providers.messaging.read_back import FolderReader, MemoryReader, MessageReadBack
+from harness.adapters.providers.messaging.read_back import MessageReadBack
 from harness.adapters.providers.models.analysis import OpenCvAnalysis
 from harness.adapters.providers.models.description import OpenCvDescription
+from harness.adapters.providers.models.vision import VisionDescription
+from harness.adapters.providers.models.vlm import VlmAnalysis
 from harness.adapters.providers.speech.microphone import RoomMicrophone
 from harness.adapters.providers.speech.recordings import RecordingClaims
 from harness.adapters.providers.speech.speaker import PacedSpeaker, RoomSpeaker
@@ -25,19 +28,24 @@ from harness.adapters.providers.speech.transcriber import SphinxTranscriber
 from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.configurations import StoredConfigurations
 from harness.adapters.stores.memory_index import VolatileMemoryIndex
+from harness.adapters.vision.content_check import PictureReading
 from harness.baseline.load import baseline, earlier, shipped_workspace
 from harness.baseline.load import site as shipped_site
 from harness.contracts import ports
+from harness.contracts.capabilities import CapabilityCard, Vocabulary
+from harness.contracts.channels import ChannelEntry
 from harness.contracts.configuration import Configuration
 from harness.contracts.decider import Decider
 from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.ids import Digest, MissionId, ProviderId, RobotId
+from harness.contracts.models import Models
 from harness.contracts.observations import Camera, Source
 from harness.contracts.places import Site
 from harness.contracts.protocol import PhysicalStart
 from harness.contracts.reasons import Reason
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.tasks import TaskTemplate
+from harness.exploration.model_proposer import model_proposer
 from harness.exploration.targets import NEAREST_EDGE, Proposer
 from harness.gate.admissions import DECIDER as ADMISSION
 from harness.gate.alerts import DECIDER as ALERT
@@ -45,13 +53,18 @@ from harness.gate.commit import Gate
 from harness.gate.control import DECIDER as CONTROL
 from harness.gate.decide import DECIDER as MISSION
 from harness.gate.erasures import DECIDER as ERASURE
+from harness.gate.goal_proposals import DECIDER as GOAL_PROPOSAL
 from harness.gate.handoffs import DECIDER as HANDOFF
 from harness.gate.leases import DECIDER as LEASE
 from harness.gate.maps import DECIDER as MAP
 from harness.gate.places import DECIDER as PLACE
+from harness.goals.model_reader import ModelGoalReader
 from harness.goals.reader import GRAMMAR, GoalReader
 from harness.goals.sources import RobotSources
 from harness.memory.fabric import MemoryFabric
+from harness.planning.decomposition import ONE_AFTER_ANOTHER
+from harness.planning.estimates import ESTIMATED_ORDER
+from harness.planning.model_planner import model_planner, model_stage_planner
 from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
@@ -60,6 +73,7 @@ from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.supervisor import Supervisor
 from harness.supervisor.teleoperation import Teleoperation
 from harness.verification.verdict import Verifier, verify
+from harness.workspace.capability_types import shipped_vocabulary
 
 Deciders = Mapping[str, Decider[Any, Any, Any]]
 """Deciders by family of streams: `release` decides on `release/...`."""
@@ -81,6 +95,7 @@ DECIDERS: dict[str, Decider[Any, Any, Any]] = {
     "alert": ALERT,
     "place": PLACE,
     "admission": ADMISSION,
+    "goal-proposal": GOAL_PROPOSAL,
     "erasure": ERASURE,
 }
 
@@ -134,7 +149,10 @@ class Harness:
 
 @dataclass(frozen=True)
 class Parts:
-    """The ports that one harness is built on, its settings, and further deciders on its log."""
+    """The ports that one harness is built on, its settings, and further deciders on its log.
+
+    `channels` are those of the site's folder, `site_folder`, which their secrets are read from.
+    """
 
     store: ports.EventStore
     blobs: ports.BlobStore
@@ -149,6 +167,7 @@ class Parts:
     reader: GoalReader = GRAMMAR
     transcriber: ports.Transcriber = field(default_factory=SphinxTranscriber)
     proposer: Proposer = NEAREST_EDGE
+    models: Models = field(default_factory=dict)
     deciders: Deciders = field(default_factory=dict)
     authority: Authority = unquestioned
     select: Select = nothing_selected
@@ -157,6 +176,11 @@ class Parts:
     site: Site = field(default_factory=shipped_site)
     missions: tuple[TaskTemplate, ...] = field(default_factory=lambda: shipped_workspace().missions)
     rules: RulesVersion = CURRENT_RULES
+    channels: tuple[ChannelEntry, ...] = ()
+    site_folder: Path | None = None
+    observer: ports.PictureObserver | None = None
+    vocabulary: Vocabulary = field(default_factory=shipped_vocabulary)
+    predicates: ports.Predicates = INSTALLED
 
 
 @dataclass(frozen=True)
@@ -164,6 +188,8 @@ class Member:
     """One robot to be connected: its port, its clock, the providers beside it, and what people may use of it.
 
     `origin`: the process or address behind the robot, its providers and its samples; its name where none is given.
+    `evidence_origin`: that of its samples, where another program gives them. `in_process`: the robot is simulated in
+    this process, so that no call to it waits.
     """
 
     robot_id: RobotId
@@ -175,24 +201,10 @@ class Member:
     camera: ports.LiveCamera | None = None
     hand: ports.Teleoperable | None = None
     origin: str = ""
+    evidence_origin: str = ""
     sources: Sequence[ports.IndependentSource] = ()
     embodiment: str = QUADRUPED
-
-
-@dataclass(frozen=True)
-class MessageChannel:
-    """A channel's two ends: the one that sends, and the harness's own that reads back."""
-
-    outbox: ports.MessageOutbox
-    reader: ports.MessageReadPath
-
-
-def message_channel(parts: Parts, folder: Path | None) -> MessageChannel:
-    """Messages as files in the data folder; in memory where there is none."""
-    if folder:
-        return MessageChannel(FolderOutbox(folder / "outbox", blobs=parts.blobs), FolderReader(folder / "outbox"))
-    held = MemoryOutbox()
-    return MessageChannel(held, MemoryReader(held))
+    in_process: bool = False
 
 
 @dataclass(frozen=True)
@@ -222,7 +234,7 @@ def assemble(
 def joined(stack: ExitStack, settings: HarnessSettings, parts: Parts, members: Sequence[Member]) -> Harness:
     """Every robot with a connection and a clock of its own under one supervisor. The stack closes the supervisor."""
     clocks = {one.robot_id: one.clock for one in members}
-    runtime = runtime_on(parts, clocks, {one.robot_id: _sources(one) for one in members})
+    runtime = runtime_on(parts, clocks, {one.robot_id: _sources(parts, one) for one in members})
     connections = {one.robot_id: _connection(settings, parts, one) for one in members}
     supervisor = Supervisor(runtime=runtime, connections=connections)
     supervisor.close_interrupted_replays()
@@ -255,32 +267,52 @@ def _connection(settings: HarnessSettings, parts: Parts, member: Member) -> Robo
         revive=member.revive,
         pictures=PICTURES,
         waits_for_people=settings.speed > 0,
-        verifier=parts.verifier,
-        planner=parts.planner,
-        proposer=parts.proposer,
+        verifier=partial(verify, predicates=parts.predicates) if parts.verifier is verify else parts.verifier,
+        planner=_planner(parts, [one.card for one in providers]),
+        proposer=_proposer(parts),
+        models=parts.models,
         camera=member.camera,
         hand=member.hand,
         origins=_origins(member),
         sources=tuple(member.sources),
         embodiment=member.embodiment,
+        in_process=member.in_process,
+        vocabulary=parts.vocabulary,
     )
 
 
+def _planner(parts: Parts, cards: Sequence[CapabilityCard]) -> Planner:
+    """The model that has the role. Without one, a provider's estimates order the stages where there are any; another
+    planner than the graph's order stays."""
+    model = parts.models.get("planner")
+    if model is not None:
+        return model_planner(model)
+    estimated = any(parts.vocabulary.estimates(card) for card in cards)
+    return ESTIMATED_ORDER if estimated and parts.planner is GRAPH_ORDER else parts.planner
+
+
+def _proposer(parts: Parts) -> Proposer:
+    """The model in that role; the deterministic one without."""
+    model = parts.models.get("target_proposer")
+    return model_proposer(model) if model else parts.proposer
+
+
 def _origins(member: Member) -> dict[str, str]:
-    """All samples of a robot come from one place, and so do its own providers; those beside the harness are in its
-    own process."""
+    """All samples of a robot come from one place, and so do its own providers: from the same, unless another program
+    gives the evidence. Providers beside the harness are in its own process."""
     robot = member.origin or f"robot {member.robot_id}"
     return {
-        **dict.fromkeys(get_args(Source), robot),
+        **dict.fromkeys(get_args(Source), member.evidence_origin or robot),
         **{provider.card.provider_id: robot for provider in member.robot.providers()},
         **{provider.card.provider_id: HARNESS for provider in member.local},
     }
 
 
-def _sources(member: Member) -> RobotSources:
+def _sources(parts: Parts, member: Member) -> RobotSources:
     """What a robot's conditions can rest on: read when it is connected, as its cards and its sources are."""
     return RobotSources(
         measures=frozenset(source.predicate for source in member.sources if source.able),
+        objects=parts.observer.labels if parts.observer else frozenset(),
         cards=tuple(provider.card for provider in (*member.robot.providers(), *member.local)),
         origins=_origins(member),
     )
@@ -325,10 +357,13 @@ def runtime_on(
         site=parts.site,
         memory=MemoryFabric(store=parts.store, index=parts.index),
         beside=parts.missions,
-        reader=parts.reader,
+        reader=ModelGoalReader(reader).reader() if (reader := parts.models.get("goal_reader")) else parts.reader,
+        stage_planner=model_stage_planner(planner) if (planner := parts.models.get("planner")) else ONE_AFTER_ANOTHER,
         rules=parts.rules,
         sources=sources,
         transcriber=parts.transcriber,
+        vocabulary=parts.vocabulary,
+        predicates=parts.predicates,
     )
     return runtime
 
@@ -340,30 +375,42 @@ def local_services(
     folder: Path | None,
     robot_id: str = "",
     room: ports.Room | None = None,
-    channel: MessageChannel | None = None,
+    channels: SiteChannels | None = None,
 ) -> LocalServices:
     """What runs beside the harness for one robot: intake, analysis, delivery, voice, archive and description, and the
     sources that measure what they did: the channel's read path, the robot's lidar and the microphone of its `room`.
-    `channel` is the data folder's own where none is given; a robot without a camera is served no analysis of pictures.
+    `channels` are those of the parts where none are given. A robot without a camera is served no analysis of pictures.
     """
 
     def journal(name: str) -> Path | None:
         return folder / "providers" / robot_id / f"{name}.jsonl" if folder else None
 
     clock, blobs = parts.clock, parts.blobs
-    messages = channel or message_channel(parts, folder)
+    messages = channels or open_channels(parts.channels, site=parts.site_folder, data=folder, blobs=blobs)
     speaker = RoomSpeaker(room) if room else PacedSpeaker()
+    looker = parts.models.get("visual_analysis")
     providers = (
         TextIntake(clock=clock, blobs=blobs, journal=journal("text-intake")),
         *([OpenCvAnalysis(camera, clock=clock, blobs=blobs, journal=journal("opencv-analysis"))] if camera else []),
-        OutboxDelivery(messages.outbox, clock=clock, blobs=blobs, journal=journal("message-outbox")),
+        *(
+            [VlmAnalysis(looker, camera, clock=clock, blobs=blobs, journal=journal("vlm-analysis"))]
+            if camera and looker
+            else []
+        ),
+        OutboxDelivery(messages, clock=clock, blobs=blobs, journal=journal("message-outbox")),
         EspeakVoice(speaker, clock=clock, blobs=blobs, journal=journal("espeak-voice")),
         EvidenceArchiver(clock=clock, blobs=blobs, journal=journal("evidence-keeper")),
         OpenCvDescription(clock=clock, blobs=blobs, journal=journal("opencv-description")),
+        *(
+            [VisionDescription(parts.observer, clock=clock, blobs=blobs, journal=journal("vision-description"))]
+            if parts.observer
+            else []
+        ),
     )
     sources = (
-        MessageReadBack(messages.reader, keep=blobs.put),
+        MessageReadBack(lambda name: messages.of(name).reader, keep=blobs.put),
         PassageSweep(keep=blobs.put),
+        PictureReading(parts.observer, keep=blobs.put, read=blobs.get),
         RoomMicrophone(
             room,
             keep=blobs.put,

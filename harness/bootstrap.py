@@ -2,21 +2,26 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
 
-from harness.adapters.clock import LockstepClock, SystemClock
+from harness.adapters.clock import REAL_TIME, LockstepClock, RobotClock, SystemClock
 from harness.adapters.failpoints import parse, with_failpoint
 from harness.adapters.ids import SeededIds, SystemIds
-from harness.adapters.providers.http.addressed import AddressedRobot
+from harness.adapters.providers.http.addressed import AddressedRobot, Refusal, addressed_over_http
 from harness.adapters.providers.http.process import RobotSettings
 from harness.adapters.providers.http.robot import HttpRobot
 from harness.adapters.providers.http.supervised_process import SupervisedProcess
 from harness.adapters.providers.messaging.folder import erase_from_outbox
+from harness.adapters.providers.speech.endpoint import EndpointDecoder
+from harness.adapters.providers.speech.transcriber import SphinxTranscriber
+from harness.adapters.providers.vda5050.connection import BrokerAccess, connected_vehicle
+from harness.adapters.providers.vda5050.robot import VehicleRobot, VehicleSettings
+from harness.adapters.secret_values import secret
 from harness.adapters.stores.anchors import anchor_key, anchoring
 from harness.adapters.stores.blobs import FileBlobStore, owned_blobs
 from harness.adapters.stores.folder import DataFolder, existing, prepare
@@ -30,6 +35,7 @@ from harness.adapters.stores.postgres_listener import Listener
 from harness.adapters.stores.read_models import SqlReadModels
 from harness.adapters.stores.snapshots import StoredSnapshots
 from harness.adapters.stores.spool import FileSpool
+from harness.adapters.vision.observer import LocalPictureObserver
 from harness.assembly import (
     DECIDERS,
     Deciders,
@@ -50,24 +56,29 @@ from harness.assembly import (
 from harness.baseline.load import baseline, workspace_in
 from harness.contracts import ports
 from harness.contracts.admissions import admission_stream
+from harness.contracts.capabilities import CapabilityCard, Vocabulary
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.errors import ContractInvalid, ProviderFailed, ProviderUnreachable
 from harness.contracts.ids import RobotId
+from harness.contracts.models import Models
 from harness.contracts.observations import Camera
 from harness.contracts.places import Site
 from harness.contracts.reasons import Reason, because
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
+from harness.contracts.secret_references import SecretReference
 from harness.contracts.simulation import InProcessRobot, Simulator
 from harness.erasures import finish_erasures
 from harness.gate.admissions import DECIDER as ADMISSION
 from harness.gate.decide import DECIDER as MISSION
+from harness.projections.admissions import Admissions
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
-from harness.workspace.files import HttpRobotEntry, SimulatedRobotEntry
-from harness.workspace.reading import Workspace, token_of
+from harness.workspace.files import AddressedEntry, EvidencePath, HttpRobotEntry, SimulatedRobotEntry, VehicleEntry
+from harness.workspace.model_ports import open_models
+from harness.workspace.reading import Workspace, password_of, token_of
 
 CONNECT_S = 5.0
 """The longest that one exchange with a robot at an address may take, wall seconds."""
@@ -140,14 +151,15 @@ def open_harness(
             stack.enter_context(closing(Listener(settings.database, signals.changed)))
         simulated = simulated_names(settings, workspace)
         processes = _started(stack, folder, settings, simulated, under_way=_under_way(store))
-        connected, absent = _connected(stack, store, addressed_entries(settings, workspace), workspace.folder)
+        connected, absent = _connected(stack, store, addressed_entries(settings, workspace), workspace, folder)
         clocks = [*(one.clock for one in processes), *(robot.clock for _, robot in connected)]
         if not clocks:
             name, why = next(iter(absent.items()))
             raise ProviderUnreachable(because("no_robot_connects", robot_id=name, reason=why))
+        blobs = owned_blobs(folder.blobs, copies=partial(erase_from_outbox, folder.outbox))
         parts = Parts(
             store=store,
-            blobs=owned_blobs(folder.blobs, copies=partial(erase_from_outbox, folder.outbox)),
+            blobs=blobs,
             spool=FileSpool(folder.spool),
             ids=ids,
             clock=clocks[0],
@@ -160,6 +172,12 @@ def open_harness(
             trial=trial,
             site=workspace.site,
             missions=workspace.missions,
+            channels=workspace.channels.channels,
+            site_folder=workspace.folder,
+            observer=_observer(stack, settings),
+            models=open_models(workspace.models, workspace.folder, stack=stack, keep=blobs.put, read=blobs.get),
+            transcriber=_transcriber(workspace),
+            vocabulary=workspace.vocabulary,
         )
         members = [_kept_member(parts, one, folder) for one in processes]
         members += [_addressed_member(parts, *one, folder) for one in connected]
@@ -225,6 +243,7 @@ def _without_robots(
             select=select,
             site=workspace.site,
             missions=workspace.missions,
+            vocabulary=workspace.vocabulary,
         )
         yield runtime_on(parts)
 
@@ -245,16 +264,24 @@ def simulated(
     select: Select = nothing_selected,
     trial: Trial = nothing_on_trial,
     rules: RulesVersion = CURRENT_RULES,
+    models: Callable[[ports.BlobStore], Models] | None = None,
 ) -> Iterator[Harness]:
     """Everything in this process and in virtual time: robots of `simulator`, stores in memory. For suites and tests.
 
     `configuration` is what missions are pinned to, H_0 without one; `site` the places they name, the shipped ones
     without one; `hidden` the recurring disturbances of the simulated site; `wire` wraps the connection between the
     harness and the robot; `deciders`, `authority`, `select` and `trial` as in `open_harness`. `rules` are the ones that
-    new missions are judged by.
+    new missions are judged by. `models` opens the ones in use, whose exchanges are stored beside everything else;
+    without it, those of the settings' site.
     """
     workspace = workspace_in(settings.site_folder)
     with ExitStack() as stack:
+        blobs = MemoryBlobStore()
+        used = (
+            models(blobs)
+            if models
+            else open_models(workspace.models, workspace.folder, stack=stack, keep=blobs.put, read=blobs.get)
+        )
         robots = [
             simulator.robot(robot_id, seed=seed + index, fidelity=settings.fidelity, hidden=hidden)
             for index, robot_id in enumerate(settings.fleet)
@@ -262,7 +289,7 @@ def simulated(
         clocks = [LockstepClock(robot.advance_to, at_s=robot.at_s) for robot in robots]
         parts = Parts(
             store=store or MemoryEventStore(),
-            blobs=MemoryBlobStore(),
+            blobs=blobs,
             spool=MemorySpool(),
             ids=SeededIds(seed),
             clock=clocks[0],
@@ -270,16 +297,29 @@ def simulated(
             configuration=configuration or baseline(),
             site=site or workspace.site,
             missions=workspace.missions,
+            vocabulary=workspace.vocabulary,
             deciders=deciders,
             authority=authority,
             select=select,
             trial=trial,
             rules=rules,
+            channels=workspace.channels.channels,
+            site_folder=workspace.folder,
+            observer=_observer(stack, settings),
+            models=used,
+            transcriber=_transcriber(workspace),
         )
 
         joining = [_simulated_member(parts, *pair) for pair in zip(robots, clocks, strict=True)]
         members = [replace(member, robot=wire(member.robot)) for member in joining]
         yield joined(stack, settings, parts, members)
+
+
+def _observer(stack: ExitStack, settings: HarnessSettings) -> ports.PictureObserver | None:
+    """What looks at pictures; None without a folder for it. Raises ConfigurationMissing for one that is not whole."""
+    return (
+        stack.enter_context(closing(LocalPictureObserver(settings.vision_folder))) if settings.vision_folder else None
+    )
 
 
 def _simulated_member(parts: Parts, simulated_robot: InProcessRobot, clock: ports.Clock) -> Member:
@@ -297,6 +337,7 @@ def _simulated_member(parts: Parts, simulated_robot: InProcessRobot, clock: port
         configure=configure,
         camera=simulated_robot.camera,
         hand=simulated_robot.hand,
+        in_process=True,
     )
 
 
@@ -339,33 +380,32 @@ def simulated_names(settings: HarnessSettings, workspace: Workspace) -> tuple[st
     return tuple(one.name for one in workspace.robots if isinstance(one, SimulatedRobotEntry))
 
 
-def addressed_entries(settings: HarnessSettings, workspace: Workspace) -> tuple[HttpRobotEntry, ...]:
+def addressed_entries(settings: HarnessSettings, workspace: Workspace) -> tuple[AddressedEntry, ...]:
     """The robots to connect by address: none where the settings name robots to simulate."""
     entries = () if settings.robots or settings.site_folder is None else workspace.robots
-    return tuple(one for one in entries if isinstance(one, HttpRobotEntry))
+    return tuple(one for one in entries if not isinstance(one, SimulatedRobotEntry))
 
 
 def _connected(
-    stack: ExitStack, store: ports.EventStore, entries: Sequence[HttpRobotEntry], folder: Path
-) -> tuple[list[tuple[HttpRobotEntry, AddressedRobot]], dict[RobotId, Reason]]:
+    stack: ExitStack,
+    store: ports.EventStore,
+    entries: Sequence[AddressedEntry],
+    workspace: Workspace,
+    folder: DataFolder,
+) -> tuple[list[tuple[AddressedEntry, AddressedRobot]], dict[RobotId, Reason]]:
     """The robots that answer at their addresses, and why the others are left out."""
-    found: list[tuple[HttpRobotEntry, AddressedRobot]] = []
+    found: list[tuple[AddressedEntry, AddressedRobot]] = []
     absent: dict[RobotId, Reason] = {}
     for entry in entries:
         name = RobotId(entry.name)
         checks = [ADMISSION.codec.decode(one) for one in store.load(admission_stream(name))]
         admissions = ADMISSION.fold(ADMISSION.initial, checks)
         try:
-            client = HttpRobot(entry.address, token_of(entry, folder), timeout_s=CONNECT_S)
-            stack.callback(client.close)
-            refusal = partial(admissions.refusal, address=entry.address)
-            robot = AddressedRobot(
-                client,
-                name=entry.name,
-                refusal=refusal,
-                speed_limit_mps=entry.speed_limit_mps,
-                camera=entry.camera,
-            )
+            refusal = partial(_refusal, vocabulary=workspace.vocabulary, admissions=admissions, address=entry.identity)
+            if isinstance(entry, VehicleEntry):
+                robot = _addressed_vehicle(stack, entry, workspace, folder, refusal=refusal)
+            else:
+                robot = _addressed_over_http(stack, entry, workspace, refusal=refusal)
         except (ProviderFailed, ContractInvalid) as error:
             absent[name] = error.reason
             continue
@@ -373,7 +413,72 @@ def _connected(
     return found, absent
 
 
-def _addressed_member(parts: Parts, entry: HttpRobotEntry, robot: AddressedRobot, folder: DataFolder) -> Member:
+def _refusal(card: CapabilityCard, *, vocabulary: Vocabulary, admissions: Admissions, address: str) -> Reason | None:
+    """Why a provider is not used here: its capability is not declared at this site, or the kit did not admit it."""
+    return vocabulary.refusal(card) or admissions.refusal(card, address=address)
+
+
+def _addressed_over_http(
+    stack: ExitStack, entry: HttpRobotEntry, workspace: Workspace, *, refusal: Refusal
+) -> AddressedRobot:
+    """The robot of an entry, and the program that gives its evidence where the entry names one."""
+
+    def client(address: HttpRobotEntry | EvidencePath) -> HttpRobot:
+        opened = HttpRobot(address.address, token_of(address, workspace.folder), timeout_s=CONNECT_S)
+        stack.callback(opened.close)
+        return opened
+
+    return addressed_over_http(
+        client(entry),
+        name=entry.name,
+        refusal=refusal,
+        speed_limit_mps=entry.speed_limit_mps,
+        camera=entry.camera,
+        witness=client(entry.evidence) if entry.evidence is not None else None,
+    )
+
+
+def _addressed_vehicle(
+    stack: ExitStack, entry: VehicleEntry, workspace: Workspace, folder: DataFolder, *, refusal: Refusal
+) -> AddressedRobot:
+    vehicle = stack.enter_context(met_vehicle(entry, workspace, folder.root))
+    return AddressedRobot(
+        vehicle,
+        name=entry.name,
+        refusal=refusal,
+        clock=RobotClock(vehicle.now_s, REAL_TIME),
+        speed_limit_mps=entry.speed_limit_mps,
+        camera=entry.camera,
+    )
+
+
+def met_vehicle(entry: VehicleEntry, workspace: Workspace, data: Path) -> AbstractContextManager[VehicleRobot]:
+    """A vehicle of a site by its broker; what it is asked is remembered in the data folder. Raises as
+    `connected_vehicle` does."""
+    settings = VehicleSettings(
+        name=entry.name,
+        interface=entry.interface,
+        manufacturer=entry.manufacturer,
+        serial_number=entry.serial_number,
+        version=entry.version,
+        frame=workspace.site.frame,
+        map_version=workspace.site.map_version,
+        map_id=entry.map_id,
+        base_m=entry.base_m,
+        velocity_measured=entry.velocity == "measured",
+        speed_limit_mps=entry.speed_limit_mps,
+    )
+    authority = str(workspace.folder / entry.authority_file) if entry.authority_file else ""
+    broker = BrokerAccess(
+        address=entry.address,
+        user=entry.user,
+        password=password_of(entry, workspace.folder),
+        authority_file=authority,
+    )
+    return connected_vehicle(settings, broker, journal=data / "vehicles" / f"{entry.name}.jsonl")
+
+
+def _addressed_member(parts: Parts, entry: AddressedEntry, robot: AddressedRobot, folder: DataFolder) -> Member:
     def configure(mission: Mission) -> None:
         """A robot of its own world has nothing to configure."""
 
@@ -387,10 +492,21 @@ def _addressed_member(parts: Parts, entry: HttpRobotEntry, robot: AddressedRobot
         sources=beside.sources,
         configure=configure,
         camera=robot.live_camera,
-        hand=robot.hand if entry.teleoperation else None,
-        origin=entry.address,
+        hand=robot.hand if isinstance(entry, HttpRobotEntry) and entry.teleoperation else None,
+        origin=entry.identity,
+        evidence_origin=entry.evidence.address if isinstance(entry, HttpRobotEntry) and entry.evidence else "",
         embodiment=entry.embodiment or robot.embodiment,
     )
+
+
+def _transcriber(workspace: Workspace) -> SphinxTranscriber:
+    """Who writes down spoken goals, with the service that the site's folder names as the second decoder."""
+    entry = workspace.channels.voice.transcription
+
+    def secret_of(reference: SecretReference) -> str:
+        return secret(variable=reference.environment, file=reference.file, folder=workspace.folder)
+
+    return SphinxTranscriber(EndpointDecoder(entry, secret=secret_of) if entry else None)
 
 
 def camera_of(robot: ports.Robot) -> Camera:

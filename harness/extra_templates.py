@@ -11,6 +11,7 @@ from harness.contracts.any_events import AnyEvent
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.ids import Digest, RobotId
+from harness.contracts.models import ModelAdvice, ModelUse
 from harness.contracts.places import Site
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import encode
@@ -27,6 +28,9 @@ class MissionStarter(Protocol):
 
     @property
     def beside(self) -> tuple[TaskTemplate, ...]: ...
+
+    @property
+    def stage_planner(self) -> StagePlanner: ...
 
     def current_configuration(self, robot_id: RobotId) -> Configuration: ...
 
@@ -62,21 +66,38 @@ def _at_home(template: TaskTemplate, known: frozenset[str]) -> bool:
 
 
 def begin(
-    runtime: MissionStarter, start: Start, *, planner: StagePlanner = ONE_AFTER_ANOTHER
+    runtime: MissionStarter, start: Start, *, planner: StagePlanner | None = None
 ) -> Accepted[AnyEvent] | Refused:
     """Start a mission of any offered template, or of several. Raises as `Runtime.start` does; nothing is written then.
+
+    `planner` orders the stages; the runtime's own without one.
 
     The plan of a template beside H_0 is stored as a blob; the mission's labels name it, its planner, and why the
     harness took its own plan instead, if it did.
     """
-    taken = _taken_apart(runtime, start, planner)
+    taken = _taken_apart(runtime, start, planner or runtime.stage_planner)
     if taken is None:
         return runtime.start(start)
     labels = {"planner": taken.planner, "plan_refused": taken.refused}
     if taken.plan is not None:
         labels["plan"] = runtime.keep(encode(taken.plan))
     named = {name: text for name, text in labels.items() if text}
-    return runtime.start(_labelled(start, named), template=taken.template)
+    advice = (_advice(taken, taken.use),) if taken.use is not None else ()
+    return runtime.start(replace(_labelled(start, named), advice=advice), template=taken.template)
+
+
+def _advice(taken: DecompositionResult, use: ModelUse) -> ModelAdvice:
+    """What the model said as the planner of the stages' order."""
+    plan = taken.plan
+    order = ", ".join(step.stage for step in plan.steps) if plan else ""
+    return ModelAdvice(
+        role="planner",
+        node_id=None,
+        said=(plan.reason if plan else "")[:1000],
+        action=order[:200],
+        refused=taken.refused,
+        use=use,
+    )
 
 
 def draft(runtime: MissionStarter, start: Start) -> TaskContract:

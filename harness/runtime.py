@@ -4,18 +4,21 @@ People and the supervisor use it; every change goes on to the gate, which alone 
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from threading import Lock
 from types import MappingProxyType
 from typing import Any, Protocol
 
+import msgspec
 from cachetools import LRUCache
 from msgspec import UNSET, UnsetType
 
 from harness.contracts import ports
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import CreateMission, MissionCommand, PauseMission
+from harness.contracts.capabilities import NOTHING_DECLARED, Vocabulary
+from harness.contracts.commands import CreateMission, MissionCommand, PauseMission, RecordAdvice
 from harness.contracts.configuration import Configuration
 from harness.contracts.control import Autonomy
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
@@ -28,6 +31,7 @@ from harness.contracts.errors import (
     RecordingUnusable,
     UnknownName,
 )
+from harness.contracts.events import MissionCreated
 from harness.contracts.ids import (
     Digest,
     HandoffId,
@@ -42,13 +46,16 @@ from harness.contracts.ids import (
     mission_stream,
     sha256,
 )
+from harness.contracts.models import ModelAdvice
 from harness.contracts.observations import AnySample
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Place, Site
+from harness.contracts.predicates import NO_PREDICATES
 from harness.contracts.protocol import InvocationReport, RobotStatus
+from harness.contracts.readings import Reading
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
-from harness.contracts.spoken_goals import SpokenGoal, Transcription
+from harness.contracts.spoken_goals import AudioCapture, SpokenGoal, Transcription
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Value, digest, encode
 from harness.gate.commit import CommandEnvelope, Gate
@@ -61,11 +68,14 @@ from harness.goals.sources import RobotSources
 from harness.goals.spoken import spoken_vocabulary
 from harness.goals.understanding import GoalRequest, UnderstoodGoal
 from harness.memory.fabric import MemoryFabric
+from harness.planning.decomposition import ONE_AFTER_ANOTHER, StagePlanner
 from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission, required_contract
 from harness.projections.places import Places
 
+DRAWS = 3
+"""How often a name is drawn for a mission before the start is refused because there is a mission of that name."""
 KEPT_LIVE = 64
 """For how many missions the latest observations are kept."""
 KEPT_HEARD = 16
@@ -125,7 +135,8 @@ class Start:
     """A person's request to start a mission: a template by name, a goal in words, or both; `channel`: how it came.
 
     `confirm_reading` is the digest of the reading that the person confirmed (D41). `recording` is the digest of a
-    stored recording whose transcript is the goal (D48).
+    stored recording whose transcript is the goal (D48), `capture` how it came about (R235). `advice`: what models said
+    while it was prepared.
     """
 
     actor: Actor
@@ -140,6 +151,8 @@ class Start:
     channel: str = ""
     confirm_reading: str = ""
     recording: str = ""
+    capture: AudioCapture | None = None
+    advice: tuple[ModelAdvice, ...] = ()
 
     @property
     def request(self) -> GoalRequest:
@@ -152,8 +165,11 @@ class Start:
 class Runtime:
     """Reads are folds of the log; writes are requests to the gate. `rules`: the version new missions are pinned to.
 
+    `stage_planner` orders the stages of a site's own missions.
+
     `sources`: what each connected robot can be judged by; nothing is known of a robot without a connection, and its
-    missions are checked where it is connected.
+    missions are checked where it is connected. `vocabulary` are the capability types that contracts may name;
+    `predicates` are those of installed packages.
     """
 
     def __init__(
@@ -172,6 +188,9 @@ class Runtime:
         reader: GoalReader = GRAMMAR,
         sources: Mapping[RobotId, RobotSources] = MappingProxyType({}),
         transcriber: ports.Transcriber | None = None,
+        stage_planner: StagePlanner = ONE_AFTER_ANOTHER,
+        vocabulary: Vocabulary = NOTHING_DECLARED,
+        predicates: ports.Predicates = NO_PREDICATES,
     ) -> None:
         self._gate = gate
         self._store = store
@@ -179,7 +198,12 @@ class Runtime:
         self._ids = ids
         self._signals = signals
         self._configurations = configurations
-        self._compiler = ContractCompiler(beside=beside, reader=reader, sources=sources, rules=rules)
+        self._compiler = ContractCompiler(
+            beside=beside, reader=reader, sources=sources, rules=rules, vocabulary=vocabulary, predicates=predicates
+        )
+        self.vocabulary, self.predicates = vocabulary, predicates
+        self._reader = reader
+        self.stage_planner = stage_planner
         self._sites = SiteVersions(store, gate.state, site)
         self.beside = tuple(beside)
         self.memory = memory
@@ -221,9 +245,8 @@ class Runtime:
         pinned = self._configurations.current_id(start.robot_id)
         configuration = self._configurations.get(pinned)
         contract = self._compiled(start, configuration, template)
-        mission_id = self._ids.mission()
         create = CreateMission(
-            mission_id=mission_id,
+            mission_id=self._ids.mission(),
             robot_id=start.robot_id,
             goal=contract.goal.text,
             template=contract.template,
@@ -240,8 +263,34 @@ class Runtime:
             channel=start.channel or UNSET,
             spoken=self._spoken(start, contract),
         )
-        version = self._configurations.record(pinned)
-        return self.commit([CommandEnvelope(mission_stream(mission_id), create, start.robot_id)], records=(version,))
+        decision = self._created(create, self._configurations.record(pinned))
+        if isinstance(decision, Accepted):
+            created = next(event.mission_id for event in decision.events if isinstance(event, MissionCreated))
+            for advice in (*self._reader_advice(contract), *start.advice):
+                self.submit(created, RecordAdvice(advice=advice))
+        return decision
+
+    def _created(self, create: CreateMission, version: ports.Record) -> Accepted[AnyEvent] | Refused:
+        """Create the mission under its name, or under the next one where another process drew the same."""
+        for _ in range(DRAWS):
+            envelope = CommandEnvelope(mission_stream(create.mission_id), create, create.robot_id)
+            decision = self.commit([envelope], records=(version,))
+            if isinstance(decision, Accepted) or decision.rule != "exists":
+                break
+            create = msgspec.structs.replace(create, mission_id=self._ids.mission())
+        return decision
+
+    def _reader_advice(self, contract: TaskContract) -> tuple[ModelAdvice, ...]:
+        """Which model read the goal, where one did and a person confirmed its reading."""
+        reading = contract.reading
+        if not isinstance(reading, Reading) or reading.reader != self._reader.name:
+            return ()
+        use = self._reader.use(reading.text)
+        if use is None:
+            return ()
+        acts = ", ".join(f"{one.act} {one.object.name or one.object.id}" if one.object else one.act
+                         for one in reading.clauses)  # fmt: skip
+        return (ModelAdvice(role="goal_reader", node_id=None, said=acts[:1000], action="reading", use=use),)
 
     def draft(self, start: Start, *, template: TaskTemplate | None = None) -> TaskContract:
         """The contract that `start` would create now; nothing is written. Raises as `start` does."""
@@ -260,6 +309,15 @@ class Runtime:
         found = self._transcribed(recording)
         self._blobs.put(recording)
         return found
+
+    def listen(self) -> ports.SpeechStream:
+        """The words of a goal while it is spoken, for whoever speaks; nothing is stored, and nothing can start from it.
+
+        Raises RecordingUnusable without a recogniser, ProviderFailed if it fails.
+        """
+        if self._transcriber is None:
+            raise RecordingUnusable(because("no_transcriber"), where="speech")
+        return self._transcriber.listen(expected=spoken_vocabulary(self.site))
 
     def compiled_under(self, mission: Mission, configuration: Configuration) -> TaskContract | None:
         """A mission's reading compiled under another configuration; None for a mission without a reading (D62).
@@ -316,6 +374,9 @@ class Runtime:
             transcript=self._blobs.put(encode(transcription)),
             checksum=contract.goal.digest,
             recogniser=transcription.recogniser,
+            free=transcription.free,
+            wake=transcription.wake,
+            capture=start.capture or UNSET,
         )
 
     def submit(
@@ -397,6 +458,10 @@ class Runtime:
         pausing = PauseMission(actor=actor, reason=reason)
         decided = [(one.mission_id, self.submit(one.mission_id, pausing)) for one in pinned]
         return tuple(mission_id for mission_id, decision in decided if isinstance(decision, Accepted))
+
+    def turn(self) -> AbstractContextManager[None]:
+        """A block whose reads are as of its beginning or newer; what it commits is decided on the newest state."""
+        return self._store.turn()
 
     # states ---------------------------------------------------------------------------------------------------------
 

@@ -25,6 +25,7 @@ class HarnessSettings(BaseSettings):
     state folder. While a process owns the folder it adds an anchor to `anchor_file`, outside the data folder, every
     `anchor_every` events, signed with `anchor_key_file` (Ed25519, PEM or 32 bytes) if there is one.
     `media_days`: voice and photographs of a mission are erased so many days after it ended; never without it.
+    `vision_folder`: what `regen vision install` filled (REGEN_VISION_FOLDER); without it no model looks at pictures.
     `site_folder`: a site's own folder, as `regen init` writes one (REGEN_SITE_FOLDER); without one, the simulated site.
     """
 
@@ -44,6 +45,7 @@ class HarnessSettings(BaseSettings):
     anchor_every: Annotated[int, Field(ge=1)] = 1000
     anchor_key_file: Path | None = None
     site_folder: Path | None = None
+    vision_folder: Path | None = None
     media_days: Annotated[float, Field(gt=0)] | None = None
 
     @property

@@ -16,6 +16,7 @@ from rsi_reviews.canary import Outcome, outcome
 from rsi_reviews.canary_metrics import canary_missions, ran
 from rsi_reviews.difference import CandidateDifference, difference
 from rsi_reviews.projections import Review
+from rsi_reviews.refused_proposals import REFUSED, ProposalRefused, Refusals
 from rsi_reviews.release import release_clause
 from rsi_reviews.static_check import objections
 from rsi_reviews.suite_growth import GROWTH, Growth
@@ -89,6 +90,19 @@ class CandidateQueries:
         """
         baseline = self._runtime.stored_configuration(self.current(ANY_ROBOT))
         return objections(candidate, baseline)
+
+    def refused_proposals(self) -> tuple[ProposalRefused, ...]:
+        """Proposals that a rule refused, newest first."""
+        refusals: Refusals = self._runtime.fold(REFUSED)
+        return refusals.kept[::-1]
+
+    def refused_proposal(self, candidate: str) -> ProposalRefused:
+        """Raises UnknownName."""
+        refusals: Refusals = self._runtime.fold(REFUSED)
+        found = refusals.of(candidate)
+        if found is None:
+            raise UnknownName(because("unknown_candidate", candidate=candidate[:64]))
+        return found
 
     def events(self, candidate: str) -> list[StoredEvent]:
         """The candidate's whole history, as stored (R161, R167)."""

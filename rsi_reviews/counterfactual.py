@@ -21,7 +21,7 @@ from harness.contracts.ids import Digest, MissionId, NodeId, StreamId
 from harness.contracts.ports import Record, StoredEvent
 from harness.contracts.proposals import RecoveryProposal
 from harness.contracts.reasons import because
-from harness.contracts.values import Count, Value, decode
+from harness.contracts.values import Count, Value, decode, raw
 from harness.planning.planner import plan
 from harness.projections.mission import Mission
 from harness.recovery.ladder import recover
@@ -237,12 +237,12 @@ class _Again:
             return record
         policy, state = self.configuration.recovery, record.read(LadderState)
         value: dict[str, Any] = {
-            **record.value,
+            **record.content,
             "rungs": list(policy.ladders.get(state.failure, ("human",))),
             "approval_share": policy.approval_share,
             "wait_s": policy.wait_s,
         }
-        return replace(record, value=value)
+        return replace(record, value=raw(value))
 
     def _budget(self, context: Context) -> int:
         rules = self.configuration.context_rules

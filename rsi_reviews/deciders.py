@@ -13,6 +13,7 @@ from rsi_reviews.events import CandidateEvent
 from rsi_reviews.pointer_rules import DECIDER as RELEASE
 from rsi_reviews.projections import Review, apply
 from rsi_reviews.proposal_rules import begin, conclude, propose
+from rsi_reviews.refused_proposals import DECIDER as REFUSED
 from rsi_reviews.release import authorise, begin_canary, expire, promote
 from rsi_reviews.review import approve, comment, open_review, recall, reject, request_changes
 from rsi_reviews.rollback import roll_back, withdraw
@@ -80,5 +81,7 @@ def _released(
 CANDIDATE: Decider[Review, commands.CandidateCommand, CandidateEvent] = Decider(
     initial=Review(), apply=apply, decide=decide, codec=Codec(CandidateEvent)
 )
-DECIDERS: dict[str, Decider[Any, Any, Any]] = {"candidate": CANDIDATE, "release": RELEASE, "suite": SUITE}
+DECIDERS: dict[str, Decider[Any, Any, Any]] = {
+    "candidate": CANDIDATE, "release": RELEASE, "suite": SUITE, "refused": REFUSED,
+}  # fmt: skip
 """By family of streams: what `open_harness(deciders=...)` takes."""

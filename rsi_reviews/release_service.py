@@ -19,6 +19,7 @@ from rsi_reviews.canary_watch import Starts, catch_up, no_duplicates, settle
 from rsi_reviews.candidate_queries import ANY_ROBOT, CandidateQueries
 from rsi_reviews.pointers import POINTER, candidate_stream
 from rsi_reviews.projections import Review
+from rsi_reviews.refused_proposals import REFUSED, KeepRefusal
 from rsi_reviews.rollback import DESK
 from rsi_reviews.suite_growth import GROWTH, AddCase, case_of
 
@@ -63,9 +64,11 @@ class ReleaseService(CandidateQueries):
         self, candidate: contracts.Candidate, signed: SignedBy, *, supersedes: Digest | None = None
     ) -> Answered:
         """Record a candidate. Its authors are those of every candidate it edits or repeats, and the person who
-        proposes it.
+        proposes it. One that breaks a rule is refused, and kept among the refused proposals.
         """
         self._open_pointer()
+        if violations := self.refusals(candidate):
+            self._keep_refusal(candidate, violations, signed.actor)
         configuration = candidate.configuration.configuration_id
         earlier = {
             hand.name
@@ -86,6 +89,18 @@ class ReleaseService(CandidateQueries):
         records = (configuration_record(candidate.configuration), self._runtime.configuration_record(current))
         return self._decide(candidate.candidate_id, command, confirm, *records)
 
+    def _keep_refusal(
+        self, candidate: contracts.Candidate, violations: tuple[contracts.RestrictionViolation, ...], actor: Actor
+    ) -> None:
+        command = KeepRefusal(
+            actor=actor,
+            candidate=candidate.candidate_id,
+            configuration=candidate.configuration.configuration_id,
+            manifest=candidate.manifest,
+            violations=violations,
+        )
+        self._runtime.decide([(REFUSED, command)], records=(configuration_record(candidate.configuration),))
+
     def begin(self, terms: contracts.EvaluationTerms, signed: SignedBy) -> Answered:
         """Fix the terms of the evaluation, before anything runs."""
         command = commands.BeginEvaluation(terms=terms, **signed.fields)
@@ -102,7 +117,9 @@ class ReleaseService(CandidateQueries):
         return self._decide(self.review(terms.candidate).candidate, command, counted, *records)
 
     def add_case(self, mission_id: MissionId, signed: SignedBy) -> Answered:
-        """A disputed mission becomes a case of the regression suite here. Raises UnknownName for an unknown mission."""
+        """A disputed or failed mission becomes a case of the regression suite here. Raises UnknownName for one that
+        does not exist.
+        """
         case = case_of(self._runtime.mission(mission_id))
         if isinstance(case, Refused):
             return case

@@ -16,7 +16,9 @@ from harness.contracts.reasons import Explanation, Fact, Reason, because, plain
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Point
 from harness.goals.satisfiable import check_satisfiable
+from harness.goals.vocabulary import check_vocabulary
 from harness.planning.compile import Argument, compile_contract
+from harness.workspace.capability_types import shipped_vocabulary
 from rsi_reviews.contracts import RestrictionViolation
 from rsi_reviews.template_restrictions import display_value
 
@@ -141,6 +143,7 @@ def _compiled(template: TaskTemplate) -> TaskContract:
         goal="A trial of this template", template=template, arguments=_arguments(template), site=site
     )
     check_satisfiable(contract, site=site)
+    check_vocabulary(contract, shipped_vocabulary())
     return contract
 
 

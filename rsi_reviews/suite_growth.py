@@ -1,4 +1,4 @@
-"""Decides and folds the cases that people add to the suite: a disputed mission becomes a case for every later
+"""Decides and folds the cases that people add to the suite: a disputed or failed mission becomes a case for every later
 candidate. Pure.
 """
 
@@ -17,6 +17,8 @@ from harness.projections.mission import Mission
 from rsi_reviews.contracts import Family, Sentence
 
 GROWTH = StreamId("suite/regression")
+NOT_DONE = ("failed", "safe_stopped", "handed_off")
+"""How a mission ends whose goal was not reached; one that a person cancelled tells nothing."""
 _FAMILIES: Mapping[str, Family] = MappingProxyType(
     {
         "stale-pose": "stale_evidence",
@@ -90,10 +92,10 @@ def decide(growth: Growth, command: AddCase, now: Moment) -> Decision[CaseAdded]
 
 
 def case_of(mission: Mission) -> AddedCase | Refused:
-    """The case that runs a disputed mission again: its template with its defaults, its faults, its seed."""
+    """The case that runs a disputed or failed mission again: its template with its defaults, its faults, its seed."""
     if mission.replay:
         return refused("recorded", because("recording_not_runnable"))
-    if not mission.disputed:
+    if not (mission.disputed or mission.status in NOT_DONE):
         return refused("not_disputed")
     faults = tuple(name for name in mission.labels.get("faults", "").split(",") if name)
     families = (_FAMILIES.get(name.partition(":")[0]) for name in faults)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.contracts.observations import Camera
+from simulator.lettering import lettering
 from simulator.mjcf import CompiledSite, compile_site
 from simulator.solids import SiteModel
 
@@ -92,6 +93,11 @@ def _band(view: _View, rays: Floats) -> Singles:
     light = _light(view, along, distance, normals.reshape(-1, 3).astype(np.float32))
     light *= _tiles(view.origin, along, distance, geoms == site.floor)
     colours: Singles = site.rgb[geoms] * (255.0 * light)[:, None]
+    for geom, solid in site.signs:
+        hit = np.flatnonzero(geoms == geom)
+        if len(hit):
+            points = view.origin + rays[hit] * far[hit, None]
+            colours[hit] *= lettering(solid, points, far_m=float(np.median(far[hit])))[:, None]
     return colours
 
 

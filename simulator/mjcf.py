@@ -19,13 +19,17 @@ _LEGS = tuple(
 
 
 class CompiledSite(msgspec.Struct, frozen=True):
-    """A compiled model with its own working memory. `rgb` is float32 (geoms + 1, 3); the last row is the background."""
+    """A compiled model with its own working memory. `rgb` is float32 (geoms + 1, 3); the last row is the background.
+
+    `signs` are the solids with text on them, by number of their geom.
+    """
 
     model: Any
     data: Any
     chassis: int
     floor: int
     rgb: NDArray[np.float32]
+    signs: tuple[tuple[int, Solid], ...] = ()
 
 
 def compile_site(site: SiteModel) -> CompiledSite:
@@ -37,7 +41,12 @@ def compile_site(site: SiteModel) -> CompiledSite:
     rgb = np.concatenate([np.asarray(model.geom_rgba, dtype=np.float32), background])[:, :3]
     chassis = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "chassis")
     floor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, "floor")
-    return CompiledSite(model=model, data=data, chassis=chassis, floor=floor, rgb=np.ascontiguousarray(rgb))
+    signs = tuple(
+        (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, solid.name), solid) for solid in site.solids if solid.text
+    )
+    return CompiledSite(
+        model=model, data=data, chassis=chassis, floor=floor, rgb=np.ascontiguousarray(rgb), signs=signs
+    )
 
 
 def mjcf(site: SiteModel) -> str:

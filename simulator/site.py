@@ -1,5 +1,7 @@
 """The built-in site: an office, a corridor and a storage area, with boxes and things in the boxes' colours."""
 
+import math
+
 from harness.contracts.values import Point
 from simulator import solids
 
@@ -64,6 +66,7 @@ DECOR: tuple[solids.Solid, ...] = (
     solids.Solid(
         name="mark-line-right", kind="mark", centre_m=(11.7, 11.2, 0.001), half_m=(0.03, 1.0, 0.001), rgb=YELLOW
     ),
+    solids.sign("B-12", (10.9, 13.38, 1.2), facing_rad=-math.pi / 2, size_m=(0.6, 0.3)),
     solids.Solid(name="mark-corridor", kind="mark", centre_m=(6.0, 4.1, 0.001), half_m=(0.5, 0.05, 0.001), rgb=BLUE),
 )
 

@@ -6,14 +6,17 @@ from typing import Literal
 from harness.contracts.values import Name, Point, Positive, Value
 
 Rgb = tuple[float, float, float]
-Kind = Literal["wall", "box", "shelf", "desk", "chair", "poster", "mark", "door"]
-FLAT: frozenset[str] = frozenset({"poster", "mark"})
+Kind = Literal["wall", "box", "shelf", "desk", "chair", "poster", "mark", "door", "sign"]
+FLAT: frozenset[str] = frozenset({"poster", "mark", "sign"})
 ROBOT_RADIUS_M = 0.25
 ROBOT_HEIGHT_M = 0.6
 
 
 class Solid(Value):
-    """One cuboid in the map frame: centre and half sizes in metres, turned by `yaw_rad`, colours from 0 to 1."""
+    """One cuboid in the map frame: centre and half sizes in metres, turned by `yaw_rad`, colours from 0 to 1.
+
+    `text` stands on the face that looks along `yaw_rad`, dark on the cuboid's own colour.
+    """
 
     name: Name
     kind: Kind
@@ -21,6 +24,7 @@ class Solid(Value):
     half_m: tuple[Positive, Positive, Positive]
     rgb: Rgb
     yaw_rad: float = 0.0
+    text: str = ""
 
     @property
     def blocks(self) -> bool:
@@ -81,4 +85,17 @@ def standing(name: str, kind: Kind, at: Point, size_m: tuple[float, float, float
         centre_m=(at[0], at[1], size_m[2] / 2),
         half_m=(size_m[0] / 2, size_m[1] / 2, size_m[2] / 2),
         rgb=rgb,
+    )
+
+
+def sign(text: str, at_m: tuple[float, float, float], *, facing_rad: float, size_m: Point) -> Solid:
+    """A white plate with `text`, `size_m` wide and high, whose front looks along `facing_rad` (map frame)."""
+    return Solid(
+        name=f"sign-{text}",
+        kind="sign",
+        centre_m=at_m,
+        half_m=(0.01, size_m[0] / 2, size_m[1] / 2),
+        rgb=(0.95, 0.95, 0.93),
+        yaw_rad=facing_rad,
+        text=text,
     )

@@ -9,6 +9,7 @@ import os
 import re
 import signal
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from threading import Lock
 from typing import Literal, TypeVar
 
@@ -95,6 +96,9 @@ class FailpointStore:
         """The store's append; a refused one counts as an occurrence too."""
         occurs = any(name_of(event.kind) == self._what for batch in batches for event in batch.events)
         return self._trigger.around(lambda: self._store.append(batches, records, now), occurs=occurs)
+
+    def turn(self) -> AbstractContextManager[None]:
+        return self._store.turn()
 
     def load(self, stream: StreamId, after: int = 0) -> list[ports.StoredEvent]:
         return self._store.load(stream, after)

@@ -12,11 +12,14 @@ _ALPHABET = "0123456789abcdefghjkmnpqrstvwxyz"
 _EPOCH_S = 1_767_225_600
 """2026-01-01T00:00:00Z: the names rise for 34 years from here."""
 
-_TIME_BITS, _CHANCE_BITS = 30, 10
+_TIME_BITS, _CHANCE_BITS = 30, 30
+_SEEDED_BITS = 40
 
 
 class SystemIds:
-    """Mission names `msn_` and 8 characters of Crockford base32: seconds, then random bits; they rise within a process.
+    """Mission names `msn_` and 12 characters of Crockford base32: seconds, then random bits, rising within a process.
+
+    Of two processes that each start a mission in the same second, one in a thousand million pairs draws the same name.
 
     `wall` gives seconds since the Unix epoch; `chance` gives the requested number of random bits.
     """
@@ -35,7 +38,7 @@ class SystemIds:
         number = seconds << _CHANCE_BITS | self._chance(_CHANCE_BITS)
         with self._lock:
             self._last = max(self._last + 1, number)
-            return _mission(self._last)
+            return _mission(self._last, bits=_TIME_BITS + _CHANCE_BITS)
 
     def token(self) -> str:
         """256 random bits as 43 characters that fit a URL."""
@@ -56,7 +59,7 @@ class SeededIds:
         with self._lock:
             self._missions += 1
             front = int.from_bytes(self._digest("mission")[:4]) >> 12
-            return _mission(front << 20 | self._missions % (1 << 20))
+            return _mission(front << 20 | self._missions % (1 << 20), bits=_SEEDED_BITS)
 
     def token(self) -> str:
         """64 hexadecimal characters from the seed and a counter."""
@@ -68,5 +71,5 @@ class SeededIds:
         return hashlib.sha256(f"{self._seed} {purpose}".encode()).digest()
 
 
-def _mission(number: int) -> MissionId:
-    return MissionId("msn_" + "".join(_ALPHABET[number >> shift & 31] for shift in range(35, -5, -5)))
+def _mission(number: int, *, bits: int) -> MissionId:
+    return MissionId("msn_" + "".join(_ALPHABET[number >> shift & 31] for shift in range(bits - 5, -5, -5)))

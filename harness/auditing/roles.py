@@ -14,6 +14,7 @@ from harness.contracts import events
 from harness.contracts.contexts import Blobs, Context
 from harness.contracts.errors import BlobGone, HarnessError
 from harness.contracts.ids import Digest, sha256
+from harness.contracts.ports import Predicates
 from harness.contracts.proposals import CandidateSet, PlanProposal, RecoveryProposal
 from harness.contracts.reasons import Explanation, parts, plain
 from harness.contracts.revision_events import GraphRevised
@@ -145,9 +146,9 @@ class RoleReplay:
         if not same(again, event.verdict, old=self.old):
             raise Differs(f"the goal verdict was {event.verdict.verdict}; derived again it is {again.verdict}")
 
-    def _judged(self, judge: Callable[[Context, Blobs], T], context: Context) -> T:
+    def _judged(self, judge: Callable[[Context, Blobs, Predicates], T], context: Context) -> T:
         self._gone = False
-        return judge(context, self._blob)
+        return judge(context, self._blob, self._runtime.predicates)
 
     def _blob(self, digest: Digest) -> bytes:
         try:

@@ -26,7 +26,8 @@ class ConformanceFile(Value):
     that wait for a poll. Of several, the one whose `target` lies farthest from the robot is used, so that there is
     some distance to cover. A string `@name` stands for the digest of the blob of that name (base64 in the file).
     `effects` are what a request of `done` brings about, and so what its last report must propose; a request with a
-    `target` and a `frame` needs none: it brings about the arrival there.
+    `target` and a `frame` needs none: it brings about the arrival there. A provider that only `estimates` brings about
+    nothing, and the kit holds it to proposing nothing.
     """
 
     provider_id: ProviderId
@@ -36,6 +37,7 @@ class ConformanceFile(Value):
     exempt: dict[str, Name] = msgspec.field(default_factory=dict)
     blobs: dict[str, str] = msgspec.field(default_factory=dict)
     effects: tuple[AnyEffect, ...] = ()
+    estimates: bool = False
 
 
 def shipped(provider_id: ProviderId) -> ConformanceFile:

@@ -89,6 +89,7 @@ def evidence_promised(bench: Bench) -> RuleObservation:
     kinds = {f"receipt:{receipt.kind}" for receipt in ended.receipts}
     sensed = [s for s in bench.observations.collect() if s.at_s >= begun_s - POLL_S]
     kinds |= {word for word, kind in SAMPLES.items() if any(isinstance(sample, kind) for sample in sensed)}
+    kinds |= {f"instrument:{sample.source}" for sample in sensed if isinstance(sample, observations.InstrumentReading)}
     missing = [word for word in bench.card.evidence if word not in kinds]
     blobs = [s.blob for s in sensed if isinstance(s, observations.Image | observations.Scan)][-3:]
     return judged(
@@ -104,6 +105,13 @@ def proposes_facts(bench: Bench) -> RuleObservation:
     if not protocol.proposes_facts(bench.card.protocol):
         return RuleObservation(met=False, text=TOO_OLD.format(version=protocol.version_of(bench.card.protocol)))
     request, ended = bench.done()
+    if bench.declaration.estimates:
+        spoken = sorted({fact.name for _, report in bench.log for fact in report.proposed_facts})
+        return judged(
+            f"estimates only: {len(ended.declared)} scores, nothing proposed",
+            unless(not spoken, f"it proposes {', '.join(spoken)}"),
+            unless(bool(ended.declared), "it declares no score"),
+        )
     effects = [one.effect for one in intended(request)]
     missing = [one.predicate for one in effects if not any(matches(fact, one) for fact in ended.proposed_facts)]
     unfinished = [report for _, report in bench.log if report.status != "succeeded" and report.proposed_facts]

@@ -31,7 +31,7 @@ def card_complete(bench: Bench) -> RuleObservation:
     names = [parameter.name for parameter in card.parameters]
     bounded = [p for p in card.parameters if p.minimum is not None and p.maximum is not None]
     crossed = [p.name for p in bounded if (p.minimum or 0.0) > (p.maximum or 0.0)]
-    odd = [word for word in card.evidence if word not in EVIDENCE and not word.startswith("receipt:")]
+    odd = [word for word in card.evidence if word not in EVIDENCE and not word.startswith(("receipt:", "instrument:"))]
     return judged(
         f"version {card.version}, {len(card.parameters)} parameters, risk {card.risk}, "
         f"stops within {card.cancel.within_s:g} s",

@@ -8,18 +8,19 @@ from msgspec.structs import replace
 
 from harness.contexts.recent_observations import other_map, reference_states
 from harness.contexts.selection import SelectionItem, withhold
-from harness.contexts.view import StateView, plain, referenced
+from harness.contexts.view import StateView, referenced
 from harness.contracts.contexts import ContextRecord
 from harness.contracts.effects import Relational, Symbolic, Visual
 from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
 from harness.contracts.protocol import Receipt
 from harness.contracts.reasons import because
 from harness.contracts.tasks import Node
+from harness.contracts.values import raw
 
 IDENTIFIERS = ("delivery", "rotation", "capture")
 """Receipts whose text begins with an identifier; that word is kept, the rest is prose."""
 SLOW_KINDS = ("image", "scan", "battery")
-MEASURED = ("read_back", "sweep", "room_sound", "recognition")
+MEASURED = ("read_back", "sweep", "room_sound", "recognition", "content")
 """What independent sources measured: kept under its own kind, however old."""
 PROSE = ("text",)
 
@@ -73,7 +74,7 @@ def provider_word(source: Source, *, node: Node) -> list[SelectionItem]:
             origin="provider",
             source=identity.provider_id,
             at_s=packet.terminal_s,
-            value=plain(value),
+            value=raw(value),
             mandatory=needed and kind == "receipts" and source.lasting,
         )
         items.append(_unless_replaced(SelectionItem(record, scope=frozenset({identity.node_id})), source))

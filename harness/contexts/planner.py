@@ -2,20 +2,21 @@
 
 Records, by kind: "goal" (Goal); "frontier" (list of FrontierNode, the eligible nodes in graph order); "facts" (list of
 CommittedFact, one record per node); "place" (Place) and "map"; "robot" (RobotStatus); "observation" (a sample);
-"observed" (EvidenceReference); "failures" (CoarseFailures, one per node: the coarse history).
+"observed" (EvidenceReference); "failures" (CoarseFailures, one per node: the coarse history); "estimate"
+(TargetEstimates, one per estimating provider).
 """
 
 from collections import Counter
 
 from harness.contexts.recent_observations import newest_samples, observed_references, robot_status
 from harness.contexts.selection import Selection, SelectionItem, compile_context
-from harness.contexts.view import StateView, accepted, configured, plain
+from harness.contexts.view import StateView, accepted, configured
 from harness.contracts.capabilities import Capability, Risk
 from harness.contracts.configuration import FailureClass
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.ids import NodeId
 from harness.contracts.reasons import Explanation
-from harness.contracts.values import Value
+from harness.contracts.values import Value, encode, raw
 from harness.projections.mission import NodeStatus, eligible
 
 
@@ -50,6 +51,7 @@ def planner_context(view: StateView) -> Context:
         *newest_samples(view),
         *observed_references(view),
         *_failures(view),
+        *(SelectionItem(record) for record in view.estimates),
     ]
     return compile_context(
         view,
@@ -71,7 +73,7 @@ def goal_record(view: StateView) -> ContextRecord:
         origin="human",
         source=requester.name if requester else "user",
         at_s=view.at_s,
-        value=plain(view.contract.goal),
+        value=raw(view.contract.goal),
         mandatory=True,
     )
 
@@ -104,8 +106,8 @@ def facts_by_node(view: StateView) -> list[ContextRecord]:
 
 
 def _places(view: StateView) -> list[SelectionItem]:
-    named = str(plain(view.contract.bindings))
-    targets = {place.approach_m for place in view.site.places if repr(place.place_id) in named}
+    named = encode(view.contract.bindings)
+    targets = {place.approach_m for place in view.site.places if encode(place.place_id) in named}
     places = [place for place in view.site.places if place.approach_m in targets or not targets]
     map_state = {"site": view.site.name, "frame": view.contract.frame, "map_version": view.contract.map_version}
     return [

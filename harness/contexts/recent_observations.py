@@ -3,12 +3,13 @@
 import msgspec
 
 from harness.contexts.selection import SelectionItem
-from harness.contexts.view import StateView, plain, referenced
+from harness.contexts.view import StateView, referenced
 from harness.contracts.contexts import ContextRecord, Withheld
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import NodeId
-from harness.contracts.observations import AnySample, Image, Pose, Trajectory
+from harness.contracts.observations import AnySample, Image, InstrumentReading, Pose, Trajectory
 from harness.contracts.reasons import because
+from harness.contracts.values import raw
 from harness.contracts.verifier_inputs import RecentSamples
 
 SLOW_SOURCES = ("battery", "lidar")
@@ -33,7 +34,7 @@ def robot_status(view: StateView) -> list[SelectionItem]:
         origin="provider",
         source=view.status.robot_id,
         at_s=view.status.at_s,
-        value=plain(view.status),
+        value=raw(view.status),
     )
     states = {"map_version": view.status.map_version}
     return [SelectionItem(record, speaks_at_s=view.at_s, limit_s=view.rules.pose_age_s, states=states)]
@@ -51,6 +52,8 @@ def recent_window(view: StateView, *, window_s: float) -> SelectionItem:
         name: tuple(sample for sample in window if sample.__struct_config__.tag == tag)
         for name, tag in (("poses", "pose"), ("odometry", "odometry"), ("imu", "imu"), ("battery", "battery"))
     }
+    if instruments := tuple(sample for sample in window if isinstance(sample, InstrumentReading)):
+        streams["instruments"] = instruments
     samples = RecentSamples(window_s=window_s, trajectory=msgspec.convert(streams, Trajectory, from_attributes=True))
     return SelectionItem(
         ContextRecord(
@@ -58,7 +61,7 @@ def recent_window(view: StateView, *, window_s: float) -> SelectionItem:
             origin="sensor",
             source="robot",
             at_s=max((sample.at_s for sample in window), default=view.at_s),
-            value=plain(samples),
+            value=raw(samples),
             mandatory=True,
         )
     )
@@ -85,7 +88,7 @@ def _sample_item(view: StateView, sample: AnySample) -> SelectionItem:
         origin="sensor",
         source=sample.source,
         at_s=sample.at_s,
-        value=plain(sample),
+        value=raw(sample),
         confidence=confidence,
         blob=getattr(sample, "blob", None),
     )

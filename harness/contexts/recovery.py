@@ -3,8 +3,8 @@
 Records, by kind: "failure" (projections.Failure); "node" (FailedNode); "attempts" (list of projections.Spend: every
 authorised step with its cost and signature); "budget" (Remaining); "ladder" (LadderState: the pinned policy's steps
 for this failure class); "alternative" (CapabilityCard, one per provider that may still serve the node); "verdict"
-(NodeVerdict: the last one with its results, whose evidence justifies an escalation); "observed" (EvidenceReference);
-"robot" (RobotStatus).
+(NodeVerdict: the last one with its results, whose evidence justifies an escalation); "advice" (ModelAdvice, for people
+and models); "observed" (EvidenceReference); "robot" (RobotStatus).
 """
 
 from harness.contexts.recent_observations import observed_references, other_map, robot_status
@@ -13,14 +13,15 @@ from harness.contexts.skill import ancestors
 from harness.contexts.view import StateView, accepted, configured, referenced
 from harness.contracts.capabilities import Capability, CapabilityCard, Risk
 from harness.contracts.configuration import SPENDING, FailureClass, RecoveryAction, RecoveryPolicy
-from harness.contracts.contexts import Context
+from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.reasons import because
-from harness.contracts.values import Positive, Share, Value
+from harness.contracts.values import Positive, Share, Value, raw
 from harness.projections.mission import Failure, pointless_steps
 
 MOTION: frozenset[Capability] = frozenset({"navigate", "capture_panorama"})
+"""The shipped capabilities that move the robot; one that a site declares counts as if it did."""
 
 
 class FailedNode(Value):
@@ -72,6 +73,7 @@ def recovery_context(view: StateView, node_id: NodeId, alternatives: tuple[Capab
         *_ladder(view.recovery, state.failure),
         *(SelectionItem(configured("alternative", card.provider_id, card, at_s=view.at_s)) for card in alternatives),
         *_verdict(view, node_id),
+        *_advice(view, node_id),
         *_evidence(view, node_id),
         *observed_references(view),
         *robot_status(view),
@@ -96,7 +98,7 @@ def _failed_node(view: StateView, node_id: NodeId) -> FailedNode:
         capabilities=node.capabilities,
         risk=node.risk,
         required=node.required,
-        moves=bool(MOTION & set(node.capabilities)),
+        moves=bool(MOTION & set(node.capabilities)) or any("." in name for name in node.capabilities),
         attempt=state.attempt,
         provider_id=state.provider_id,
         excluded=state.excluded,
@@ -130,6 +132,22 @@ def _ladder(policy: RecoveryPolicy | None, failure: Failure) -> list[SelectionIt
 def _verdict(view: StateView, node_id: NodeId) -> list[SelectionItem]:
     verdicts = view.mission.of(node_id).verdicts
     return [SelectionItem(accepted("verdict", node_id, verdicts[-1], at_s=verdicts[-1].at_s))] if verdicts else []
+
+
+def _advice(view: StateView, node_id: NodeId) -> list[SelectionItem]:
+    """What models said about this failure, as proposals; the ladder reads none of it."""
+    return [
+        SelectionItem(
+            ContextRecord(
+                kind="advice",
+                origin="planner",
+                source=advice.use.model,
+                at_s=view.at_s,
+                value=raw(advice),
+            )
+        )
+        for advice in view.mission.of(node_id).advice
+    ]
 
 
 def _evidence(view: StateView, node_id: NodeId) -> list[SelectionItem]:

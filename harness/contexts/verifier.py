@@ -5,8 +5,8 @@ Of a packet: "conditions" (list of Condition); "policy" (VerificationPolicy); "e
 "declared" (numbers) and "receipts" (list of Receipt), one per packet, origin provider; "trajectory"
 (EvidenceReference of a sealed Trajectory; values: role "current" or "cited", dispatched_s, terminal_s); "image"
 (EvidenceReference of one frame); "before", "after" (EvidenceReference); "attestation" (a person's, where allowed);
-"read_back", "sweep", "room_sound", "recognition" (EvidenceReference of what independent sources measured); "request"
-(RequestRecord).
+"read_back", "sweep", "room_sound", "recognition", "content" (EvidenceReference of what independent sources measured);
+"request" (RequestRecord).
 
 Of the goal: "goal", "conditions" (as first stored), "policy", "constraints", "facts", "receipts" as above; "node"
 (CommittedNode, one per ended node) or, of a goal with a reading, "nodes" (all of them in one list); "tracks" (list of
@@ -26,7 +26,7 @@ from harness.contexts.planner import goal_record
 from harness.contexts.recent_observations import other_map, recent_window
 from harness.contexts.selection import Selection, SelectionItem, compile_context
 from harness.contexts.skill import ancestors, relevant_facts
-from harness.contexts.view import StateView, accepted, configured, forbidden_m, plain, referenced
+from harness.contexts.view import StateView, accepted, configured, forbidden_m, referenced
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.effects import Condition, Metric, Relational, Symbolic
@@ -35,6 +35,7 @@ from harness.contracts.ids import ConditionId, NodeId
 from harness.contracts.measurements import RequestRecord
 from harness.contracts.rules import LINEAGE, required_independence
 from harness.contracts.tasks import EvidencePolicy, Node, goal_independence, order, stages_behind, targets_of
+from harness.contracts.values import raw
 from harness.contracts.verifier_inputs import (
     CommittedNode,
     Execution,
@@ -183,6 +184,7 @@ def _node_policy(view: StateView, node: Node, card: CapabilityCard) -> Verificat
         },
         rules=rules,
         origins=_origins(view, card),
+        predicates=view.contract.predicates,
     )
 
 
@@ -210,6 +212,7 @@ def _goal_policy(view: StateView, packets: Mapping[NodeId, EvidencePacket]) -> V
         rules=view.mission.rules,
         origins=_origins(view, None),
         executors=_executors(view, packets) or UNSET,
+        predicates=contract.predicates,
     )
 
 
@@ -334,7 +337,7 @@ def _receipts(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[Se
         origin="provider",
         source="providers",
         at_s=max(receipt.at_s for receipt in receipts),
-        value=plain(receipts),
+        value=raw(receipts),
         mandatory=True,
     )
     return [SelectionItem(record)]

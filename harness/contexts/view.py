@@ -14,7 +14,7 @@ from harness.contracts.observations import AnySample, Origin
 from harness.contracts.places import Site
 from harness.contracts.protocol import RobotStatus
 from harness.contracts.tasks import Node, TaskContract
-from harness.contracts.values import Point, Value
+from harness.contracts.values import Point, Value, raw
 from harness.projections.mission import Mission, required_contract
 
 
@@ -25,7 +25,8 @@ class StateView(Value):
     examples (kind "example"), `proposals` what planners and models proposed (kind "intention"): C2 may read both, C3
     neither. `recovery` is the pinned configuration's policy: without it C4 carries no ladder. `origins`: the process or
     address behind each provider and each source of samples. `measured` is what independent sources found just now,
-    `cards` those of the robot's providers: both are needed for a goal only.
+    `cards` those of the robot's providers: both are needed for a goal only. `estimates`: what world models
+    estimate of candidate targets, for C1 only.
     """
 
     mission: Mission
@@ -40,6 +41,7 @@ class StateView(Value):
     origins: dict[str, str] = msgspec.field(default_factory=dict)
     measured: tuple[EvidenceReference, ...] = ()
     cards: tuple[CapabilityCard, ...] = ()
+    estimates: tuple[ContextRecord, ...] = ()
 
     @property
     def contract(self) -> TaskContract:
@@ -64,11 +66,6 @@ def forbidden_m(site: Site, names: Sequence[str]) -> dict[str, tuple[Point, ...]
     return {name: floor for name, floor in floors.items() if name in names}
 
 
-def plain(value: Any) -> Any:
-    """The value as JSON builtins, exactly as it will be read back from a stored context."""
-    return msgspec.json.decode(msgspec.json.encode(value))
-
-
 def configured(kind: str, source: str, value: Any, *, at_s: float, mandatory: bool = False) -> ContextRecord:
     """A record of configured semantics: contract, card, place. It holds as long as the configuration does."""
     return ContextRecord(
@@ -76,16 +73,14 @@ def configured(kind: str, source: str, value: Any, *, at_s: float, mandatory: bo
         origin="configuration",
         source=source,
         at_s=at_s,
-        value=plain(value),
+        value=raw(value),
         mandatory=mandatory,
     )
 
 
 def accepted(kind: str, source: str, value: Any, *, at_s: float, mandatory: bool = False) -> ContextRecord:
     """A record of the harness's own history: committed facts, verdicts, spends, executions."""
-    return ContextRecord(
-        kind=kind, origin="verifier", source=source, at_s=at_s, value=plain(value), mandatory=mandatory
-    )
+    return ContextRecord(kind=kind, origin="verifier", source=source, at_s=at_s, value=raw(value), mandatory=mandatory)
 
 
 def referenced(
@@ -97,7 +92,7 @@ def referenced(
         origin=origin or reference.origin,
         source=reference.source,
         at_s=reference.until_s,
-        value=plain(reference),
+        value=raw(reference),
         confidence=reference.confidence,
         mandatory=mandatory,
         blob=reference.blob,

@@ -5,6 +5,7 @@ from harness.contracts.alert_events import AlertEvent
 from harness.contracts.control import ControlEvent
 from harness.contracts.erasure_events import BlobErased
 from harness.contracts.events import MissionEvent
+from harness.contracts.goal_proposals import GoalProposalEvent
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.lease_events import LeaseEvent
 from harness.contracts.maps import CloudAttached
@@ -19,5 +20,6 @@ AnyEvent = (
     | AlertEvent
     | PlaceEvent
     | RobotChecked
+    | GoalProposalEvent
     | BlobErased
 )

@@ -14,9 +14,11 @@ from harness.contracts.control import Autonomy, ControlCommand, SetAutonomy
 from harness.contracts.erasure_events import ErasureCommand
 from harness.contracts.events import DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
+from harness.contracts.goal_proposals import GoalProposalCommand
 from harness.contracts.handoff_commands import HandoffTurn
 from harness.contracts.handoff_events import NoAnswer, ProposedAction, Snapshot
 from harness.contracts.maps import AttachCloud
+from harness.contracts.models import ModelAdvice
 from harness.contracts.place_events import PlaceCommand
 from harness.contracts.places import Otherwise
 from harness.contracts.proposals import RecoveryProposal, Signature
@@ -81,6 +83,12 @@ class AuthoriseDispatch(Command, tag=True):
     handed_back: bool = False
     reason: Explanation = ""
     plan: revision_commands.RevisedPlan | None = None
+
+
+class RecordAdvice(Command, tag=True):
+    """Record what a model said about this mission; it changes nothing else."""
+
+    advice: ModelAdvice
 
 
 class RefusePrecondition(Command, tag=True):
@@ -225,6 +233,7 @@ MissionCommand = (
     | RecompileContract
     | ActivateMission
     | AuthoriseDispatch
+    | RecordAdvice
     | RefusePrecondition
     | AcceptInvocation
     | StopInvocation
@@ -399,5 +408,6 @@ AnyCommand = (
     | AlertCommand
     | PlaceCommand
     | RecordCheck
+    | GoalProposalCommand
     | ErasureCommand
 )

@@ -89,7 +89,7 @@ class RecoveryPolicy(values.Value):
     ]
     wait_s: Annotated[
         values.Positive,
-        Meta(description="How long a free rung waits, and a spending one may stay impossible", extra=SECONDS),
+        Meta(description="How long a free step waits, and a spending one may stay impossible", extra=SECONDS),
     ]
 
 

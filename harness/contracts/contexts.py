@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeVar
 import msgspec
 
 from harness.contracts import values
-from harness.contracts.ids import Digest, MissionId, NodeId
+from harness.contracts.ids import Digest, MissionId, NodeId, sha256
 from harness.contracts.observations import Origin
 from harness.contracts.reasons import Explanation
 
@@ -19,20 +19,25 @@ T = TypeVar("T")
 
 
 class ContextRecord(values.Value):
-    """One item. `value` is a contract value as JSON builtins; `blob` cites bulk bytes (trajectory, image, scan)."""
+    """One item. `value` is a contract value as JSON (see `raw`); `blob` cites bulk bytes (trajectory, image, scan)."""
 
     kind: values.Name
     origin: Origin
     source: values.Name
     at_s: float
-    value: Any
+    value: msgspec.Raw
     confidence: values.Share = 1.0
     mandatory: bool = False
     blob: Digest | None = None
 
     def read(self, kind: type[T]) -> T:
         """The value as its contract type; raises msgspec.ValidationError if it is another."""
-        return msgspec.convert(self.value, kind)
+        return msgspec.json.decode(self.value, type=kind)
+
+    @property
+    def content(self) -> Any:
+        """The value as JSON builtins."""
+        return msgspec.json.decode(self.value)
 
 
 class Withheld(values.Value):
@@ -44,7 +49,7 @@ class Withheld(values.Value):
     detail: Explanation = ""
 
 
-class Context(values.Value, dict=True):
+class Context(values.Value, dict=True, gc=True):
     """A role's view of one state version. `at_s` is the mission time it describes."""
 
     role: Role
@@ -57,9 +62,14 @@ class Context(values.Value, dict=True):
     withheld: tuple[Withheld, ...] = ()
 
     @cached_property
+    def body(self) -> bytes:
+        """The context as it is stored; encoded once."""
+        return values.encode(self)
+
+    @cached_property
     def digest(self) -> Digest:
         """The digest that identifies the context by its content; computed once."""
-        return values.digest(self)
+        return sha256(self.body)
 
     def all(self, kind: str) -> tuple[ContextRecord, ...]:
         return tuple(record for record in self.records if record.kind == kind)

@@ -18,6 +18,9 @@ HarnessError                 something went wrong that a person can act on
 ├── ProviderFailed           a provider refused or broke the protocol
 │   ├── ProviderUnreachable  no answer: the request may or may not have arrived
 │   └── FencingRefused       the provider saw a newer fencing token
+├── ModelFailed              a model was not asked, or gave nothing that can be used
+│   ├── ModelUnreachable     no whole answer came from its endpoint
+│   └── ModelAnswerInvalid   its answer is too large, cut off, no JSON or of another shape
 ├── BackupInvalid            a backup is incomplete, or a file in it does not match its digest
 ├── CloudInvalid             a point cloud file is of another format, truncated or empty
 ├── DossierInvalid           a dossier's signature, a file in it or its chain does not verify
@@ -29,6 +32,8 @@ An error that a person may read carries a reason, a code with facts; its sentenc
 app's tables by that code. `str(error)` is for logs and exceptions: code and facts, in no language.
 """
 
+from harness.contracts.ids import Digest
+from harness.contracts.models import ModelUse
 from harness.contracts.readings import ReadingQuestion
 from harness.contracts.reasons import Explanation, Reason, plain, recorded
 
@@ -131,12 +136,60 @@ class ProviderFailed(HarnessError):
     code = "provider_failed"
 
 
+class DeliveryUnknown(ProviderFailed):
+    """A message that may have been sent, and that the channel cannot be asked for: it is never sent again by itself."""
+
+    code = "delivery_unknown"
+
+
+class ChannelRefused(ProviderFailed):
+    """The channel's service would not take a message: nothing was sent."""
+
+    code = "channel_refused"
+
+
+class ChannelUnreachable(ProviderFailed):
+    """The channel's service was not reached, or is busy: nothing was sent, and it can be tried again."""
+
+    code = "channel_unreachable"
+
+
 class ProviderUnreachable(ProviderFailed):
     code = "provider_unreachable"
 
 
 class FencingRefused(ProviderFailed):
     code = "fencing_refused"
+
+
+class ModelFailed(HarnessError):
+    """`use` is what is kept of the exchange; None where nothing was asked."""
+
+    code = "model_failed"
+
+    def __init__(
+        self,
+        what: Explanation,
+        *,
+        where: Explanation = "",
+        do: Explanation = "",
+        use: ModelUse | None = None,
+    ) -> None:
+        super().__init__(what, where=where, do=do)
+        self.use = use
+
+    @property
+    def exchange(self) -> Digest | None:
+        """The digest of the exchange's record."""
+        return self.use.exchange if self.use else None
+
+
+class ModelUnreachable(ModelFailed):
+    code = "model_unreachable"
+
+
+class ModelAnswerInvalid(ModelFailed):
+    code = "model_answer_invalid"
 
 
 class BackupInvalid(HarnessError):

@@ -12,6 +12,7 @@ from harness.contracts.actors import Actor, Event
 from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
 from harness.contracts.control import Autonomy, AutonomySet
 from harness.contracts.evidence import CommittedFact, DeclaredEffect, EvidencePacket, EvidenceReference
+from harness.contracts.models import ModelAdvice
 from harness.contracts.proposals import Signature
 from harness.contracts.protocol import InvocationStatus, Parameters
 from harness.contracts.reasons import Explanation, Reason
@@ -97,6 +98,12 @@ class NodePlanned(Event, tag=True):
     planner: Name = "graph-order-1"
     proposal: ids.Digest | None = None
     refused: Explanation = ""
+
+
+class ModelAdvised(Event, tag=True):
+    """A model was asked about this mission; what it said has no authority, followed or not (R48)."""
+
+    advice: ModelAdvice
 
 
 class DispatchIntended(Event, tag=True):
@@ -384,6 +391,7 @@ MissionEvent = (
     | ContractRecompiled
     | MissionActivated
     | NodePlanned
+    | ModelAdvised
     | DispatchIntended
     | InvocationAccepted
     | InvocationStopRequested

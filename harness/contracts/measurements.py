@@ -13,9 +13,10 @@ from harness.contracts.values import Value
 class Measurement(Value):
     """What an independent source is asked: about which requests of a stage, over which mission time.
 
-    `requests` are those of the newest execution, `text` what the harness asked it to send or say, `receipts` what its
-    provider gave. `executes`: it was asked to do something now, rather than looked at again. `names` are the places of
-    the mission's site. `samples` are the robot's own of the last seconds, `status` its newest report.
+    `requests` are those of the newest execution, `text` what the harness asked it to send or say, `channel` where it
+    was to send that, `receipts` what its provider gave. `executes`: it was asked to do something now, rather than
+    looked at again. `names` are the places of the mission's site. `samples` are the robot's own of the last seconds,
+    `status` its newest report.
     """
 
     requests: tuple[RequestId, ...]
@@ -27,17 +28,24 @@ class Measurement(Value):
     names: tuple[str, ...] = ()
     samples: tuple[AnySample, ...] = ()
     status: RobotStatus | None = None
+    channel: str = ""
 
 
 class StoredMessage(Value):
-    """A message as its channel holds it: the text, and the checksum of each file's bytes as they were read."""
+    """A message as its channel holds it: the text, and the checksum of each file's bytes as they were read.
+
+    `copies`: how many messages of this key are there, equal in text and files.
+    """
 
     text: str
     images: tuple[Digest, ...]
+    copies: int = 1
 
 
 class ReadBack(Value):
-    """What the channel's read path answered about one message. `found`: it is there, whole and readable."""
+    """What the channel's read path answered about one message. `found`: it is there, whole and readable. `channel`: the
+    site's name of it, unset for the data folder's outbox; `copies`: how many of it are there, where they are counted.
+    """
 
     request_id: RequestId
     found: bool
@@ -45,6 +53,8 @@ class ReadBack(Value):
     text: Digest | None = None
     images: tuple[Digest, ...] = ()
     problem: Explanation = ""
+    channel: str | UnsetType = UNSET
+    copies: int | UnsetType = UNSET
 
 
 class LidarLook(Value):

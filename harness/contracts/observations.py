@@ -1,6 +1,8 @@
 """Sensor samples with a source, a sensor time and a frame. Observed, never accepted (R28)."""
 
-from typing import Literal
+from typing import Annotated, Literal
+
+import msgspec
 
 from harness.contracts.ids import Digest, RequestId
 from harness.contracts.values import Count, Name, Share, Value
@@ -12,14 +14,19 @@ Source = Literal["localiser", "odometry", "imu", "lidar", "camera", "battery", "
 
 
 class Sample(Value, tag_field="kind"):
-    """One reading. `seq` rises by one per robot; `at_s` is the sensor's own time, not the arrival time."""
+    """One sample. `seq` rises by one per robot; `at_s` is the sensor's own time, not the arrival time."""
 
     seq: Count
     at_s: float
+
+
+class SensorSample(Sample):
+    """A sample of one of the robot's own sensors or estimators."""
+
     source: Source
 
 
-class Pose(Sample, tag="pose"):
+class Pose(SensorSample, tag="pose"):
     """Planar body pose in `frame` (metres, radians), from the localiser. `confidence` is the estimator's own."""
 
     frame: Name
@@ -30,7 +37,7 @@ class Pose(Sample, tag="pose"):
     confidence: Share = 1.0
 
 
-class Odometry(Sample, tag="odometry"):
+class Odometry(SensorSample, tag="odometry"):
     """Planar pose in the odometry frame (drifts, never jumps) and body twist (m/s, rad/s)."""
 
     frame: Name
@@ -41,7 +48,7 @@ class Odometry(Sample, tag="odometry"):
     w_radps: float
 
 
-class Imu(Sample, tag="imu"):
+class Imu(SensorSample, tag="imu"):
     """Body accelerations (m/s^2, gravity removed) and yaw rate (rad/s)."""
 
     ax_mps2: float
@@ -49,7 +56,7 @@ class Imu(Sample, tag="imu"):
     w_radps: float
 
 
-class Scan(Sample, tag="scan"):
+class Scan(SensorSample, tag="scan"):
     """A lidar sweep: `blob` holds float32 xyz triples, body frame, metres; `points` of them."""
 
     frame: Name
@@ -57,7 +64,7 @@ class Scan(Sample, tag="scan"):
     points: Count
 
 
-class Image(Sample, tag="image"):
+class Image(SensorSample, tag="image"):
     """One camera frame: `blob` holds the encoded file. `yaw_rad` is the commanded heading of the frame."""
 
     frame: Name
@@ -69,13 +76,21 @@ class Image(Sample, tag="image"):
     request_id: RequestId
 
 
-class Battery(Sample, tag="battery"):
+class Battery(SensorSample, tag="battery"):
     """State of charge, 0 to 1."""
 
     charge: Share
 
 
-AnySample = Pose | Odometry | Imu | Scan | Image | Battery
+class InstrumentReading(Sample, tag="instrument"):
+    """What an instrument shows: a scale, a gripper's width, a force. `source` is the instrument's name."""
+
+    source: Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9 _-]{0,60}$")]
+    value: float
+    unit: Annotated[str, msgspec.Meta(max_length=20)] = ""
+
+
+AnySample = Pose | Odometry | Imu | Scan | Image | Battery | InstrumentReading
 
 
 class Trajectory(Value):
@@ -86,6 +101,13 @@ class Trajectory(Value):
     imu: tuple[Imu, ...] = ()
     battery: tuple[Battery, ...] = ()
     scans: tuple[Scan, ...] = ()
+    instruments: tuple[InstrumentReading, ...] | msgspec.UnsetType = msgspec.UNSET
+    """What instruments showed; unset where there are none, and in what earlier releases stored."""
+
+    @property
+    def of_instruments(self) -> tuple[InstrumentReading, ...]:
+        """The readings of all instruments."""
+        return () if isinstance(self.instruments, msgspec.UnsetType) else self.instruments
 
 
 class Camera(Value):

@@ -87,8 +87,23 @@ class MissionProfile(Value):
     removable: tuple[Literal["return", "report"], ...] = ()
 
 
+class SiteChannel(Value):
+    """Where messages of this site can be sent, as goals name it; its addresses and secrets are no part of the site.
+
+    `readable`: what it holds can be read back by the harness's own client (D46); of any other channel a delivery is
+    declared by its service and no more. `default`: it takes what no goal addresses.
+    """
+
+    name: Name
+    aliases: tuple[Name, ...] = ()
+    readable: bool = False
+    default: bool = False
+
+
 class Site(Value):
-    """All places, routes, passages and zones of one map version.
+    """All places, routes, passages and zones of one map version, and the channels that messages are sent to.
+
+    `wake_phrases`: what a person may say before a spoken command; it is no part of the goal.
 
     `vouched`: sources that the site's operator declares to be of separate origin, though one process or address
     delivers them together with others (D17).
@@ -103,3 +118,5 @@ class Site(Value):
     zones: tuple[Zone, ...] = ()
     vouched: tuple[Name, ...] = ()
     profile: MissionProfile | msgspec.UnsetType = msgspec.UNSET
+    channels: tuple[SiteChannel, ...] = ()
+    wake_phrases: tuple[Name, ...] = ("xiao wei",)

@@ -1,15 +1,19 @@
 """Ports: the interfaces through which the harness reaches the outside world. Adapters implement them."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from typing import Protocol, TypeVar
 
 from harness.contracts import ids, protocol, read_models
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.configuration import Configuration
+from harness.contracts.errors import HarnessError
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.measurements import Measurement, PictureLook, Sound, StoredMessage
 from harness.contracts.memory import FollowPosition, MemoryEntry, MemoryQuery, MemoryRecord
 from harness.contracts.observations import AnySample
+from harness.contracts.pictures import PictureInventory
+from harness.contracts.predicates import InstalledPredicate, PredicateAnswer, PredicateQuestion
 from harness.contracts.reasons import Reason
 from harness.contracts.spoken_goals import SpokenVocabulary, Transcription
 from harness.contracts.values import Moment, Value
@@ -73,6 +77,11 @@ class EventStore(Protocol):
 
     def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
         """All or nothing, durable on return. Raises ConcurrencyConflict if a stream's version differs."""
+
+    def turn(self) -> AbstractContextManager[None]:
+        """A block in which this thread sees all that was appended before it. What another process appends meanwhile
+        may stay unseen until a further block, inside it or after it, or until an append finds that its streams moved.
+        """
 
     def load(self, stream: ids.StreamId, after: int = 0) -> list[StoredEvent]:
         """Events of one stream with version > after, in order."""
@@ -269,7 +278,8 @@ class MessageOutbox(Protocol):
     """Sends messages to the outside. The receipt's text is the channel's own report (D22: declared)."""
 
     def send(self, key: str, text: str, images: Sequence[ids.Digest]) -> str:
-        """Idempotent by key; returns the channel's acknowledgement id."""
+        """Idempotent by key; returns the channel's acknowledgement id. Raises ProviderFailed, DeliveryUnknown among it
+        where the message may have been sent."""
 
 
 class MessageReadPath(Protocol):
@@ -292,8 +302,24 @@ class Room(Protocol):
         """What was heard between two instants of mission time, as a WAV."""
 
 
+class SpeechStream(Protocol):
+    """Speech as it comes: 16-bit little-endian mono samples of 16 kHz, in chunks. Raises ProviderFailed."""
+
+    def feed(self, samples: bytes) -> str:
+        """The words so far."""
+
+    def finish(self) -> str:
+        """The words of all of it; nothing more is taken."""
+
+    def close(self) -> None:
+        """Give up what it holds; harmless when it is over."""
+
+
 class Transcriber(Protocol):
     """Writes down what a person said. `name` with its version is stored with every transcript."""
+
+    def listen(self, *, expected: SpokenVocabulary) -> SpeechStream:
+        """What somebody says, while they say it. Raises ProviderFailed."""
 
     @property
     def name(self) -> str: ...
@@ -322,11 +348,35 @@ class IndependentSource(Protocol):
         """What is measured now; empty if there is nothing to measure with. Raises HarnessError if it fails."""
 
 
+class Predicates(Protocol):
+    """The predicates of installed packages (D54). Their code runs apart from this process, within limits."""
+
+    @property
+    def installed(self) -> Mapping[str, InstalledPredicate]: ...
+
+    @property
+    def problems(self) -> Sequence[HarnessError]:
+        """What names itself a predicate and cannot be used."""
+
+    def ask(self, name: str, question: PredicateQuestion) -> PredicateAnswer:
+        """Raises ContractInvalid where it is not installed, breaks, takes too long or is no pure function."""
+
+
 class PictureReader(Protocol):
     """Decodes images of robots apart from this process, within limits of memory and time."""
 
     def look(self, image: ids.Digest, body: bytes) -> PictureLook:
         """What is compared of an image. Raises ProviderFailed if it cannot be decoded to its last pixel."""
+
+
+class PictureObserver(Protocol):
+    """Finds objects and text in a picture, apart from this process. `labels` are the objects that it can find."""
+
+    @property
+    def labels(self) -> frozenset[str]: ...
+
+    def observe(self, image: ids.Digest, body: bytes) -> PictureInventory:
+        """What is in the picture `body`, whose checksum is `image`. Raises ProviderFailed."""
 
 
 class Signals(Protocol):

@@ -6,6 +6,7 @@ import msgspec
 
 from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.ids import Digest, NodeId, ProviderId
+from harness.contracts.models import ModelUse
 from harness.contracts.protocol import Parameters
 from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.values import Count, Name, Share, Value
@@ -34,10 +35,11 @@ class CandidateSet(Value):
 
 
 class PlanProposal(Value):
-    """C1's output: the next eligible node, and why. None when nothing is eligible."""
+    """C1's output: the next eligible node, and why. None when nothing is eligible. `use`: of the model behind it."""
 
     node_id: NodeId | None
     reason: Explanation
+    use: ModelUse | msgspec.UnsetType = msgspec.UNSET
 
 
 class SkillProposal(Value):

@@ -40,7 +40,16 @@ class Receipt(Value):
 
     receipt_id: Name
     kind: Literal[
-        "rotation", "capture", "analysis", "delivery", "playback", "arrival", "disarm", "transcript", "keeping"
+        "rotation",
+        "capture",
+        "analysis",
+        "delivery",
+        "playback",
+        "arrival",
+        "disarm",
+        "transcript",
+        "keeping",
+        "plan",
     ]
     at_s: float
     source: Name

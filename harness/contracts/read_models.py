@@ -36,6 +36,8 @@ class MissionItem(Value):
     k: Count
     reading: Reason | msgspec.UnsetType = msgspec.UNSET
     """What the goal was read as; missing for a mission without a reading."""
+    disputed: bool | msgspec.UnsetType = msgspec.UNSET
+    """True where an accepted fact of it is disputed, else missing."""
 
 
 class EvidenceItem(Value):

@@ -11,7 +11,7 @@ from harness.contracts.values import Count, Name, Value, digest
 Act = Literal[
     "go", "return", "inspect", "photograph", "describe", "walk_route", "explore", "report", "deliver", "wait",
 ]  # fmt: skip
-ObjectKind = Literal["place", "route", "passage", "region", "site", "here", "finding"]
+ObjectKind = Literal["place", "route", "passage", "region", "site", "here", "finding", "channel"]
 Default = Literal["return", "report"]
 """What the mission profile adds unless the goal says otherwise (R195)."""
 UnreadWhy = Literal[
@@ -30,7 +30,7 @@ class TextSpan(Value):
 
 
 class ClauseObject(Value):
-    """What a clause is about: a place, route, passage or zone of the site by its id, or the site as a whole.
+    """What a clause is about: a place, route, passage, zone or channel of the site by its id, or the site as a whole.
 
     `name` is what the site called it when the goal was read.
     """
@@ -40,10 +40,17 @@ class ClauseObject(Value):
     name: str = ""
 
 
+class PictureSubject(Value):
+    """What a picture is to show: a sign with the text `name`, or an object of that class."""
+
+    kind: Literal["text", "object"]
+    name: Name
+
+
 class Clause(Value):
     """One thing that is asked, or forbidden (`negated`). Clauses are listed in the order in which they are done.
 
-    `seconds`: how long is to be waited.
+    `seconds`: how long is to be waited. `subject`: what a photograph is to show.
     """
 
     act: Act
@@ -51,6 +58,7 @@ class Clause(Value):
     negated: bool = False
     count: Annotated[int, msgspec.Meta(ge=1)] = 1
     seconds: Annotated[int, msgspec.Meta(ge=1)] | msgspec.UnsetType = msgspec.UNSET
+    subject: PictureSubject | msgspec.UnsetType = msgspec.UNSET
     spans: tuple[TextSpan, ...] = ()
 
 

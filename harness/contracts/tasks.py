@@ -1,6 +1,7 @@
 """The task contract T = (g, G, C_g, S, R): goal, graph, original completion conditions, constraints, budgets."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import Annotated, Any
 
 import msgspec
@@ -18,6 +19,7 @@ from harness.contracts.effects import (
 )
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import ConditionId, Digest, NodeId, PlaceId, ResourceId
+from harness.contracts.predicates import PinnedPredicate
 from harness.contracts.protocol import Parameters
 from harness.contracts.readings import PROFILE, Act, Clause, ObjectKind, Reading, clause_id
 from harness.contracts.reasons import because
@@ -92,12 +94,15 @@ class Constraints(Value):
     minimum_charge: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.15
 
 
-class TaskContract(Value):
+class TaskContract(Value, dict=True, gc=True):
     """One compiled request. `template` says what it was compiled from: one template's name, or for people those of
     several; `templates` lists these, and is unset for one.
 
     `reading` is what the goal was understood as (D40); `confirmed` its digest where a person confirmed a reading that
     leaves words unread. Contracts of earlier releases, and of templates that take no goal in words, have neither.
+
+    `predicates`: the installed predicates that conditions name, as
+    they were installed when it was compiled (D57).
     """
 
     goal: Goal
@@ -112,15 +117,37 @@ class TaskContract(Value):
     reading: Reading | msgspec.UnsetType = msgspec.UNSET
     confirmed: Digest | msgspec.UnsetType = msgspec.UNSET
     templates: tuple[Name, ...] | msgspec.UnsetType = msgspec.UNSET
+    predicates: dict[str, PinnedPredicate] | msgspec.UnsetType = msgspec.UNSET
+
+    @property
+    def pinned(self) -> Mapping[str, PinnedPredicate]:
+        """The installed predicates that its conditions name, by name."""
+        return {} if isinstance(self.predicates, msgspec.UnsetType) else self.predicates
 
     @property
     def compiled_from(self) -> tuple[str, ...]:
         """The names of its templates."""
         return (self.template,) if isinstance(self.templates, msgspec.UnsetType) else self.templates
 
+    @cached_property
+    def _by_id(self) -> dict[NodeId, Node]:
+        return {node.node_id: node for node in reversed(self.nodes)}
+
+    @cached_property
+    def _order(self) -> tuple[NodeId, ...]:
+        done: dict[NodeId, None] = {}
+        left = list(self.nodes)
+        while left:
+            ready = next((node for node in left if all(one in done for one in node.depends_on)), None)
+            if ready is None:
+                raise ContractInvalid(because("graph_cycle", nodes=tuple(node.node_id for node in left)), where="nodes")
+            done[ready.node_id] = None
+            left.remove(ready)
+        return tuple(done)
+
     def node(self, node_id: NodeId) -> Node:
         """Raises UnknownName."""
-        found = next((node for node in self.nodes if node.node_id == node_id), None)
+        found = self._by_id.get(node_id)
         if found is None:
             raise UnknownName(because("node_unknown", node_id=node_id), where="contract")
         return found
@@ -313,15 +340,7 @@ def declines_default(clause: Clause) -> bool:
 
 def order(contract: TaskContract) -> tuple[NodeId, ...]:
     """Nodes in an order that respects dependencies, ties as declared; raises ContractInvalid on a cycle."""
-    done: list[NodeId] = []
-    left = list(contract.nodes)
-    while left:
-        ready = next((node for node in left if set(node.depends_on) <= set(done)), None)
-        if ready is None:
-            raise ContractInvalid(because("graph_cycle", nodes=tuple(node.node_id for node in left)), where="nodes")
-        done.append(ready.node_id)
-        left.remove(ready)
-    return tuple(done)
+    return contract._order
 
 
 def _conditions(contract: TaskContract) -> Iterator[tuple[str, Condition]]:

@@ -14,8 +14,12 @@ T = TypeVar("T")
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(msgspec.field,))
-class Value(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Base of all contracts. Decoding checks types and bounds and names the path that broke them."""
+class Value(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, gc=False):
+    """Base of all contracts. Decoding checks types and bounds and names the path that broke them.
+
+    Python's garbage collector does not track values: frozen, and made of values and plain containers, none is in a
+    cycle.
+    """
 
 
 class Moment(Value):
@@ -33,11 +37,17 @@ Name = Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
 Point = tuple[float, float]
 
 _encoder = msgspec.json.Encoder(order="deterministic")
+_sorting_encoder = msgspec.json.Encoder(order="sorted")
 
 
 def encode(value: Any) -> bytes:
     """Canonical JSON: keys in a fixed order, no spaces. The same value gives the same bytes."""
     return _encoder.encode(value)
+
+
+def raw(value: Any) -> msgspec.Raw:
+    """The value as JSON that stands in another value as it is: all keys sorted, as if it had been read back before."""
+    return msgspec.Raw(_sorting_encoder.encode(value))
 
 
 def decode(body: bytes, kind: type[T]) -> T:

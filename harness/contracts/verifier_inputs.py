@@ -13,6 +13,7 @@ from harness.contracts.capabilities import CapabilityCard, Risk
 from harness.contracts.evidence import PacketIdentity
 from harness.contracts.ids import ConditionId, Digest, NodeId, RequestId
 from harness.contracts.observations import Trajectory
+from harness.contracts.predicates import PinnedPredicate
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.reasons import Explanation
 from harness.contracts.rules import FIRST_RULES, RulesVersion
@@ -74,7 +75,8 @@ class VerificationPolicy(Value):
     """Requirements on the evidence. `required` is the independence level of each condition (D17).
 
     `rules`: the version that the mission is pinned to (D57). `executors`, of a goal: by completion condition, where it
-    is known who did its stages; what is measured for one that is missing here is apart from nobody.
+    is known who did its stages; what is measured for one that is missing here is apart from nobody. `predicates`: the
+    installed ones that the mission is pinned to.
     """
 
     evidence: EvidencePolicy
@@ -83,6 +85,7 @@ class VerificationPolicy(Value):
     rules: RulesVersion = FIRST_RULES
     origins: Origins = Origins()
     executors: dict[ConditionId, Executors] | UnsetType = UNSET
+    predicates: dict[str, PinnedPredicate] | UnsetType = UNSET
 
 
 class SafetyState(Value):

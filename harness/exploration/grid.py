@@ -3,6 +3,7 @@
 import math
 from bisect import bisect_left
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from typing import TypeVar
 
 import numpy as np
@@ -34,21 +35,28 @@ def unexplored(site: Site, *, map_version: str, region_m: Region = ()) -> GridMa
     low, high = corners.min(axis=0) - MARGIN_M, corners.max(axis=0) + MARGIN_M
     columns, rows = (math.ceil(float(size) / CELL_M) for size in high - low)
     regions = (region_m,) if region_m else tuple(zone.region_m for zone in site.zones)
-    middles = (
-        (float(low[0]) + (column + 0.5) * CELL_M, float(low[1]) + (row + 0.5) * CELL_M)
-        for row in range(rows)
-        for column in range(columns)
-    )
+    origin_m = (float(low[0]), float(low[1]))
     return GridMap(
         frame=site.frame,
         map_version=map_version,
-        origin_m=(float(low[0]), float(low[1])),
+        origin_m=origin_m,
         cell_m=CELL_M,
         columns=columns,
         rows=rows,
         cells=bytes(columns * rows),
-        region=bytes(any(contains(one, middle) for one in regions) for middle in middles),
+        region=_cells_inside(regions, origin_m, columns, rows),
     )
+
+
+@lru_cache(maxsize=32)
+def _cells_inside(regions: tuple[Region, ...], origin_m: Point, columns: int, rows: int) -> bytes:
+    """For each cell whether its middle lies in one of the regions; places do not change while a mission runs."""
+    middles = (
+        (origin_m[0] + (column + 0.5) * CELL_M, origin_m[1] + (row + 0.5) * CELL_M)
+        for row in range(rows)
+        for column in range(columns)
+    )
+    return bytes(any(contains(one, middle) for one in regions) for middle in middles)
 
 
 def cell_of(grid: GridMap, point: Point) -> tuple[int, int]:
@@ -113,9 +121,9 @@ def _draw(
     )
     here = np.array([pose.x_m, pose.y_m])
     reach = np.linalg.norm(hits - here, axis=1)
-    for step in np.arange(0.0, float(reach.max(initial=0.0)), grid.cell_m / 2):
-        going = reach > step + grid.cell_m
-        _mark(grid, here + (hits[going] - here) * (step / reach[going])[:, None], free)
+    steps = np.arange(0.0, float(reach.max(initial=0.0)), grid.cell_m / 2)
+    at, ray = np.nonzero(reach > steps[:, None] + grid.cell_m)
+    _mark(grid, here + (hits[ray] - here) * (steps[at] / reach[ray])[:, None], free)
     _mark(grid, hits[seen[:, 2] >= LOWEST_M], closed)
 
 

@@ -154,12 +154,14 @@ class Gate:
         if not changes:
             return
         commands = [command_record(one.command, one.events, records) for one in changes]
+        asserted = [
+            ports.Batch(stream=one.stream, expected_version=one.version, events=()) for one in decided if not one.events
+        ]
         batches = [self._batch(*pair) for pair in zip(changes, commands, strict=True)]
-        self._store.append(batches, (*records, *commands), now)
-        for one in decided:
-            if one.events:
-                state = self._decider(one.stream).fold(one.state, one.events)
-                self._advance(one.stream, state, one.version + len(one.events))
+        self._store.append((*asserted, *batches), (*records, *commands), now)
+        for one in changes:
+            state = self._decider(one.stream).fold(one.state, one.events)
+            self._advance(one.stream, state, one.version + len(one.events))
 
     def _batch(self, one: _GateDecision, command: ports.Record) -> ports.Batch:
         """The events as they are stored: the first one names the record of the command it answers."""

@@ -52,6 +52,10 @@ def _decided(mission: Mission, command: commands.MissionCommand) -> Decision[eve
             return start_revised(mission, command, command.plan) if command.plan else authorise(mission, command)
         case commands.AuthoriseWait():
             return wait(mission, command)
+        case commands.RecordAdvice(advice=advice):
+            if advice.node_id is not None and advice.node_id not in mission.nodes:
+                return refused("unknown_node", because("node_not_in_graph", node_id=advice.node_id[:80]))
+            return Accepted((events.ModelAdvised(advice=advice),))
         case commands.CompleteNode():
             return complete(mission, command)
         case commands.RefusePrecondition() | commands.ReportFailure() | commands.EndInvocation():

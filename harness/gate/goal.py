@@ -10,6 +10,7 @@ from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.revision_events import GraphRevised
 from harness.contracts.tasks import TaskContract, order, targets_of
 from harness.contracts.verdicts import GoalVerdict, Verdict, strictest
+from harness.gate.rules import not_vouched
 from harness.planning.revision import reopened_with
 from harness.projections.mission import Mission, all_required_settled, declared_goals, required_contract
 from harness.projections.readings import cited_in_words, goal_in_words
@@ -61,6 +62,9 @@ def _worst(mission: Mission, verdict: GoalVerdict) -> Verdict:
         one.condition_id for one in verdict.results if one.verdict == "ambiguous" and one.condition_id in unverified
     }
     decisive = tuple(one.verdict for one in verdict.results if one.condition_id not in left_out)
+    contract = required_contract(mission)
+    if not_vouched(contract, contract.completion_conditions):
+        decisive = (*decisive, "ambiguous")
     if left_out and verdict.verdict == "ambiguous":
         return strictest(decisive)
     return strictest((verdict.verdict, *decisive))

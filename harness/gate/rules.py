@@ -4,14 +4,17 @@ A rule answers None or the reason why this verdict may not change this mission (
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
+from harness.contracts.effects import Condition
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import packet_id
+from harness.contracts.predicates import is_installed_name
 from harness.contracts.protocol import proposes_facts, version_of
 from harness.contracts.reasons import Reason, because
 from harness.contracts.rules import RulesVersion, required_independence
+from harness.contracts.tasks import TaskContract
 from harness.contracts.verdicts import NodeVerdict, strictest
 from harness.projections.mission import Mission, required_contract
 from harness.projections.proposals import proposals_for, unproposed, written_by_harness
@@ -165,12 +168,27 @@ def stray_receipts(mission: Mission, packet: EvidencePacket, verdict: NodeVerdic
     return because("stray_receipts", strays=tuple(strays[:MOST_NAMED])) if strays else None
 
 
+def unvouched_predicate(mission: Mission, packet: EvidencePacket, verdict: NodeVerdict) -> Reason | None:
+    """What an installed predicate found counts only where the mission is pinned to it and its site vouches for it."""
+    contract = required_contract(mission)
+    node = contract.node(packet.identity.node_id)
+    unvouched = not_vouched(contract, node.success_conditions)
+    return because("unvouched_predicate", predicates=unvouched) if unvouched else None
+
+
+def not_vouched(contract: TaskContract, conditions: Sequence[Condition]) -> tuple[str, ...]:
+    """The installed predicates among these conditions that may not be decisive."""
+    named = [one.effect.predicate for one in conditions if is_installed_name(one.effect.predicate)]
+    return tuple(name for name in named if name not in contract.pinned or not contract.pinned[name].vouched)
+
+
 _FIRST: tuple[Rule, ...] = (
     vetoed,
     wrong_identity,
     wrong_configuration,
     obsolete_version,
     uncovered_condition,
+    unvouched_predicate,
     not_satisfied,
     execution_failed,
     below_independence,

@@ -5,16 +5,20 @@ from threading import Lock
 
 from cachetools import LRUCache
 
+from harness.contracts import ports
+from harness.contracts.capabilities import Vocabulary
 from harness.contracts.configuration import Configuration
 from harness.contracts.ids import RobotId
 from harness.contracts.places import Site
 from harness.contracts.rules import RulesVersion
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import encode
+from harness.goals.predicates import with_pins
 from harness.goals.reader import GoalReader
 from harness.goals.satisfiable import check_sources
 from harness.goals.sources import RobotSources
 from harness.goals.understanding import GoalRequest, UnderstoodGoal, compiled, read_again, understand
+from harness.goals.vocabulary import check_vocabulary
 
 CACHED = 16
 """How many compiled contracts are cached: equal request, templates and site give an equal contract."""
@@ -33,8 +37,11 @@ class ContractCompiler:
         reader: GoalReader,
         sources: Mapping[RobotId, RobotSources],
         rules: RulesVersion,
+        vocabulary: Vocabulary,
+        predicates: ports.Predicates,
     ) -> None:
         self._beside, self._reader, self._sources, self._rules = beside, reader, sources, rules
+        self._vocabulary, self._predicates = vocabulary, predicates
         self._contracts: LRUCache[bytes, TaskContract] = LRUCache(CACHED)
         self._caching = Lock()
 
@@ -56,7 +63,11 @@ class ContractCompiler:
         return self.checked(contract, robot_id=robot_id, site=site)
 
     def checked(self, contract: TaskContract, *, robot_id: RobotId, site: Site) -> TaskContract:
-        """The contract, where the sources of this robot can show its conditions to hold. Raises Unsatisfiable."""
+        """The contract, where its capabilities are declared and the sources of this robot can show its conditions to
+        hold, pinned to the installed predicates that it names. Raises ContractInvalid, Unsatisfiable.
+        """
+        check_vocabulary(contract, self._vocabulary)
+        contract = with_pins(contract, predicates=self._predicates, vouched=site.vouched)
         if robot_id in self._sources:
             check_sources(contract, robot=self._sources[robot_id], site=site, rules=self._rules)
         return contract

@@ -4,13 +4,14 @@ A sentence is cut at its connectors; each part is a verb with its object, or nam
 Whatever no rule takes stays unread, with the reason.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
+from types import MappingProxyType
 
 from msgspec import UNSET, UnsetType
 
-from harness.contracts.readings import Act, Clause, ClauseObject, TextSpan, Unread, UnreadWhy
+from harness.contracts.readings import Act, Clause, ClauseObject, PictureSubject, TextSpan, Unread, UnreadWhy
 from harness.goals.lexicon import LOOKING_AROUND, TELLING_SIGHT
 from harness.goals.tokens import QUOTES, TextToken
 from harness.goals.words import Item, Meaning, Phrases
@@ -25,7 +26,7 @@ ACCEPTED: dict[Act, tuple[str, ...]] = {
     "walk_route": ("route",),
     "explore": ("site", "place", "region"),
     "report": ("finding",),
-    "deliver": ("finding",),
+    "deliver": ("finding", "channel"),
     "wait": ("place", "region", "here"),
 }
 """What kinds of object a verb takes. A prohibition may also name a zone."""
@@ -58,6 +59,8 @@ class ClauseDraft:
     """A report of what is seen: of a picture, or on the way to a place, a description."""
     seconds: int | UnsetType = UNSET
     """How long is to be waited."""
+    subject: PictureSubject | UnsetType = UNSET
+    """What a photograph is to show."""
     meant: ClauseObject | None = None
     """The place named last before this verb: what it is about if it names none itself."""
     beside: ClauseObject | None = None
@@ -77,7 +80,9 @@ class Parse:
     """The route named last: what "it" stands for where something is walked."""
 
 
-def items(found: Sequence[TextToken], phrases: Phrases) -> list[Item]:
+def items(
+    found: Sequence[TextToken], phrases: Phrases, subjects: Mapping[int, PictureSubject] = MappingProxyType({})
+) -> list[Item]:
     """The text as phrases with meanings, the longest first; quotations and what is no word are marked unread."""
     made: list[Item] = []
     index = 0
@@ -85,6 +90,11 @@ def items(found: Sequence[TextToken], phrases: Phrases) -> list[Item]:
         token = found[index]
         if token.kind == "quote":
             index = _quotation(found, index, phrases, made)
+            continue
+        if token.kind == "subject":
+            subject = Meaning("subject", subject=subjects[token.start])
+            made.append(Item(subject, token.start, token.end, token.written))
+            index += 1
             continue
         phrase = phrases.at(found, index) if token.kind == "word" else None
         length, word = phrase if phrase else (1, _unknown(token))
@@ -128,6 +138,7 @@ def clause_of(draft: ClauseDraft) -> Clause:
         count=draft.count,
         spans=draft.spans,
         seconds=draft.seconds,
+        subject=draft.subject,
     )
 
 
@@ -365,6 +376,8 @@ class _Builder:
         match item.kind:
             case "lasting":
                 self._last_for(item)
+            case "subject":
+                self._show(item)
             case "verb" | "asks" | "passes":
                 self._verb(item)
             case "done" if "after" in self._links:
@@ -469,6 +482,10 @@ class _Builder:
             self._leave(item, "no_object")
 
     def _name(self, item: Item) -> None:
+        if item.kind == "pronoun" and self._made and self._made[-1].act == "deliver" and not self._made[-1].negated:
+            self._made[-1] = _grown(self._made[-1], *self._glue, _span(item))
+            self._glue = []
+            return
         target = self._target_of(item)
         if target is None:
             self._leave(item, "no_object")
@@ -559,6 +576,15 @@ class _Builder:
             self._leave(item, "time")
             return
         self._made[-1] = replace(_grown(draft, *self._glue, _span(item)), seconds=item.word.number)
+        self._glue = []
+
+    def _show(self, item: Item) -> None:
+        """ "photograph the sign that says B-12": what the picture is to show, one thing for one picture."""
+        draft = self._made[-1] if self._made else None
+        if draft is None or draft.act != "photograph" or draft.negated or not isinstance(draft.subject, UnsetType):
+            self._leave(item)
+            return
+        self._made[-1] = replace(_grown(draft, *self._glue, _span(item)), subject=item.word.subject or UNSET)
         self._glue = []
 
     def _tail(self, item: Item) -> None:

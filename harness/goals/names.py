@@ -1,4 +1,4 @@
-"""The site's own names in a goal: places, routes, passages and zones, each with its aliases. Pure."""
+"""The site's own names in a goal: places, routes, passages, zones and channels, each with its aliases. Pure."""
 
 from collections.abc import Iterator
 
@@ -11,7 +11,8 @@ from harness.goals.words import Meaning
 
 
 def check_names(site: Site) -> None:
-    """Raise ContractInvalid where one name stands for two places, routes or passages: no goal could say which."""
+    """Raise ContractInvalid where one name stands for two places, routes, passages or channels: no goal could say
+    which."""
     known: dict[tuple[str, ...], ClauseObject] = {}
     for text, target in _named(site):
         key = _key(text)
@@ -60,6 +61,7 @@ def known_object(target: ClauseObject, site: Site) -> bool:
         "route": {route.name for route in site.routes},
         "passage": {passage.passage_id for passage in site.passages},
         "region": {zone.name for zone in site.zones},
+        "channel": {channel.name for channel in site.channels},
     }
     return target.id in ids[target.kind] if target.kind in ids else not target.id
 
@@ -84,6 +86,9 @@ def _named(site: Site) -> Iterator[tuple[str, ClauseObject]]:
     for route in site.routes:
         target = object_of_route(route)
         yield from ((text, target) for text in (route.name, *(route.aliases or ())))
+    for channel in site.channels:
+        target = ClauseObject(kind="channel", id=channel.name, name=(*channel.aliases, channel.name)[0])
+        yield from ((text, target) for text in (channel.name, *channel.aliases))
 
 
 def _spoken(name: str) -> str:

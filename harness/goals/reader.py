@@ -12,12 +12,14 @@ from msgspec.structs import replace
 
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import sha256
+from harness.contracts.models import ModelUse
 from harness.contracts.places import Site
 from harness.contracts.readings import Clause, ClauseObject, Reading, TextSpan, Unread
 from harness.contracts.reasons import because
 from harness.goals.grammar import LOOKING, ClauseDraft, clause_of, described, items, parse
 from harness.goals.lexicon import meanings
 from harness.goals.names import known_object, object_of_route, site_names
+from harness.goals.subjects import with_subjects
 from harness.goals.tokens import tokens
 from harness.goals.words import Phrases, phrases
 from harness.planning.binding import place_of
@@ -27,11 +29,17 @@ MOST_CLAUSES = 12
 
 @dataclass(frozen=True)
 class GoalReader:
-    """Reads a goal, under a name and version that are stored with the reading. `read` may answer anything or raise."""
+    """Reads a goal, under a name and version that are stored with the reading. `read` may answer anything or raise.
+
+    One that `proposes`, such as a model, is asked only about a text that the grammar leaves partly unread, and a person
+    confirms what it read. `use`: the exchange with a model behind the reading of a text with this digest.
+    """
 
     name: str
     version: str
     read: Callable[[str, Site], Reading]
+    proposes: bool = False
+    use: Callable[[str], ModelUse | None] = lambda text: None
 
 
 def read_goal(text: str, *, site: Site) -> Reading:
@@ -39,7 +47,8 @@ def read_goal(text: str, *, site: Site) -> Reading:
 
     Raises ContractInvalid for a site whose names are ambiguous.
     """
-    found = parse(items(tokens(text), _phrases(site)))
+    parted, subjects = with_subjects(text, tokens(text))
+    found = parse(items(parted, _phrases(site), subjects))
     drafts = described(found.clauses)
     tied = [draft for draft in drafts if _tied(draft, site)]
     torn = [span for draft in drafts if draft not in tied for span in draft.spans]
@@ -63,9 +72,15 @@ def read_goal(text: str, *, site: Site) -> Reading:
     return replace(reading, unread=_merged_unread([*unread, *missed], text))
 
 
-GRAMMAR_NAME, GRAMMAR_VERSION = "grammar", "3"
+GRAMMAR_NAME, GRAMMAR_VERSION = "grammar", "4"
 GRAMMAR = GoalReader(name=GRAMMAR_NAME, version=GRAMMAR_VERSION, read=lambda text, site: read_goal(text, site=site))
 """The deterministic reader: no model."""
+
+
+def proposed_reading(reader: GoalReader, text: str, *, site: Site) -> Reading | None:
+    """What a reader that proposes makes of the text, where it holds; None for any other reader."""
+    found = admitted(reader, text, site=site) if reader.proposes else None
+    return found if found is not None and found.reader == reader.name else None
 
 
 def admitted(reader: GoalReader, text: str, *, site: Site) -> Reading:

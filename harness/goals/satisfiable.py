@@ -4,9 +4,10 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from harness.contracts.capabilities import Capability
-from harness.contracts.effects import Condition
+from harness.contracts.effects import Condition, Symbolic
 from harness.contracts.errors import Unsatisfiable
 from harness.contracts.places import Site
+from harness.contracts.predicates import is_installed_name
 from harness.contracts.readings import ClauseObject
 from harness.contracts.reasons import Reason, because
 from harness.contracts.rules import LINEAGE, RulesVersion, required_independence
@@ -22,6 +23,7 @@ PRODUCED_BY: dict[str, tuple[Capability, ...]] = {
     "transcript": ("take_request",),
     "recorded_request": ("take_request",),
     "passage_checked": ("analyse_passage",),
+    "shows": ("observe", "describe_image"),
     "message_stored": ("deliver_message",),
     "heard": ("analyse_passage", "speak"),
     "one_chain": ("capture_panorama", "analyse_passage", "deliver_message", "take_request"),
@@ -41,7 +43,10 @@ PRODUCED_BY: dict[str, tuple[Capability, ...]] = {
     "same_image": ("observe",),
     "one_image": ("observe",),
 }
-"""The capabilities whose stages leave the evidence that a predicate reads; one that is missing here needs none."""
+"""The shipped capabilities whose stages leave the evidence that a predicate reads; one that is missing here needs none.
+
+A site's own capabilities declare their effects themselves, and are checked against the site's vocabulary.
+"""
 
 
 def check_satisfiable(contract: TaskContract, *, site: Site) -> None:
@@ -50,14 +55,14 @@ def check_satisfiable(contract: TaskContract, *, site: Site) -> None:
     So is a goal whose routes lead through a region that it forbids.
     """
     for where, condition in _conditions(contract):
-        if predicate_of(condition.effect) is None:
+        if predicate_of(condition.effect) is None and not is_installed_name(condition.effect.predicate):
             raise Unsatisfiable(
                 because("verifier_missing", predicate=condition.effect.predicate, condition_id=condition.condition_id),
                 where=where,
             )
         offered = {capability for node in contract.nodes for capability in node.capabilities}
         missing = [name for name in PRODUCED_BY.get(condition.effect.predicate, ()) if name not in offered]
-        if missing:
+        if missing and not any("." in name for name in offered):
             raise Unsatisfiable(
                 because("evidence_unmade", condition_id=condition.condition_id, capabilities=tuple(missing)),
                 where=where,
@@ -65,7 +70,7 @@ def check_satisfiable(contract: TaskContract, *, site: Site) -> None:
     _check_ways(contract, site)
 
 
-MEASURED_APART = frozenset({"heard", "message_stored", "passage_checked"})
+MEASURED_APART = frozenset({"heard", "message_stored", "passage_checked", "shows"})
 """The predicates that nothing but an independent source can show to hold; such a source is installed with a robot."""
 
 
@@ -85,32 +90,65 @@ def check_sources(contract: TaskContract, *, robot: RobotSources, site: Site, ru
                 continue
             _check_measured(one, robot, where)
             required = required_independence(rules, risk=node.risk, required=one.independence)
+            _check_vouched(one, contract, where)
             level = reachable.of_stage(one, node)
             if level is not None and level < required:
-                raise Unsatisfiable(_out_of_reach(one, level, required, reachable.lacking(one, (node,))), where=where)
+                raise Unsatisfiable(
+                    _out_of_reach(one, contract, level, required, reachable.lacking(one, (node,))), where=where
+                )
     declaring = frozenset(node.node_id for node in contract.nodes if node.declared)
     for one in contract.completion_conditions:
         if rests_on(one.effect, declaring):
             continue
         _check_measured(one, robot, "completion_conditions")
         required = goal_independence(one, contract.nodes, rules=rules)
+        _check_vouched(one, contract, "completion_conditions")
         level = reachable.of_goal(one)
         if level is not None and level < required:
             lacking = reachable.lacking(one, stages_behind(one.effect, contract.nodes))
-            raise Unsatisfiable(_out_of_reach(one, level, required, lacking), where="completion_conditions")
+            raise Unsatisfiable(_out_of_reach(one, contract, level, required, lacking), where="completion_conditions")
 
 
 def _check_measured(condition: Condition, robot: RobotSources, where: str) -> None:
     predicate = condition.effect.predicate
+    if predicate == "shows":
+        _check_picture_reading(condition, robot, where)
     if predicate in MEASURED_APART - robot.measures:
         raise Unsatisfiable(
             because("source_missing", condition_id=condition.condition_id, predicate=predicate), where=where
         )
 
 
-def _out_of_reach(condition: Condition, level: int, required: int, lacking: tuple[Reason, ...]) -> Reason:
+def _check_vouched(condition: Condition, contract: TaskContract, where: str) -> None:
+    """What nobody vouches for cannot be decisive: it is said before anything moves."""
+    pinned = contract.pinned.get(condition.effect.predicate)
+    if pinned is not None and not pinned.vouched:
+        raise Unsatisfiable(
+            because(
+                "predicate_needs_vouching", condition_id=condition.condition_id, predicate=condition.effect.predicate
+            ),
+            where=where,
+        )
+
+
+def _check_picture_reading(condition: Condition, robot: RobotSources, where: str) -> None:
+    """Nothing here reads pictures, or nothing here knows such an object."""
+    if "shows" not in robot.measures:
+        unread = because("pictures_not_read", condition_id=condition.condition_id, extra="vision")
+        raise Unsatisfiable(unread, where=where)
+    arguments = condition.effect.arguments if isinstance(condition.effect, Symbolic) else {}
+    name = str(arguments.get("name", ""))
+    if arguments.get("kind") == "object" and name not in robot.objects:
+        raise Unsatisfiable(because("object_not_known", condition_id=condition.condition_id, name=name), where=where)
+
+
+def _out_of_reach(
+    condition: Condition, contract: TaskContract, level: int, required: int, lacking: tuple[Reason, ...]
+) -> Reason:
     """Why the condition cannot reach its level: `missing` names what keeps each source from being a second one."""
-    sources = tuple(one for one in rests_on_sources(condition.effect) or () if one not in (*BOOKKEEPING, RECEIPTS))
+    sources = tuple(
+        one for one in rests_on_sources(condition.effect, contract.pinned) or () if one not in (*BOOKKEEPING, RECEIPTS)
+    )
     name = condition.condition_id
     if not sources:
         return because("word_alone", condition_id=name, predicate=condition.effect.predicate)

@@ -5,10 +5,12 @@ The levels are those of the verifier: the same function is asked, with the sourc
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from harness.contracts.capabilities import Capability, CapabilityCard
 from harness.contracts.effects import AnyEffect, Condition, Temporal
 from harness.contracts.ids import ConditionId, NodeId
+from harness.contracts.predicates import PinnedPredicate
 from harness.contracts.reasons import Reason, because
 from harness.contracts.tasks import Node, TaskContract, named_nodes, order, stages_behind
 from harness.contracts.verifier_inputs import origins_of
@@ -40,6 +42,7 @@ RESTS_ON: Mapping[str, tuple[str, ...]] = {
     "recorded_request": ("request",),
     "reported": (FACTS, RECEIPTS),
     "same_image": (FACTS, RECEIPTS),
+    "shows": ("camera", "picture reading"),
     "sighted": (RECEIPTS,),
     "static_body": ("odometry",),
     "stayed_out": ("localiser",),
@@ -55,6 +58,7 @@ BUILDS_ON: Mapping[str, tuple[str, ...]] = {
     "one_chain": ("panorama", "passage_checked", "message_stored", "recorded_request"),
     "passage_checked": ("panorama",),
     "same_image": ("pictured",),
+    "shows": ("pictured",),
     "sighted": ("panorama",),
 }
 """The accepted facts of other stages that a predicate reads, by their names: its answer is no better than they are."""
@@ -63,11 +67,12 @@ HIGHEST = 2
 
 @dataclass(frozen=True)
 class RobotSources:
-    """What one connected robot can be judged by: what its independent sources are able to measure, who serves it, and
-    the process or address behind each provider and each source.
+    """What one connected robot can be judged by: what its independent sources are able to measure, which objects they
+    can find in a picture, who serves it, and the process or address behind each provider and each source.
     """
 
     measures: frozenset[str] = frozenset()
+    objects: frozenset[str] = frozenset()
     cards: Sequence[CapabilityCard] = ()
     origins: Mapping[str, str] = field(default_factory=dict)
 
@@ -81,8 +86,15 @@ def world_sources() -> frozenset[str]:
     return frozenset(one for sources in RESTS_ON.values() for one in sources) - {RECEIPTS, *BOOKKEEPING}
 
 
-def rests_on_sources(effect: AnyEffect) -> tuple[str, ...] | None:
-    """The sources of this effect's predicate; None where its predicate is not known here."""
+def rests_on_sources(
+    effect: AnyEffect, pinned: Mapping[str, PinnedPredicate] = MappingProxyType({})
+) -> tuple[str, ...] | None:
+    """The sources of this effect's predicate; None where its predicate is not known here.
+
+    `pinned`: the installed predicates of its contract, which declare theirs.
+    """
+    if effect.predicate in pinned:
+        return pinned[effect.predicate].installed.sources
     if isinstance(effect, Temporal) and effect.predicate == "stable" and effect.inner is not None:
         return rests_on_sources(effect.inner)
     return RESTS_ON.get(effect.predicate)
@@ -102,7 +114,7 @@ class Reachable:
         None where nothing is known of it: no provider of that capability is connected, or nobody knows the predicate. A
         person's attestation, where the evidence policy takes one, supplies whatever is missing.
         """
-        sources = rests_on_sources(condition.effect)
+        sources = rests_on_sources(condition.effect, self.contract.pinned)
         serving = self.robot.serving(node.capabilities)
         if sources is None or not serving:
             return None
@@ -121,7 +133,7 @@ class Reachable:
         What is measured then must be apart from every provider that did a stage of the condition. Of a condition
         without such a stage nobody knows whom to be apart from: it has level 1.
         """
-        sources = rests_on_sources(condition.effect)
+        sources = rests_on_sources(condition.effect, self.contract.pinned)
         if sources is None:
             return None
         named = [node for node in self.contract.nodes if node.node_id in named_nodes(condition.effect)]
@@ -152,7 +164,7 @@ class Reachable:
             yield because("provider_names_no_sources", provider_id=name)
             return
         own = (RECEIPTS, *BOOKKEEPING)
-        measured = [one for one in rests_on_sources(condition.effect) or () if one not in own]
+        measured = [one for one in rests_on_sources(condition.effect, self.contract.pinned) or () if one not in own]
         for source, why in not_apart(measured, provider=card.sources, origins=origins).items():
             if why == "provider":
                 yield because("source_of_provider", source=source, provider_id=name)

@@ -8,6 +8,7 @@ from harness.contracts.places import Site
 from harness.contracts.spoken_goals import SpokenVocabulary, name_token
 from harness.goals.lexicon import Lexicon, lexicons
 from harness.goals.names import site_names
+from harness.goals.words import Meaning
 
 PLAIN, SELDOM = 4, 1
 """How often a whole order counts, beside one with a word more that a person may or may not say."""
@@ -22,21 +23,42 @@ def spoken_vocabulary(site: Site) -> SpokenVocabulary:
 
     Raises ContractInvalid for a site whose names are ambiguous.
     """
-    return _vocabulary(tuple(sorted({name for name, _ in site_names(site) if _sayable(name)})))
+    phrases = {(name, _is_channel(meaning)) for name, meaning in site_names(site) if _sayable(name)}
+    bare = sorted((name, channel) for name, channel in phrases if not name.startswith("the "))
+    names, channels = (tuple(name for name, channel in bare if channel is kind) for kind in (False, True))
+    return _vocabulary(names, channels, tuple(one.lower() for one in site.wake_phrases if _sayable(one)))
 
 
 @lru_cache(maxsize=8)
-def _vocabulary(names: tuple[str, ...]) -> SpokenVocabulary:
-    bare = tuple(name for name in names if not name.startswith("the "))
+def _vocabulary(names: tuple[str, ...], channels: tuple[str, ...], wake: tuple[str, ...]) -> SpokenVocabulary:
+    tokens, recipients = [name_token(name) for name in names], [name_token(name) for name in channels]
     counted: dict[str, int] = {}
-    for sentence, weight in _sentences(lexicons()[0], [name_token(name) for name in bare]):
+    for sentence, weight in (*_sentences(lexicons()[0], tokens), *_sending(tokens, recipients)):
         counted[sentence] = max(counted.get(sentence, 0), weight)
-    return SpokenVocabulary(sentences=tuple(counted.items()), names=bare)
+    for phrase in wake:
+        for verb in _verbs(lexicons()[0]):
+            counted.setdefault(f"{name_token(phrase)} {verb}", PLAIN)
+    return SpokenVocabulary(
+        sentences=tuple(counted.items()), names=tuple(sorted({*names, *channels})), wake_phrases=wake
+    )
+
+
+def _sending(names: Sequence[str], channels: Sequence[str]) -> Iterator[tuple[str, int]]:
+    """Where a finding is sent to: every channel of the site after every place that can be checked."""
+    for channel in channels:
+        for recipient in (channel, f"the {channel}"):
+            yield f"send it to {recipient}", PLAIN
+            yield f"send the report to {recipient}", PLAIN
+            yield from ((f"check the {name} and send it to {recipient}", PLAIN) for name in names)
+
+
+def _is_channel(meaning: Meaning) -> bool:
+    return meaning.object is not None and meaning.object.kind == "channel"
 
 
 def _sentences(english: Lexicon, names: Sequence[str]) -> Iterator[tuple[str, int]]:
     """Every phrase where a person would say it; every name in the common orders, and by turns in all others."""
-    verbs = [phrase for text in (*english.verbs.values(), english.looks, english.sights) for phrase in _listed(text)]
+    verbs = _verbs(english)
     others = [f"the {name}" for name in names]
     turn = cycle(others)
     for verb in COMMON:
@@ -68,6 +90,10 @@ def _sentences(english: Lexicon, names: Sequence[str]) -> Iterator[tuple[str, in
     yield from ((f"check {next(turn)} {count}", PLAIN) for count in english.counts)
     for asks in _listed(english.asks):
         yield from ((f"{asks} {next(turn)} {tail}", SELDOM) for tail in _listed(english.tails))
+
+
+def _verbs(english: Lexicon) -> list[str]:
+    return [phrase for text in (*english.verbs.values(), english.looks, english.sights) for phrase in _listed(text)]
 
 
 def _listed(text: str) -> list[str]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-TokenKind = Literal["word", "separator", "quote", "control", "sign"]
+TokenKind = Literal["word", "separator", "quote", "control", "sign", "subject"]
 _WORD = re.compile(r"[^\W_]+(?:['’][^\W\d_]+)?|_+")
 _HAN = re.compile(r"[㐀-䶿一-鿿豈-﫿]")
 SEPARATORS = {",": ",", "，": ",", "、": ",", ".": ".", "。": ".", "!": ".", "！": ".", "?": ".", "？": ".", "\n": "."}

@@ -10,19 +10,20 @@ from msgspec.structs import replace
 from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, ReadingStale
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.places import Site
-from harness.contracts.readings import Clause, ClauseObject, Reading, ReadingQuestion, TextSpan, Unread
+from harness.contracts.readings import Clause, ClauseObject, PictureSubject, Reading, ReadingQuestion, TextSpan, Unread
 from harness.contracts.reasons import because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.spoken_goals import Transcription
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.goals.names import object_of_place, object_of_route
-from harness.goals.reader import GRAMMAR, GoalReader, admitted, site_version
+from harness.goals.reader import GRAMMAR, GoalReader, admitted, proposed_reading, site_version
 from harness.goals.satisfiable import check_satisfiable
 from harness.goals.tokens import folded
 from harness.planning.binding import bind_place
-from harness.planning.clauses import WAITING, GoalPlan, plan_reading
+from harness.planning.clauses import SUBJECT, SUBJECT_KIND, WAITING, GoalPlan, plan_reading, takes_subject
 from harness.planning.compile import Argument, compile_contract
 from harness.planning.composition import compile_plan
+from harness.planning.recipients import by_default
 from harness.planning.templates import LONGEST_GOAL, by_name, goal_of
 
 
@@ -81,7 +82,12 @@ def _understood(
     if named is not None and (not request.text or not named.serves):
         return _by_name(named, request, templates, site)
     text = goal_of(request.text).text
-    plan = plan_reading(admitted(reader, text, site=site), templates=_preferred(named, templates), site=site)
+    preferred = _preferred(named, templates)
+    first = GRAMMAR if reader.proposes else reader
+    plan = plan_reading(admitted(first, text, site=site), templates=preferred, site=site)
+    proposed = _proposed(reader, text, plan, request, templates=preferred, site=site)
+    if proposed is not None:
+        return proposed
     requested = named is not None and all(part.template.name != named.name for part in plan.parts)
     if named is not None and not plan.parts:
         plan = _instead(named, plan, request, templates, site)
@@ -94,6 +100,34 @@ def _understood(
     if not whole and not request.confirm:
         raise _not_understood(text, plan, named if requested else None)
     return UnderstoodGoal(text=text, plan=plan, template=None, confirmed=None if whole else reading.digest)
+
+
+def _proposed(
+    reader: GoalReader,
+    text: str,
+    plan: GoalPlan,
+    request: GoalRequest,
+    *,
+    templates: Sequence[TaskTemplate],
+    site: Site,
+) -> UnderstoodGoal | None:
+    """What a reader that only proposes makes of a text that the grammar left partly unread, once a person confirmed it.
+
+    None where there is nothing to propose, or the person confirmed the grammar's reading. Raises GoalNotUnderstood
+    with the proposal until it is confirmed: it never starts by itself (D41).
+    """
+    grammar_does = bool(plan.parts) and not plan.reading.unread
+    if grammar_does or request.template or (plan.parts and request.confirm == plan.reading.digest):
+        return None
+    reading = proposed_reading(reader, text, site=site)
+    proposal = plan_reading(reading, templates=templates, site=site) if reading is not None else None
+    if proposal is None or not proposal.parts:
+        return None
+    if request.confirm == proposal.reading.digest:
+        return UnderstoodGoal(text=text, plan=proposal, template=None, confirmed=proposal.reading.digest)
+    if request.confirm:
+        raise ReadingStale(because("goal_read_otherwise", digest=request.confirm[:12]), where="confirm_reading")
+    raise _not_understood(text, proposal, None)
 
 
 def compiled(
@@ -119,6 +153,7 @@ def compiled(
         contract = compile_contract(
             goal=found.text, template=found.template, arguments=arguments, site=site, rules=rules
         )
+        contract = by_default(contract, site)
     else:
         raise ContractInvalid(because("nothing_understood"), where="goal")
     check_satisfiable(contract, site=site)
@@ -205,8 +240,24 @@ def _own_reading(named: TaskTemplate, request: GoalRequest, text: str, site: Sit
         site=site_version(site),
         reader="template",
         version=named.version,
-        clauses=(Clause(act=serves.act, object=target, spans=(whole,), seconds=_whole_seconds(seconds)),),
+        clauses=(
+            Clause(
+                act=serves.act,
+                object=target,
+                spans=(whole,),
+                seconds=_whole_seconds(seconds),
+                subject=_subject(named, {**default, **(request.arguments or {})}),
+            ),
+        ),
     )
+
+
+def _subject(named: TaskTemplate, chosen: Mapping[str, Argument | None]) -> PictureSubject | UnsetType:
+    """What the template's picture is to show."""
+    kind, name = chosen.get(SUBJECT_KIND), chosen.get(SUBJECT)
+    if not takes_subject(named) or kind not in ("text", "object") or not name:
+        return UNSET
+    return PictureSubject(kind="text" if kind == "text" else "object", name=str(name))
 
 
 def _whole_seconds(value: Argument | None) -> int | UnsetType:

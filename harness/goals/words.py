@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from harness.contracts.readings import Act, ClauseObject
+from harness.contracts.readings import Act, ClauseObject, PictureSubject
 from harness.goals.tokens import TextToken, folded
 
 
@@ -15,6 +15,7 @@ class Meaning:
     act: Act | None = None
     object: ClauseObject | None = None
     number: int = 1
+    subject: PictureSubject | None = None
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ def episodic(step: MissionStep) -> Iterator[MemoryDraft]:
         invocation_id=intent.invocation_id,
         provider_id=intent.provider_id,
         provider_version=intent.provider_version,
-        capability=intent.capability,  # type: ignore[arg-type]
+        capability=intent.capability,
         place=step.before.place(intent.node_id),
         configuration=step.before.configuration,
         verdict=closed.verdict.verdict,
@@ -57,7 +57,7 @@ def operational(step: MissionStep) -> Iterator[MemoryDraft]:
     outcome = ProviderOutcome(
         provider_id=acting.provider_id,
         provider_version=acting.provider_version,
-        capability=acting.capability,  # type: ignore[arg-type]
+        capability=acting.capability,
         place=step.before.place(acting.node_id),
         configuration=step.before.configuration,
         parameters=acting.parameters,

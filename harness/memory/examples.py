@@ -1,12 +1,10 @@
 """Converts a verified outcome to the record of kind "example" that the skill role is shown in C2. Pure."""
 
-import msgspec
-
 from harness.contracts.contexts import ContextRecord
 from harness.contracts.ids import PacketId
 from harness.contracts.memory import MemoryRecord, ProviderOutcome
 from harness.contracts.protocol import Parameters
-from harness.contracts.values import Count, Share, Value, encode
+from harness.contracts.values import Count, Share, Value, raw
 from harness.contracts.verdicts import Verdict
 
 
@@ -44,6 +42,6 @@ def as_example(record: MemoryRecord, outcome: ProviderOutcome) -> ContextRecord:
         origin="verifier",
         source=record.record_id,
         at_s=record.valid_from_s,
-        value=msgspec.json.decode(encode(example)),
+        value=raw(example),
         confidence=record.confidence,
     )

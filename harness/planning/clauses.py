@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from harness.contracts.ids import NodeId, PlaceId
 from harness.contracts.places import MissionProfile, Place, Site
-from harness.contracts.readings import Act, Clause, ClauseObject, Default, Reading, Unread, UnreadWhy
+from harness.contracts.readings import Act, Clause, ClauseObject, Default, PictureSubject, Reading, Unread, UnreadWhy
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Point
 from harness.planning.binding import place_of
@@ -25,6 +25,8 @@ KEPT_OUT: tuple[Act, ...] = ("go", "inspect", "photograph", "describe")
 LOOKING: tuple[Act, ...] = ("photograph", "describe")
 WAITING = "seconds"
 """The parameter of a template that takes how long a clause wants to wait."""
+SUBJECT_KIND, SUBJECT = "subject_kind", "subject"
+"""The parameters of a template that take what a photograph is to show."""
 LONGEST_WAIT_S = 300
 """What is longer is no wait of a mission: its robot and its evidence would be held all the while."""
 
@@ -39,7 +41,7 @@ class Part:
     clause: Clause
     parameter: str = ""
     place: PlaceId | None = None
-    arguments: Mapping[str, float] = field(default_factory=dict)
+    arguments: Mapping[str, float | str] = field(default_factory=dict)
     answers: Mapping[Act, Clause] = field(default_factory=dict)
 
 
@@ -179,7 +181,7 @@ class _Planning:
         if part is not None:
             yield part
         elif about is not None and about.kind == "place" and clause.act in LOOKING:
-            way = self._serving(replace(clause, act="go"), about)
+            way = self._serving(replace(clause, act="go", subject=UNSET), about)
             look = self._serving(clause, ClauseObject(kind="here"))
             if way and look:
                 yield dataclasses.replace(way, clause=clause)
@@ -214,8 +216,10 @@ class _Planning:
                 if about.kind == "route" and about.id != self._loop():
                     continue
                 place = PlaceId(about.id) if one.parameter else None
-                seconds = {WAITING: float(clause.seconds)} if isinstance(clause.seconds, int) else {}
-                return Part(template=template, clause=clause, parameter=one.parameter, place=place, arguments=seconds)
+                if takes_subject(template) != isinstance(clause.subject, PictureSubject):
+                    continue
+                own = dict(_own_arguments(clause))
+                return Part(template=template, clause=clause, parameter=one.parameter, place=place, arguments=own)
         return None
 
     def _loop(self) -> str:
@@ -268,6 +272,20 @@ class _Planning:
                 requested = self._returning is not None or self._parts[-1].clause.act in ("go", "return")
             if parts and not requested and default not in self._declined:
                 yield default
+
+
+def takes_subject(template: TaskTemplate) -> bool:
+    """Whether its picture is to show something: it has the parameter for that."""
+    return any(one.name == SUBJECT for one in template.parameters)
+
+
+def _own_arguments(clause: Clause) -> Iterator[tuple[str, float | str]]:
+    """What a clause says beside its place, as its template's parameters."""
+    if isinstance(clause.seconds, int):
+        yield WAITING, float(clause.seconds)
+    if isinstance(clause.subject, PictureSubject):
+        yield SUBJECT_KIND, clause.subject.kind
+        yield SUBJECT, clause.subject.name
 
 
 def region_of(about: ClauseObject, site: Site) -> tuple[Point, ...]:

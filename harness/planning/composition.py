@@ -16,13 +16,14 @@ from harness.contracts import tasks
 from harness.contracts.effects import AnyEffect, Condition, Metric, Relational, Symbolic, Temporal, Visual
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import ConditionId, Digest, NodeId, PlaceId, ResourceId
-from harness.contracts.places import Place, Site
+from harness.contracts.places import Place, Site, SiteChannel
 from harness.contracts.readings import PROFILE, Act, Clause, clause_id
 from harness.contracts.reasons import because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.planning.binding import bind_place
 from harness.planning.clauses import LOOKING, GoalPlan, Part, home_of, region_of, removable
 from harness.planning.compile import Argument, compile_contract, ground_m
+from harness.planning.recipients import of_channel, recipient, sent_to
 
 MISSION_BUDGET = 8
 """Recovery steps of one mission (D24), unless one of its templates has more."""
@@ -204,6 +205,7 @@ class _Composition:
         depends = [name for name in depends if name in known]
         if self._scoped or not depends:
             depends = [*depends, *([mission.tail] if mission.tail and mission.tail not in depends else [])]
+        node = sent_to(node, self._recipient(compiled.part))
         made = replace(
             node,
             node_id=compiled.named(node.node_id),
@@ -219,6 +221,10 @@ class _Composition:
         else:
             mission.nodes.append(made)
             mission.tail = made.node_id
+
+    def _recipient(self, part: Part) -> SiteChannel | None:
+        """Where the part's messages go: as its own clause says, or the one that its delivery answers."""
+        return recipient(part.answers.get("deliver", part.clause), self._site)
 
     def _way(self, destination: Place, clause: Clause) -> None:
         """A leg to a place by a template that goes there."""
@@ -332,6 +338,8 @@ class _Composition:
             requested = compiled.part.answers.get(act) if act else None
             cited = clause_id(self._plan.number(requested)) if requested else compiled.clause
             made = replace(_renamed(condition, compiled), clause=cited)
+            channel = self._recipient(compiled.part)
+            made = of_channel(made, channel) if channel is not None and channel.readable else made
             gone = {compiled.named(name) for name in skipped}
             made = replace(made, effect=_without(made.effect, gone))
             made = _instead(made, gone, self._brought(compiled.part.place), scope=compiled.scope)
@@ -392,7 +400,10 @@ class _Composition:
                 )
         for part in self._plan.parts:
             for name, value in part.arguments.items():
-                if str(self._arguments.get(name, value)) not in (str(value), f"{value:g}"):
+                if str(self._arguments.get(name, value)) not in (
+                    str(value),
+                    f"{value:g}" if isinstance(value, float) else value,
+                ):
                     other = str(self._arguments[name])[:40]
                     raise ContractInvalid(
                         because("argument_contradicts", place=f"{value:g}", parameter=name, said=other),

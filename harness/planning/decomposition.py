@@ -12,7 +12,9 @@ from typing import Any
 import msgspec
 
 from harness.contracts.decisions import Refused, refused
+from harness.contracts.errors import ModelFailed
 from harness.contracts.ids import NodeId
+from harness.contracts.models import ModelUse
 from harness.contracts.reasons import because, plain
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Value
@@ -30,10 +32,11 @@ class PlanStep(Value):
 
 
 class StagePlan(Value):
-    """A decomposed goal. A proposal, never an authorisation (R41)."""
+    """A decomposed goal. A proposal, never an authorisation (R41). `use`: the model that proposed it."""
 
     steps: tuple[PlanStep, ...]
     reason: str
+    use: ModelUse | msgspec.UnsetType = msgspec.UNSET
 
 
 @dataclass(frozen=True)
@@ -46,20 +49,24 @@ class StagePlanner:
 
 @dataclass(frozen=True)
 class DecompositionResult:
-    """The template as it is compiled, the planner's proposal, and why that was refused, if it was."""
+    """The template as it is compiled, the planner's proposal, and why that was refused, if it was.
+
+    `use`: the model that was asked, whatever came of it.
+    """
 
     template: TaskTemplate
     planner: str
     plan: StagePlan | None
     refused: str
+    use: ModelUse | None = None
 
 
 def one_after_another(goal: str, template: TaskTemplate) -> StagePlan:
-    """Every offered stage, each after the one before it. Deterministic."""
+    """Every offered stage, each after the one before it, unless the template has it wait for nothing. Deterministic."""
     stages = [(NodeId(str(node["node_id"])), node) for node in template.nodes]
     before: list[tuple[NodeId, ...]] = [(), *((stage,) for stage, _ in stages)]
     steps = (
-        PlanStep(stage=stage, capability=str(node["capabilities"][0]), after=after)
+        PlanStep(stage=stage, capability=str(node["capabilities"][0]), after=after if node.get("depends_on") else ())
         for (stage, node), after in zip(stages, before, strict=False)
     )
     return StagePlan(steps=tuple(steps), reason="The stages that the template offers, one after another.")
@@ -76,11 +83,14 @@ def decomposed(planner: StagePlanner, *, goal: str, template: TaskTemplate) -> D
         plan = _storable(planner.propose(goal, template))
     except Exception as error:  # noqa: BLE001 - a planner that breaks has proposed nothing, whatever broke it
         why = f"{planner.name} proposed nothing usable: {type(error).__name__}: {_short(str(error))}"
-        return DecompositionResult(_ordered(template, one_after_another(goal, template)), planner.name, None, why)
+        use = error.use if isinstance(error, ModelFailed) else None
+        own = _ordered(template, one_after_another(goal, template))
+        return DecompositionResult(own, planner.name, None, why, use)
     broken = stage_plan_refusal(plan, template=template)
     taken = one_after_another(goal, template) if broken else plan
     refused = f"{broken.rule}: {plain(broken.reason)}" if broken else ""
-    return DecompositionResult(_ordered(template, taken), planner.name, plan, refused)
+    use = plan.use if isinstance(plan.use, ModelUse) else None
+    return DecompositionResult(_ordered(template, taken), planner.name, plan, refused, use)
 
 
 def stage_plan_refusal(plan: StagePlan, *, template: TaskTemplate) -> Refused | None:

@@ -7,9 +7,11 @@ import msgspec
 
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Refused, refused
+from harness.contracts.errors import HarnessError, ModelFailed
 from harness.contracts.ids import NodeId
+from harness.contracts.models import ModelUse
 from harness.contracts.proposals import PlanProposal
-from harness.contracts.reasons import Explanation, Reason, because
+from harness.contracts.reasons import Explanation, Fact, Reason, because
 from harness.projections.mission import Mission, eligible
 
 LONGEST_REASON = 1000
@@ -86,7 +88,8 @@ def plan_refusal(proposal: PlanProposal, *, mission: Mission) -> Refused | None:
 class Plan:
     """What is done next: the planner's proposal where the harness admits it, else the harness's own.
 
-    `proposal` is the planner's proposal, cut to what can be stored; None if there was nothing usable.
+    `proposal` is the planner's proposal, cut to what can be stored; None if there was nothing usable. `use`: the
+    model that was asked, whatever came of it.
     """
 
     node_id: NodeId | None
@@ -94,6 +97,7 @@ class Plan:
     planner: str
     proposal: PlanProposal | None
     refused: Explanation = ""
+    use: ModelUse | None = None
 
 
 def planned(planner: Planner, context: Context, *, mission: Mission) -> Plan:
@@ -102,18 +106,31 @@ def planned(planner: Planner, context: Context, *, mission: Mission) -> Plan:
     try:
         proposal = _storable(planner.plan(context))
     except Exception as error:  # noqa: BLE001 - a planner that breaks has proposed nothing, whatever broke it
-        unusable = because(
-            "proposed_nothing_usable", planner=planner.name, kind=type(error).__name__, error=_short(str(error))
+        problem: Fact = error.reason if isinstance(error, HarnessError) else _short(str(error))
+        unusable = because("proposed_nothing_usable", planner=planner.name, kind=type(error).__name__, error=problem)
+        use = error.use if isinstance(error, ModelFailed) else None
+        return Plan(
+            node_id=own.node_id,
+            reason=own.reason,
+            planner=planner.name,
+            proposal=None,
+            refused=unusable,
+            use=use,
         )
-        return Plan(node_id=own.node_id, reason=own.reason, planner=planner.name, proposal=None, refused=unusable)
+    use = proposal.use if isinstance(proposal.use, ModelUse) else None
     broken = plan_refusal(proposal, mission=mission)
     if broken is None and proposal.node_id is None and own.node_id is not None:
         broken = refused("work_left", node_id=own.node_id)
     if broken is not None:
         return Plan(
-            node_id=own.node_id, reason=own.reason, planner=planner.name, proposal=proposal, refused=broken.reason
+            node_id=own.node_id,
+            reason=own.reason,
+            planner=planner.name,
+            proposal=proposal,
+            refused=broken.reason,
+            use=use,
         )
-    return Plan(node_id=proposal.node_id, reason=proposal.reason, planner=planner.name, proposal=proposal)
+    return Plan(node_id=proposal.node_id, reason=proposal.reason, planner=planner.name, proposal=proposal, use=use)
 
 
 def _storable(proposal: PlanProposal) -> PlanProposal:
@@ -121,9 +138,8 @@ def _storable(proposal: PlanProposal) -> PlanProposal:
     if not isinstance(proposal, PlanProposal):
         raise TypeError(f"{type(proposal).__name__} is no plan")
     node_id = NodeId(_short(proposal.node_id)) if proposal.node_id is not None else None
-    return PlanProposal(
-        node_id=node_id, reason=proposal.reason if isinstance(proposal.reason, Reason) else _short(proposal.reason)
-    )
+    reason = proposal.reason if isinstance(proposal.reason, Reason) else _short(proposal.reason)
+    return PlanProposal(node_id=node_id, reason=reason, use=proposal.use)
 
 
 def _short(text: str) -> str:

@@ -12,6 +12,7 @@ from harness.contracts.protocol import PhysicalStart, RobotStatus
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.retreat_events import RetreatEnded
 from harness.contracts.revision_events import CompletionDisputed
+from harness.contracts.routine_approvals import is_routine
 from harness.projections.starts import repeated_starts
 
 LOW_CHARGE = 0.20
@@ -85,8 +86,10 @@ def of_mission(event: events.MissionEvent, about: About) -> tuple[AlertChange, .
                 ),
             )
         case events.HandoffRequested():
-            title = because("alert_handoff", stage=_stage(event.node_id))
-            return (_raise(about, "handoff", "high", title, event.reason, event.handoff_id),)
+            routine = is_routine(event.failure, event.reason)
+            title = because("alert_approval" if routine else "alert_handoff", stage=_stage(event.node_id))
+            priority: Priority = "medium" if routine else "high"
+            return (_raise(about, "handoff", priority, title, event.reason, event.handoff_id),)
         case events.HandoffAnswered():
             reason = because(
                 "alert_answered", actor=event.actor.name, channel=event.actor.channel, decision=event.decision

@@ -112,7 +112,7 @@ def follow(thread: MissionThread, event: events.MissionEvent) -> MissionThread:
         case events.MissionEnded():
             return replace(nxt, ended=True)
         case (
-            events.MissionActivated() | events.NodePlanned() | events.InvocationAccepted()
+            events.MissionActivated() | events.NodePlanned() | events.ModelAdvised() | events.InvocationAccepted()
             | events.InvocationStopRequested() | events.InvocationResumed() | events.InvocationEnded()
             | events.PreconditionRefused() | events.ObservationRecorded() | events.EpochChanged()
             | events.VetoRaised() | events.VetoCleared() | events.FailureClassified() | events.RecoveryAuthorised()

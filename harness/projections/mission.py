@@ -1,5 +1,6 @@
 """A mission's state S_k and the queries on it. Reads no clock, decides nothing. Pure."""
 
+from functools import cached_property
 from typing import Literal
 
 import msgspec
@@ -11,12 +12,13 @@ from harness.contracts.control import Autonomy, stricter
 from harness.contracts.effects import Condition, Metric
 from harness.contracts.events import DispatchIntended, StopAcknowledged, StopRequested
 from harness.contracts.evidence import CommittedFact, DeclaredEffect, EvidencePacket, EvidenceReference
+from harness.contracts.models import ModelAdvice
 from harness.contracts.proposals import Signature
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.reasons import Explanation
 from harness.contracts.rules import FIRST_RULES, RulesVersion
 from harness.contracts.spoken_goals import SpokenGoal
-from harness.contracts.tasks import TaskContract, order, rests_on
+from harness.contracts.tasks import Node, TaskContract, order, rests_on
 from harness.contracts.values import Count, Value
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
 
@@ -68,6 +70,7 @@ class NodeState(Value):
     """One stage: its status, what was tried, and the gate's decision on it.
 
     `begun_at` is the attempt after which this revision of the graph opened it: the next one needs no recovery step.
+    `advice`: what models said about its newest failure.
     """
 
     node_id: ids.NodeId
@@ -89,6 +92,7 @@ class NodeState(Value):
     begun_at: Count = 0
     aborting: bool = False
     attested: tuple[EvidenceReference, ...] = ()
+    advice: tuple[ModelAdvice, ...] = ()
 
     @property
     def fresh(self) -> bool:
@@ -122,7 +126,7 @@ class DisputedFact(Value):
     reason: Explanation
 
 
-class Mission(Value):
+class Mission(Value, dict=True, gc=True):
     """S_k: node states, observed and committed facts, evidence references, remaining budgets (R37)."""
 
     version: Count = 0
@@ -196,6 +200,11 @@ class Mission(Value):
     def of(self, node_id: ids.NodeId) -> NodeState:
         return self.nodes[node_id]
 
+    @cached_property
+    def _frontier(self) -> tuple[ids.NodeId, ...]:
+        contract = required_contract(self)
+        return tuple(node_id for node_id in order(contract) if _is_open(self, contract.node(node_id)))
+
 
 def required_contract(mission: Mission) -> TaskContract:
     """The mission's contract; a mission without one has not been compiled, which is a programming error."""
@@ -234,18 +243,18 @@ def required_policy(mission: Mission) -> RecoveryPolicy:
 
 def eligible(mission: Mission) -> tuple[ids.NodeId, ...]:
     """Nodes that may be dispatched: every dependency settled, not merely finished (R11), in graph order."""
-    contract = required_contract(mission)
-    ready = []
-    for node_id in order(contract):
-        node, state = contract.node(node_id), mission.of(node_id)
-        is_ready = all(mission.of(dependency).status in SETTLED for dependency in node.depends_on)
-        salvage = node.runs_after_failure and all(
-            mission.of(dependency).status in (*SETTLED, "failed", "pending") for dependency in node.depends_on
-        )
-        open_to_start = state.status in ("pending", "recovering") and state.failure is None
-        if open_to_start and (is_ready or (salvage and failed(mission))):
-            ready.append(node_id)
-    return tuple(ready)
+    return mission._frontier
+
+
+def _is_open(mission: Mission, node: Node) -> bool:
+    state = mission.of(node.node_id)
+    if state.status not in ("pending", "recovering") or state.failure is not None:
+        return False
+    before = [mission.of(dependency).status for dependency in node.depends_on]
+    if all(status in SETTLED for status in before):
+        return True
+    salvage = node.runs_after_failure and all(status in (*SETTLED, "failed", "pending") for status in before)
+    return salvage and failed(mission)
 
 
 def failed(mission: Mission) -> bool:

@@ -8,6 +8,7 @@ from harness.contracts import events
 from harness.contracts.control import AutonomySet
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import NodeId
+from harness.contracts.models import ModelAdvice
 from harness.contracts.revision_events import (
     AttestationRecorded,
     CompletionDisputed,
@@ -93,7 +94,10 @@ def _folded(m: Mission, event: events.MissionEvent) -> Mission:
         case events.FailureClassified():
             node = m.of(event.node_id)
             failure = Failure(node_id=event.node_id, failure=event.failure, reason=event.reason, at_s=event.at_s)
-            return _node(m, event.node_id, status="recovering", failure=failure, failures=(*node.failures, failure))
+            failures = (*node.failures, failure)
+            return _node(m, event.node_id, status="recovering", failure=failure, failures=failures, advice=())
+        case events.ModelAdvised(advice=advice):
+            return _advised(m, advice)
         case events.RecoveryAuthorised():
             return _recovered(m, event)
         case events.NodeFailed():
@@ -260,6 +264,13 @@ def _recovered(m: Mission, event: events.RecoveryAuthorised) -> Mission:
         wait_until_s=event.until_s,
     )
     return replace(paid, k=m.k + event.cost)
+
+
+def _advised(m: Mission, advice: ModelAdvice) -> Mission:
+    """What was said about a failure stays with its node; the rest stands in the log alone."""
+    if advice.node_id is None or advice.role not in ("recovery_advice", "diagnosis"):
+        return m
+    return _node(m, advice.node_id, advice=(*m.of(advice.node_id).advice, advice))
 
 
 def _node(m: Mission, node_id: NodeId, **changes: object) -> Mission:

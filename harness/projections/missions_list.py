@@ -42,6 +42,8 @@ def mission_row(mission: Mission, *, seq: int, began_s: float, ended_s: float | 
     goal = goal_in_words(contract) if contract else ""
     if isinstance(goal, Reason):
         item = replace(item, reading=goal)
+    if mission.disputed:
+        item = replace(item, disputed=True)
     facets = {
         "status": item.status,
         "open": "no" if mission.ended else "yes",

@@ -2,7 +2,7 @@
 
 from typing import assert_never
 
-from harness.contracts.readings import PROFILE, Act, Clause, Default, Reading, UnreadWhy
+from harness.contracts.readings import PROFILE, Act, Clause, Default, PictureSubject, Reading, UnreadWhy
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.tasks import TaskContract
 
@@ -20,6 +20,13 @@ def clause_in_words(clause: Clause) -> Reason:
     act = _act_on(clause.act, about) if about else _act(clause.act)
     if isinstance(clause.seconds, int):
         act = because("clause_for_seconds", clause=act, seconds=clause.seconds)
+    if isinstance(clause.subject, PictureSubject):
+        name = clause.subject.name
+        sign, thing = (
+            because("clause_of_sign", clause=act, name=name),
+            because("clause_of_thing", clause=act, name=name),
+        )
+        act = sign if clause.subject.kind == "text" else thing
     if clause.negated:
         return because("clause_not", clause=act)
     return because("clause_times", clause=act, count=clause.count) if clause.count > 1 else act
@@ -105,7 +112,9 @@ def _act_on(act: Act, about: str) -> Reason:
             return because("clause_explore_it", object=about)
         case "wait":
             return because("clause_wait_at", object=about)
-        case "report" | "deliver":
+        case "deliver":
+            return because("clause_deliver_to", object=about)
+        case "report":
             return _act(act)
         case _:
             assert_never(act)

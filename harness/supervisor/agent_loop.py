@@ -233,7 +233,7 @@ class AgentLoop:
         measured = self._measurements.of_goal(mission)
         self._observations.collect(None)  # measuring took its time: what the goal says of now is judged on now
         context = goal_context(replace(self._roles.view(mission), measured=measured, cards=self._connection.cards))
-        verdict = verify_goal(context, self._runtime.blob)
+        verdict = verify_goal(context, self._runtime.blob, self._runtime.predicates)
         self._runtime.submit(
             mission.mission_id, commands.JudgeGoal(verdict=verdict), records=(context_record(context),)
         )

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from harness.contexts.planner import planner_context
 from harness.contexts.skill import skill_context
-from harness.contexts.view import StateView, plain
+from harness.contexts.view import StateView
 from harness.contracts import commands, ids
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.capabilities import Capability, CapabilityCard
@@ -18,13 +18,14 @@ from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.events import DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.handoff_commands import ReturnControl
+from harness.contracts.models import ModelAdvice, ModelUse
 from harness.contracts.ports import Record
-from harness.contracts.proposals import RecoveryProposal, Signature, SkillProposal
+from harness.contracts.proposals import PlanProposal, RecoveryProposal, Signature, SkillProposal
 from harness.contracts.protocol import Parameters
 from harness.contracts.reasons import Explanation, Reason, because, several
 from harness.contracts.revision_commands import RecordAttestation, RevisedPlan
 from harness.contracts.tasks import Node, TaskContract
-from harness.contracts.values import digest
+from harness.contracts.values import digest, raw
 from harness.gate.commit import CommandEnvelope
 from harness.gate.dispatch import spend
 from harness.gate.revisions import revised_ahead
@@ -35,6 +36,7 @@ from harness.projections.mission_fold import apply
 from harness.recovery.state import VERIFY_ONLY
 from harness.routing.question import RoutingQuestion
 from harness.routing.requirements import ProviderRequirements
+from harness.supervisor.estimates import TargetScores
 from harness.supervisor.leases import acquire, tokens
 from harness.supervisor.roles import RoleContexts, context_record, record
 from harness.verification.preconditions import verify_preconditions
@@ -98,11 +100,29 @@ class Dispatcher:
         self._roles = roles
         self._runtime = roles.runtime
         self._connection = roles.connection
+        self._estimates = TargetScores(roles)
 
     def next_node(self, mission: Mission) -> tuple[Plan, Context]:
         """The next node, and the C1 it was planned from; the harness admits the planner's proposal or uses its own."""
-        c1 = planner_context(self._roles.view(mission))
-        return planned(self._connection.planner, c1, mission=mission), c1
+        view = self._roles.view(mission)
+        c1 = planner_context(replace(view, estimates=self._estimates.records(view)))
+        plan = planned(self._connection.planner, c1, mission=mission)
+        if plan.use is not None:
+            self._record(mission, plan, plan.use)
+        return plan, c1
+
+    def _record(self, mission: Mission, plan: Plan, use: ModelUse) -> None:
+        """What the model said as the planner, followed or not."""
+        named = plan.proposal.node_id if plan.proposal else None
+        advice = ModelAdvice(
+            role="planner",
+            node_id=named if named in mission.nodes else None,
+            said=_words(plan.proposal),
+            action=(named or "")[:200],
+            refused=plan.refused,
+            use=use,
+        )
+        self._runtime.submit(mission.mission_id, commands.RecordAdvice(advice=advice))
 
     def blocked(self, mission: Mission, node_id: ids.NodeId) -> PreconditionBlocked | None:
         """The first precondition that does not hold now, tested again at every dispatch (R18)."""
@@ -343,6 +363,12 @@ class Dispatcher:
         return Refused(failure, reason)
 
 
+def _words(proposal: PlanProposal | None) -> str:
+    """The model's own reason."""
+    reason = proposal.reason if proposal else ""
+    return str(reason.facts.get("text", ""))[:1000] if isinstance(reason, Reason) else reason[:1000]
+
+
 def _intention(plan: Plan, node_id: ids.NodeId, *, at_s: float) -> ContextRecord:
     """Why the planner chose this stage: usable by the skill role, never evidence (R75)."""
     return ContextRecord(
@@ -350,7 +376,7 @@ def _intention(plan: Plan, node_id: ids.NodeId, *, at_s: float) -> ContextRecord
         origin="planner",
         source=node_id,
         at_s=at_s,
-        value=plain({"planner": plan.planner, "reason": plan.reason}),
+        value=raw({"planner": plan.planner, "reason": plan.reason}),
     )
 
 

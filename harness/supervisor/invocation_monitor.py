@@ -44,6 +44,10 @@ EFFECTS: dict[Effect, Reason] = {
 }
 
 
+class MissionMovedOn(Exception):
+    """Another process or thread changed the mission since this turn began; the request was not sent."""
+
+
 class InvocationMonitor:
     """Monitors one invocation at a time. Handles live in memory; the request id finds them again after a crash (D13).
 
@@ -70,6 +74,8 @@ class InvocationMonitor:
         now_s = self._connection.clock.now().mission_s
         try:
             return self._attended(mission, invocation, now_s)
+        except MissionMovedOn:
+            return now_s
         except ProviderUnreachable as error:
             return self._silence(mission, invocation, now_s, error.reason)
         except (ProviderFailed, UnknownName) as error:
@@ -118,7 +124,8 @@ class InvocationMonitor:
         """The provider's report; reattach by handle, else by request id, else send the request (D13).
 
         Refused where its authorisation no longer holds: then nothing was sent. None where the provider refused it.
-        Raises ProviderUnreachable if the answer is about another request, and where it may have begun unseen.
+        Raises ProviderUnreachable if the answer is about another request, and where it may have begun unseen;
+        MissionMovedOn where nothing was sent because another process changed the mission meanwhile.
         """
         intent = invocation.intent
         provider = self._connection.provider(intent.provider_id)
@@ -134,7 +141,11 @@ class InvocationMonitor:
             self._accepted(mission, intent, known)
             return known
         self._check_unsent(invocation)
-        if refused := after_wait(self._roles, mission, invocation) or clear_to_send(self._runtime, mission, invocation):
+        refused = after_wait(self._roles, mission, invocation)
+        if refused is None:
+            self._check_current(mission)
+            refused = clear_to_send(self._runtime, mission, invocation)
+        if refused is not None:
             return refused
         self._sent.add(intent.invocation_id)
         try:
@@ -146,6 +157,12 @@ class InvocationMonitor:
             return None
         self._accepted(mission, intent, report)
         return report
+
+    def _check_current(self, mission: Mission) -> None:
+        """The last look before a start: a stop, a veto or a pause that another process recorded comes first."""
+        with self._runtime.turn():
+            if self._runtime.mission(mission.mission_id).version != mission.version:
+                raise MissionMovedOn
 
     def holds_motion(self, invocation: Invocation | None) -> bool:
         """Whether the robot's watchdog holds the execution, it is over, it moves nothing, or it never came."""

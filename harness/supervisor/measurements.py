@@ -31,6 +31,7 @@ class IndependentMeasurements:
             from_s=intent.dispatched_s,
             until_s=until_s,
             receipts=report.receipts,
+            channel=str(intent.parameters.get("channel", "")),
         )
         if intent.verify_only:
             measurement = self._again(mission, intent.node_id, from_s=intent.dispatched_s, until_s=until_s)
@@ -84,4 +85,11 @@ class IndependentMeasurements:
         packet = executed[-1]
         texts = [Digest(str(one.values["asked_text"])) for one in packet.after if "asked_text" in one.values]
         text = self._runtime.blob(texts[-1]).decode() if texts else ""
-        return replace(measurement, requests=(packet.identity.request_id,), text=text, receipts=packet.receipts)
+        channels = [str(one.values["channel"]) for one in packet.after if "channel" in one.values]
+        return replace(
+            measurement,
+            requests=(packet.identity.request_id,),
+            text=text,
+            receipts=packet.receipts,
+            channel=channels[-1] if channels else "",
+        )

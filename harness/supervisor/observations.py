@@ -6,6 +6,8 @@ from operator import attrgetter
 from statistics import median
 from typing import assert_never
 
+from msgspec import UNSET
+
 from harness.contracts import observations
 from harness.contracts.errors import BlobDamaged, ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.evidence import EvidenceReference
@@ -232,6 +234,7 @@ def _ordered(samples: Iterable[observations.AnySample]) -> observations.Trajecto
     imu: list[observations.Imu] = []
     battery: list[observations.Battery] = []
     scans: list[observations.Scan] = []
+    instruments: list[observations.InstrumentReading] = []
     for sample in sorted(samples, key=_order):
         match sample:
             case observations.Odometry():
@@ -244,10 +247,17 @@ def _ordered(samples: Iterable[observations.AnySample]) -> observations.Trajecto
                 scans.append(sample)
             case observations.Battery():
                 battery.append(sample)
+            case observations.InstrumentReading():
+                instruments.append(sample)
             case observations.Image():
                 pass
             case _:
                 assert_never(sample)
     return observations.Trajectory(
-        poses=tuple(poses), odometry=tuple(odometry), imu=tuple(imu), battery=tuple(battery), scans=tuple(scans)
+        poses=tuple(poses),
+        odometry=tuple(odometry),
+        imu=tuple(imu),
+        battery=tuple(battery),
+        scans=tuple(scans),
+        instruments=tuple(instruments) or UNSET,
     )

@@ -1,13 +1,14 @@
 """Carries out C4: one step per failure. The ladder proposes, the gate authorises, the dispatcher acts (R134)."""
 
 from harness.contexts.recovery import recovery_context
-from harness.contracts.commands import AuthoriseWait, EndMission, FailNode, StopInvocation
+from harness.contracts.commands import AuthoriseWait, EndMission, FailNode, RecordAdvice, StopInvocation
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import NodeId
 from harness.contracts.proposals import RecoveryProposal
 from harness.contracts.reasons import Explanation, because
 from harness.projections.mission import Failure, Mission, required_contract, required_policy
+from harness.recovery.advice import diagnosis, suggested_step
 from harness.recovery.ladder import exhausted, recover
 from harness.supervisor.dispatch import DispatchAttempt, Dispatcher
 from harness.supervisor.handoffs import HandoffService
@@ -36,11 +37,15 @@ class Recovery:
         self._dispatcher = dispatcher
         self._handoff_service = handoff_service
         self._revisions = Revisions(roles)
+        self._asked = set[tuple[NodeId, float]]()
 
     def answer(self, mission: Mission, failure: Failure) -> float:
         """Carry out one step; returns when to look again, in mission time."""
         now_s = self._connection.clock.now().mission_s
         c4 = recovery_context(self._roles.view(mission), failure.node_id, self._connection.cards)
+        if self._advised(mission, failure, c4):
+            mission = self._runtime.mission(mission.mission_id)
+            c4 = recovery_context(self._roles.view(mission), failure.node_id, self._connection.cards)
         proposal = recover(c4)
         match proposal.action:
             case "re_perceive" | "adjust_view" | "retry" | "local_replan" | "switch_skill" | "verify_again":
@@ -52,6 +57,25 @@ class Recovery:
                 return self._stop(mission, failure.node_id, proposal, c4)
             case "human":
                 return self._ask(mission, failure, proposal.reason, c4, spent=exhausted(proposal))
+
+    def _advised(self, mission: Mission, failure: Failure, c4: Context) -> bool:
+        """Ask the models about this failure, once, and record what they said.
+
+        Nothing is asked while an execution is open: a step that stops it must not wait for an answer.
+        """
+        models = self._connection.models
+        if mission.invocation is not None or mission.replay or (failure.node_id, failure.at_s) in self._asked:
+            return False
+        self._asked.add((failure.node_id, failure.at_s))
+        advice = []
+        if diagnostician := models.get("diagnosis"):
+            advice.append(diagnosis(diagnostician, c4))
+        if adviser := models.get("recovery_advice"):
+            advice.append(suggested_step(adviser, c4, proposal=recover(c4)))
+        found = [one for one in advice if one is not None]
+        for one in found:
+            self._runtime.submit(mission.mission_id, RecordAdvice(advice=one))
+        return bool(found)
 
     def _attempt(self, mission: Mission, failure: Failure, proposal: RecoveryProposal, c4: Context) -> float:
         now_s = self._connection.clock.now().mission_s

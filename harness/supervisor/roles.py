@@ -28,7 +28,7 @@ def record(kind: str, value: Any) -> Record:
 
 
 def context_record(context: Context) -> Record:
-    return record(f"context/{context.role}", context)
+    return Record(digest=context.digest, kind=f"context/{context.role}", body=context.body)
 
 
 HALF_LIVES = 10

@@ -108,7 +108,8 @@ class Returning:
         if self._handle is not None:
             return invocation_monitor.own(provider.report(self._handle), intent)
         if not self._sent:
-            in_the_way = self._in_the_way(retreat)
+            with self._runtime.turn():
+                in_the_way = self._in_the_way(self._open() or retreat)
             if in_the_way:
                 self._end(intent, "short", declared="not sent", reason=in_the_way)
                 return None

@@ -1,8 +1,10 @@
 """Runs missions on robots: one loop per mission, one mission at a time per robot; people answer between two steps."""
 
 import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from threading import Event, RLock, Thread
 
 from harness.contracts.actors import Actor
@@ -13,6 +15,7 @@ from harness.contracts.errors import HarnessError, ProviderFailed, StoreUnavaila
 from harness.contracts.ids import HandoffId, MissionId, ResourceId, RobotId
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.reasons import because
+from harness.contracts.values import Moment
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.supervisor.agent_loop import AgentLoop
@@ -25,12 +28,22 @@ from harness.supervisor.standstill import Rest
 
 LOG = logging.getLogger("regen.supervisor")
 IDLE_WAIT_S = 0.2
+BUSY_WAIT_S = 0.01
 OUTAGE_WAIT_S = 1.0
 OUTAGE_TRIES = 60
 """How often a foreground run retries an unavailable log, OUTAGE_WAIT_S of the robot's time apart."""
 ROBOT_TRIES = 10
 """How many steps of a foreground run may break on a robot's answers before the run gives up."""
 WAITING: frozenset[str] = frozenset({"awaiting_human", "paused", "awaiting_approval"})
+
+
+@dataclass
+class NextStep:
+    """When a robot is stepped next: at an instant of its mission time, or, where nothing is due, of the machine's."""
+
+    robot_id: RobotId
+    due_s: float | None = None
+    again_at_s: float = 0.0
 
 
 def never() -> bool:
@@ -50,6 +63,7 @@ class Supervisor:
         self._locks = {robot_id: RLock() for robot_id in connections}
         self._loops: dict[RobotId, dict[MissionId, AgentLoop]] = {robot_id: {} for robot_id in connections}
         self._cut_off: set[RobotId] = set()
+        self._current: dict[RobotId, MissionId | None] = {}
         self._returning = {
             robot_id: Returning(runtime=runtime, connection=connection) for robot_id, connection in connections.items()
         }
@@ -110,10 +124,12 @@ class Supervisor:
         return mission
 
     def step(self, mission_id: MissionId) -> float | None:
-        """One step of one mission's loop. Raises ConfigurationMissing where its pinned version cannot be read."""
-        mission = self._runtime.mission(mission_id)
-        check_readable(self._runtime, mission)
-        with self._turn_of(mission.robot_id):
+        """One step of one mission's loop, on what the log holds as it begins. Raises ConfigurationMissing where the
+        mission's pinned version cannot be read."""
+        robot_id = self._runtime.mission(mission_id).robot_id
+        with self._turn_of(robot_id), self._runtime.turn():
+            mission = self._runtime.mission(mission_id)
+            check_readable(self._runtime, mission)
             if self._returning[mission.robot_id].under_way:
                 return self.step_retreat(mission.robot_id)
             wake_s = self._loop(mission).step()
@@ -193,11 +209,18 @@ class Supervisor:
                 self._loop(self._runtime.mission(handoff.opened.mission_id)).handoff_timeouts.act(handoff)
 
     def serve(self) -> None:
-        """Run in the background: every robot works through its missions, oldest first."""
+        """Run in the background: every robot works through its missions, oldest first.
+
+        One thread steps all robots of this process, since threads would only hand Python's one processor to each other;
+        a robot of another process has a thread of its own, which waits for its answers.
+        """
         tell_unreadable(self._runtime)
         for robot_id in self._connections:
             self.finish_unanswered(robot_id)
-            thread = Thread(target=self._work, args=(robot_id,), name=f"robot {robot_id}", daemon=True)
+        together = tuple(robot_id for robot_id, one in self._connections.items() if one.in_process)
+        apart = ((robot_id,) for robot_id, one in self._connections.items() if not one.in_process)
+        for robots in (together, *apart) if together else apart:
+            thread = Thread(target=self._work, args=(robots,), name=f"robot {' '.join(robots)}", daemon=True)
             thread.start()
             self._threads.append(thread)
 
@@ -207,43 +230,77 @@ class Supervisor:
         for thread in self._threads:
             thread.join(timeout=10.0)
 
-    def _work(self, robot_id: RobotId) -> None:
-        while not self._halt.is_set():
-            try:
-                self._turn(robot_id)
-            except StoreUnavailable as error:
-                LOG.error("store_unavailable robot=%s %s", robot_id, error)
-                self._halt.wait(OUTAGE_WAIT_S)
+    def _work(self, robots: Sequence[RobotId]) -> None:
+        """Step these robots, the next to wake first, and of those the one that waited longest.
 
-    def _turn(self, robot_id: RobotId) -> None:
-        """One step of this robot's current mission, and the wait after it.
+        A robot without anything due is looked at again after a while, but a robot whose time passes only by waiting for
+        it does not wait for that.
+        """
+        waiting = deque(NextStep(robot_id) for robot_id in robots)
+        while not self._halt.is_set():
+            following = min(waiting, key=self._rank)
+            self._wait(following)
+            waiting.remove(following)
+            waiting.append(following)
+            if not self._locks[following.robot_id].acquire(blocking=len(waiting) == 1):
+                following.again_at_s, following.due_s = self._now(following).wall_s + BUSY_WAIT_S, None
+                continue  # a person's answer is being carried out on it: the others go on
+            try:
+                following.due_s = self._turn(following.robot_id)
+                following.again_at_s = self._now(following).wall_s + IDLE_WAIT_S
+            except StoreUnavailable as error:
+                LOG.error("store_unavailable robot=%s %s", following.robot_id, error)
+                self._halt.wait(OUTAGE_WAIT_S)
+            finally:
+                self._locks[following.robot_id].release()
+
+    def _rank(self, following: NextStep) -> tuple[bool, float]:
+        left_s = self._left_s(following)
+        return following.due_s is None and left_s > 0, left_s
+
+    def _left_s(self, following: NextStep) -> float:
+        """How long until this robot is stepped: seconds of its own clock, or of the machine's where nothing is due."""
+        if following.due_s is None:
+            return following.again_at_s - self._now(following).wall_s
+        return following.due_s - self._now(following).mission_s
+
+    def _now(self, following: NextStep) -> Moment:
+        return self._connections[following.robot_id].clock.now()
+
+    def _wait(self, following: NextStep) -> None:
+        if following.due_s is not None:
+            self._connections[following.robot_id].clock.wait_until(following.due_s)
+        elif (left_s := self._left_s(following)) > 0:
+            self._halt.wait(left_s)
+
+    def _turn(self, robot_id: RobotId) -> float | None:
+        """One step of this robot's current mission; when the next one is due in mission time, None where nothing is.
 
         Raises StoreUnavailable: nothing can be decided then, and the robot's heartbeat watchdog stops it.
         """
         with self._turn_of(robot_id):
             retreats = self._returning[robot_id].under_way
         if retreats:
-            self._connections[robot_id].clock.wait_until(self.step_retreat(robot_id))
-            return
+            return self.step_retreat(robot_id)
         mission = self._next(robot_id)
         if mission is None:
-            self._halt.wait(IDLE_WAIT_S)
-            return
+            return None
         try:
-            wake_s = self.step(mission.mission_id)
+            return self.step(mission.mission_id)
         except StoreUnavailable:
             raise
         except HarnessError as error:
             self._broken(mission, error)
-            wake_s = None
-        if wake_s is None:
-            self._halt.wait(IDLE_WAIT_S)
-        else:
-            self._connections[robot_id].clock.wait_until(wake_s)
+            return None
 
     def _next(self, robot_id: RobotId) -> Mission | None:
-        """The oldest mission of this robot that has not ended."""
-        return next(iter(self._open(robot_id)), None)
+        """The oldest mission of this robot that has not ended; the one that was stepped last, as long as it is open."""
+        known = self._current.get(robot_id)
+        mission = self._runtime.mission(known) if known is not None else None
+        if mission is None or mission.ended or not readable(self._runtime, mission):
+            mission = next(iter(self._open(robot_id)), None)
+            self._current[robot_id] = mission.mission_id if mission is not None else None
+        return mission
 
     def _open(self, robot_id: RobotId) -> list[Mission]:
         """What this robot can continue, oldest first: no replay, and no pinned version that is unreadable here."""

@@ -11,6 +11,8 @@ from harness.contracts.effects import Condition
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import NodeId
+from harness.contracts.ports import Predicates
+from harness.contracts.predicates import NO_PREDICATES, is_installed_name
 from harness.contracts.reasons import Reason, because, several
 from harness.contracts.rules import FIRST_RULES, LINEAGE, WITNESSES, RulesVersion
 from harness.contracts.tasks import named_nodes
@@ -19,6 +21,7 @@ from harness.verification.admission import missing, stale, unsafe
 from harness.verification.finding import FACTS, RECEIPTS, UNAVAILABLE, Finding, Undecidable, ambiguous
 from harness.verification.images import images_denied
 from harness.verification.independence import derived_independence, independence, labelled
+from harness.verification.installed import installed_finding
 from harness.verification.predicates.registry import predicate_of
 from harness.verification.reading import Evidence, read
 from harness.verification.witnesses import contradicted
@@ -52,15 +55,17 @@ def judged(context: Context, blobs: Blobs, *, verifier: Verifier) -> verdicts.No
         )
 
 
-def verify(context: Context, blobs: Blobs) -> verdicts.NodeVerdict:
+def verify(context: Context, blobs: Blobs, predicates: Predicates = NO_PREDICATES) -> verdicts.NodeVerdict:
     """Every declared postcondition of one packet. C3 is the only state; `blobs` are the immutable bytes it cites.
+
+    `predicates` asks those of installed packages.
 
     Raises ContractInvalid if the context is not one of a packet.
     """
     evidence = Evidence(context, blobs)
     if context.role != "verifier" or context.one("execution") is None:
         raise ContractInvalid(because("context_without_execution"), where=context.role)
-    tested = _results(evidence)
+    tested = _results(evidence, predicates)
     results = tuple(result for result, _ in tested)
     verdict, reason = _overall(results)
     untested = verdict == "ambiguous" and any(broken for _, broken in tested)
@@ -75,9 +80,9 @@ def verify(context: Context, blobs: Blobs) -> verdicts.NodeVerdict:
     )
 
 
-def verify_goal(context: Context, blobs: Blobs) -> verdicts.GoalVerdict:
+def verify_goal(context: Context, blobs: Blobs, predicates: Predicates = NO_PREDICATES) -> verdicts.GoalVerdict:
     """The original completion conditions, on what was committed and what is seen now (R118)."""
-    results = tuple(result for result, _ in _results(Evidence(context, blobs)))
+    results = tuple(result for result, _ in _results(Evidence(context, blobs), predicates))
     verdict, reason = _overall(results)
     return verdicts.GoalVerdict(
         mission_id=context.mission_id,
@@ -90,7 +95,7 @@ def verify_goal(context: Context, blobs: Blobs) -> verdicts.GoalVerdict:
     )
 
 
-def _results(evidence: Evidence) -> tuple[tuple[verdicts.ConditionResult, bool], ...]:
+def _results(evidence: Evidence, predicates: Predicates) -> tuple[tuple[verdicts.ConditionResult, bool], ...]:
     """Each condition's result, and whether its predicate was absent or broke."""
     try:
         conditions = evidence.conditions
@@ -100,7 +105,7 @@ def _results(evidence: Evidence) -> tuple[tuple[verdicts.ConditionResult, bool],
     for condition in conditions:
         own = evidence.within(condition.condition_id)
         own.lineage.levels.clear()
-        finding, broken = _found(condition, own)
+        finding, broken = _found(condition, own, predicates)
         results.append((_result(condition, own, finding), broken))
     return tuple(results)
 
@@ -183,8 +188,10 @@ def _rules(evidence: Evidence) -> RulesVersion:
         return FIRST_RULES
 
 
-def _found(condition: Condition, evidence: Evidence) -> tuple[Finding, bool]:
+def _found(condition: Condition, evidence: Evidence, predicates: Predicates) -> tuple[Finding, bool]:
     """The predicate's answer, and whether it was absent or broke: either is ambiguous, with the reason (R45)."""
+    if is_installed_name(condition.effect.predicate):
+        return installed_finding(condition.effect, evidence, predicates)
     predicate = predicate_of(condition.effect)
     if predicate is None:
         return ambiguous(because("no_predicate", predicate=condition.effect.predicate)), True

@@ -4,23 +4,46 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from math import dist, hypot
 from pathlib import Path
+from typing import assert_never
+from urllib.parse import urlsplit
 
+from harness.contracts import ports
+from harness.contracts.capabilities import CapabilityType, Vocabulary
+from harness.contracts.channels import ChannelsFile, is_readable, secrets_of
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.exploration import FREE, OCCUPIED, GridMap
+from harness.contracts.ids import NodeId
 from harness.contracts.places import Place, Route, Site
+from harness.contracts.predicates import NO_PREDICATES
 from harness.contracts.reasons import Reason, because
 from harness.contracts.rules import CURRENT_RULES
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Point
 from harness.exploration.grid import cell_of
 from harness.goals.names import check_names
+from harness.goals.predicates import with_pins
+from harness.goals.satisfiable import check_satisfiable
 from harness.goals.sources import world_sources
+from harness.goals.vocabulary import problems
 from harness.planning.compile import compile_contract
 from harness.supervisor.zones import ARRIVED_M, way_of
+from harness.verification.finding import RECEIPTS
+from harness.verification.predicates.registry import PREDICATES
 from harness.workspace.contract_yaml import Lines, Step
-from harness.workspace.files import HttpRobotEntry, RobotsFile, SecretReference
+from harness.workspace.files import (
+    HttpRobotEntry,
+    ModelsFile,
+    RobotEntry,
+    RobotsFile,
+    SecretReference,
+    SimulatedRobotEntry,
+    VehicleEntry,
+)
 
 STEP_M = 0.05
+SEEING_ROLES = frozenset({"visual_analysis", "description"})
+"""Roles of models that are shown images."""
+LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 
 
 def at(file: Path, line: int) -> str:
@@ -33,8 +56,13 @@ def relocated(error: HarnessError, file: Path, line: int) -> HarnessError:
     return type(error)(error.what, where=at(file, line), do=error.do)
 
 
-def site_problems(site: Site, file: Path, lines: Lines, floor: GridMap | None) -> Iterator[HarnessError]:
-    """Everything that is wrong with the places, routes and zones of a site."""
+def site_problems(
+    site: Site, file: Path, lines: Lines, floor: GridMap | None, *, predicates: ports.Predicates = NO_PREDICATES
+) -> Iterator[HarnessError]:
+    """Everything that is wrong with the places, routes and zones of a site.
+
+    It may vouch for sources, and for the installed `predicates` and the instruments that these read.
+    """
 
     def problem(reason: Reason, *path: Step) -> ContractInvalid:
         return ContractInvalid(reason, where=at(file, lines.of(*path)))
@@ -88,7 +116,9 @@ def site_problems(site: Site, file: Path, lines: Lines, floor: GridMap | None) -
                 yield relocated(error, file, lines.of("zones", index, "retreat"))
     if site.profile and site.profile.home not in places:
         yield problem(because("home_place_unknown", place_id=site.profile.home), "profile", "home")
-    known = world_sources()
+    installed = predicates.installed
+    known = world_sources() | set(installed)
+    known |= {source for one in installed.values() for source in one.sources if source != RECEIPTS}
     for index, name in enumerate(site.vouched):
         if name not in known:
             yield problem(because("vouched_unknown", name=name, names=tuple(sorted(known))), "vouched", index)
@@ -103,13 +133,18 @@ def robot_problems(robots: RobotsFile, file: Path, lines: Lines) -> Iterator[Har
     yield from _twice([("robots", [one.name for one in robots.robots])], problem)
     addresses: dict[str, str] = {}
     for index, one in enumerate(robots.robots):
-        if not isinstance(one, HttpRobotEntry):
+        if isinstance(one, SimulatedRobotEntry):
             continue
-        other = addresses.setdefault(one.address.rstrip("/"), one.name)
+        other = addresses.setdefault(one.identity.rstrip("/"), one.name)
         if other != one.name:
             yield problem(because("address_of_two", name=one.name, other=other), "robots", index, "address")
-        if bool(one.token.environment) == bool(one.token.file):
-            yield problem(because("secret_needs_one_place"), "robots", index, "token")
+        for secret, path in _secrets(one):
+            if not secret.has_one_place:
+                yield problem(because("secret_needs_one_place"), "robots", index, *path)
+        evidence = one.evidence if isinstance(one, HttpRobotEntry) else None
+        own = f"{one.name}/evidence"
+        if evidence is not None and addresses.setdefault(evidence.address.rstrip("/"), own) != own:
+            yield problem(because("evidence_not_apart", name=one.name), "robots", index, "evidence", "address")
         if one.footprint_m and len(one.footprint_m) < 3:
             yield problem(because("footprint_too_small", name=one.name), "robots", index, "footprint_m")
 
@@ -119,20 +154,157 @@ def robot_notes(
 ) -> Iterator[ContractInvalid]:
     """A token that is not there yet: the robot cannot be connected, and everything else can be checked."""
     for index, one in enumerate(robots.robots):
-        if isinstance(one, HttpRobotEntry) and not has_secret(one.token):
-            named = one.token.environment or one.token.file
+        for secret, path in _secrets(one):
+            if not has_secret(secret):
+                yield ContractInvalid(
+                    because("token_not_there", name=one.name, reference=secret.place),
+                    where=at(folder / "robots.yaml", lines.of("robots", index, *path)),
+                )
+
+
+def _secrets(entry: RobotEntry) -> Iterator[tuple[SecretReference, tuple[Step, ...]]]:
+    """The secrets that an entry names, with where they stand in it."""
+    match entry:
+        case HttpRobotEntry():
+            yield entry.token, ("token",)
+            if entry.evidence is not None:
+                yield entry.evidence.token, ("evidence", "token")
+        case VehicleEntry():
+            if entry.password is not None:
+                yield entry.password, ("password",)
+        case SimulatedRobotEntry():
+            return
+        case _:
+            assert_never(entry)
+
+
+def channel_problems(channels: ChannelsFile, file: Path, lines: Lines) -> Iterator[HarnessError]:
+    """Channels of one name, a default that is none, and secrets that stand nowhere or in two places."""
+
+    def problem(reason: Reason, *path: Step) -> ContractInvalid:
+        return ContractInvalid(reason, where=at(file, lines.of(*path)))
+
+    names = [one.name for one in channels.channels]
+    yield from _twice([("channels", names)], problem)
+    if channels.default and channels.default not in names:
+        yield problem(because("default_channel_unknown", name=channels.default, names=tuple(names)), "default")
+    for index, one in enumerate(channels.channels):
+        for field, reference in secrets_of(one).items():
+            if not reference.has_one_place:
+                yield problem(because("secret_needs_one_place"), "channels", index, field)
+    endpoint = channels.voice.transcription
+    token = endpoint.token if endpoint is not None else None
+    if token is not None and not token.has_one_place:
+        yield problem(because("secret_needs_one_place"), "voice", "transcription", "token")
+
+
+def channel_notes(
+    channels: ChannelsFile, file: Path, lines: Lines, *, has_secret: Callable[[SecretReference], bool]
+) -> Iterator[ContractInvalid]:
+    """Secrets that are not there yet, and channels of which a delivery can only be declared."""
+    for index, one in enumerate(channels.channels):
+        for field, reference in secrets_of(one).items():
+            if reference.has_one_place and not has_secret(reference):
+                missing = because("channel_secret_not_there", name=one.name, reference=reference.place)
+                yield ContractInvalid(missing, where=at(file, lines.of("channels", index, field)))
+        if not is_readable(one):
+            where = at(file, lines.of("channels", index, "kind"))
+            yield ContractInvalid(because("channel_declares_only", name=one.name), where=where)
+
+
+def model_problems(models: ModelsFile, file: Path, lines: Lines) -> Iterator[HarnessError]:
+    """Models of one name, roles of models that are not there, and models that cannot do what their role needs."""
+
+    def problem(reason: Reason, *path: Step) -> ContractInvalid:
+        return ContractInvalid(reason, where=at(file, lines.of(*path)))
+
+    yield from _twice([("models", [one.name for one in models.models])], problem)
+    for index, one in enumerate(models.models):
+        if one.key is not None and not one.key.has_one_place:
+            yield problem(because("secret_needs_one_place"), "models", index, "key")
+    named = {one.name: one for one in models.models}
+    for role, name in models.roles.items():
+        if name not in named:
+            yield problem(because("role_of_unknown_model", role=role, name=name, names=tuple(named)), "roles", role)
+        elif role in SEEING_ROLES and not named[name].images:
+            yield problem(because("role_needs_images", role=role, name=name), "roles", role)
+
+
+def model_notes(
+    models: ModelsFile, file: Path, lines: Lines, *, has_secret: Callable[[SecretReference], bool]
+) -> Iterator[ContractInvalid]:
+    """A key that is not there, or that would cross a network in clear; a model that has no role."""
+    for index, one in enumerate(models.models):
+        if one.name not in models.roles.values():
             yield ContractInvalid(
-                because("token_not_there", name=one.name, reference=named),
-                where=at(folder / "robots.yaml", lines.of("robots", index, "token")),
+                because("model_without_role", name=one.name), where=at(file, lines.of("models", index, "name"))
             )
+        if one.key is None:
+            continue
+        where = at(file, lines.of("models", index, "key"))
+        if not has_secret(one.key):
+            named = one.key.place
+            yield ContractInvalid(because("model_key_not_there", name=one.name, reference=named), where=where)
+        if one.base_url.startswith("http://") and urlsplit(one.base_url).hostname not in LOOPBACK:
+            yield ContractInvalid(because("model_key_in_clear", name=one.name), where=where)
 
 
-def mission_problems(template: TaskTemplate, site: Site, file: Path, lines: Lines) -> Iterator[HarnessError]:
+def capability_problems(
+    types: Sequence[CapabilityType], file: Path, lines: Lines, *, predicates: ports.Predicates
+) -> Iterator[HarnessError]:
+    """Names of a site's own capabilities that are not `vendor.name` or stand twice, and effects that nobody tests."""
+
+    def problem(reason: Reason, *path: Step) -> ContractInvalid:
+        return ContractInvalid(reason, where=at(file, lines.of("capabilities", *path)))
+
+    names = [one.name for one in types]
+    for index, one in enumerate(types):
+        if "." not in one.name:
+            yield problem(because("capability_not_namespaced", capability=one.name), index, "name")
+        if one.name in names[:index]:
+            yield problem(because("name_stands_twice", name=one.name), index, "name")
+        parameters = [parameter.name for parameter in one.parameters]
+        for place, name in enumerate(parameters):
+            if name in parameters[:place]:
+                yield problem(because("name_stands_twice", name=name), index, "parameters", place, "name")
+        own = {name for _, name in PREDICATES}
+        for place, name in enumerate(one.effects):
+            if name not in own and name not in predicates.installed:
+                known = (*sorted(own), *predicates.installed)
+                yield problem(
+                    because("effect_without_predicate", capability=one.name, predicate=name, known=known),
+                    index,
+                    "effects",
+                    place,
+                )
+        if one.estimates and one.effects:
+            yield problem(because("estimates_claim_nothing", capability=one.name), index, "effects")
+
+
+def mission_problems(
+    template: TaskTemplate,
+    site: Site,
+    file: Path,
+    lines: Lines,
+    *,
+    vocabulary: Vocabulary,
+    predicates: ports.Predicates,
+) -> Iterator[HarnessError]:
     """Why the mission could not be started as it stands, with its defaults, at this site."""
-    if any(parameter.default is None for parameter in template.parameters):
+    undeclared = list(_undeclared(template, vocabulary))
+    for index, place, name in undeclared:
+        unknown = because("capability_undeclared", capability=name, known=vocabulary.names)
+        yield ContractInvalid(unknown, where=at(file, lines.of("nodes", index, "capabilities", place)))
+    if undeclared or any(parameter.default is None for parameter in template.parameters):
         return
     try:
-        compile_contract(goal=template.goal, template=template, arguments={}, site=site, rules=CURRENT_RULES)
+        contract = compile_contract(goal=template.goal, template=template, arguments={}, site=site, rules=CURRENT_RULES)
+        names = [node.node_id for node in contract.nodes]
+        for one in problems(contract.nodes, vocabulary):
+            where = lines.of("nodes", names.index(NodeId(one.node_id)), *one.path)
+            yield ContractInvalid(one.reason, where=at(file, where))
+        check_satisfiable(contract, site=site)
+        with_pins(contract, predicates=predicates, vouched=site.vouched)
     except HarnessError as error:
         named = [
             index
@@ -143,11 +315,20 @@ def mission_problems(template: TaskTemplate, site: Site, file: Path, lines: Line
         yield relocated(error, file, lines.of(*path))
 
 
+def _undeclared(template: TaskTemplate, vocabulary: Vocabulary) -> Iterator[tuple[int, int, str]]:
+    """Capabilities of stages that nobody declares: stage, place in its list, name."""
+    for index, node in enumerate(template.nodes):
+        named = node.get("capabilities")
+        for place, name in enumerate(named if isinstance(named, list) else ()):
+            if vocabulary.of(str(name)) is None:
+                yield index, place, str(name)
+
+
 def speed_notes(
     missions: Sequence[tuple[TaskTemplate, Path, Lines]], robots: RobotsFile, folder: Path
 ) -> Iterator[ContractInvalid]:
     """Missions that ask for more speed than a robot of the site takes: its provider is refused for them."""
-    limits = [(one.name, one.speed_limit_mps) for one in robots.robots if isinstance(one, HttpRobotEntry)]
+    limits = [(one.name, one.speed_limit_mps) for one in robots.robots if not isinstance(one, SimulatedRobotEntry)]
     for template, file, lines in missions:
         cap_mps = template.constraints.get("speed_cap_mps")
         for name, limit in limits:
@@ -165,7 +346,7 @@ def clearance_problems(
 ) -> Iterator[HarnessError]:
     """Routes that pass a wall nearer than half the width of a robot of this site."""
     for one in robots.robots:
-        half_m = _half_width_m(one.footprint_m) if isinstance(one, HttpRobotEntry) else 0.0
+        half_m = 0.0 if isinstance(one, SimulatedRobotEntry) else _half_width_m(one.footprint_m)
         for index, route in enumerate(site.routes) if half_m else ():
             near = _wall(floor, route.waypoints_m, within_m=half_m)
             if near is not None and _wall(floor, route.waypoints_m) is None:

@@ -1,15 +1,22 @@
-"""What the files of a site's own folder hold: the shape of site.yaml and robots.yaml; missions are task templates."""
+"""What a site's own files hold: the shape of site.yaml, robots.yaml and models.yaml; channels.yaml is a contract of its
+own, and missions are task templates.
+"""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
+from harness.contracts.models import ModelEndpoint, ModelName, ModelRole
 from harness.contracts.observations import Camera
 from harness.contracts.places import Site
+from harness.contracts.secret_references import SecretReference as SecretReference
 from harness.contracts.values import Name, Point, Positive, Value
 
 RobotName = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9-]{0,30}$")]
 Address = Annotated[str, msgspec.Meta(pattern=r"^https?://[^\s/]+(/\S*)?$", max_length=300)]
+BrokerAddress = Annotated[str, msgspec.Meta(pattern=r"^mqtts?://[^\s/@:]+(:\d{1,5})?/?$", max_length=300)]
+TopicLevel = Annotated[str, msgspec.Meta(pattern=r"^[^\s/+#]+$", max_length=200)]
+"""One level of an MQTT topic."""
 
 
 class SiteDescription(Site):
@@ -21,17 +28,17 @@ class SiteDescription(Site):
     map: Name | msgspec.UnsetType = msgspec.UNSET
 
 
-class SecretReference(Value):
-    """Where a secret stands: a variable of the environment, or a file by its path from the folder. Never the secret."""
-
-    environment: Annotated[str, msgspec.Meta(pattern=r"^[A-Z_][A-Z0-9_]*$")] = ""
-    file: str = ""
-
-
 class SimulatedRobotEntry(Value, tag_field="kind", tag="simulator"):
     """A robot of the simulator that ships, started as a process of its own."""
 
     name: RobotName
+
+
+class EvidencePath(Value):
+    """A second program at the same robot that only observes: evidence comes from there, not from who executes."""
+
+    address: Address
+    token: SecretReference
 
 
 class HttpRobotEntry(Value, tag_field="kind", tag="http"):
@@ -40,7 +47,7 @@ class HttpRobotEntry(Value, tag_field="kind", tag="http"):
     `embodiment`: the body, as capability cards name it; without one, what the robot's own cards are made for.
     `footprint_m`: corners around the body's middle, metres. `speed_limit_mps`: no request goes to it with a higher
     speed cap. `camera`: its pinhole model where the robot does not declare one. `teleoperation`: it serves the
-    operations of driving by hand too.
+    operations of driving by hand too. `evidence`: where its condition, samples and blobs are read instead.
     """
 
     name: RobotName
@@ -51,12 +58,66 @@ class HttpRobotEntry(Value, tag_field="kind", tag="http"):
     camera: Camera | None = None
     embodiment: str = ""
     teleoperation: bool = False
+    evidence: EvidencePath | None = None
+
+    @property
+    def identity(self) -> str:
+        """The robot's address as a whole."""
+        return self.address
 
 
-RobotEntry = SimulatedRobotEntry | HttpRobotEntry
+class VehicleEntry(Value, tag_field="kind", tag="vda5050"):
+    """A vehicle that speaks VDA 5050 over an MQTT broker.
+
+    `address`: the broker, `mqtt://HOST:PORT`, or `mqtts://` for TLS; `authority_file`: its certificate authority, by
+    its path from the folder. `map_id`: the vehicle's own id of the site's map. `base_m`: how far ahead of the vehicle
+    the way is released, metres: so far it may still drive where the harness's process ends. `velocity: measured` says
+    that it measures its velocity apart from its position, with its wheels; without that nothing but its localiser shows
+    that it stands, and it is not admitted to drive.
+    """
+
+    name: RobotName
+    address: BrokerAddress
+    manufacturer: TopicLevel
+    serial_number: TopicLevel
+    map_id: Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
+    interface: TopicLevel = "uagv"
+    version: Literal["2.0", "2.1", "3.0"] = "2.1"
+    user: str = ""
+    password: SecretReference | None = None
+    authority_file: str = ""
+    base_m: Annotated[float, msgspec.Meta(ge=0.5, le=20.0)] = 1.5
+    velocity: Literal["measured", "unknown"] = "unknown"
+    footprint_m: tuple[Point, ...] = ()
+    speed_limit_mps: Positive | None = None
+    camera: Camera | None = None
+    embodiment: str = ""
+
+    @property
+    def identity(self) -> str:
+        """The vehicle's address as a whole: its broker and the level of its topics."""
+        topics = f"{self.interface}/v{self.version[0]}/{self.manufacturer}/{self.serial_number}"
+        return f"{self.address.rstrip('/')}/{topics}"
+
+
+AddressedEntry = HttpRobotEntry | VehicleEntry
+RobotEntry = SimulatedRobotEntry | HttpRobotEntry | VehicleEntry
 
 
 class RobotsFile(Value):
     """robots.yaml."""
 
     robots: Annotated[tuple[RobotEntry, ...], msgspec.Meta(min_length=1, max_length=200)]
+
+
+class ModelEntry(ModelEndpoint):
+    """A model by its name. `key`: the API key of its endpoint; a local server often needs none."""
+
+    key: SecretReference | None = None
+
+
+class ModelsFile(Value):
+    """models.yaml: models by name, and which of them has which role. A role that is not named has no model."""
+
+    models: Annotated[tuple[ModelEntry, ...], msgspec.Meta(max_length=50)] = ()
+    roles: dict[ModelRole, ModelName] = msgspec.field(default_factory=dict)

@@ -2,16 +2,16 @@
 
 import os
 import sys
-from importlib import import_module
 from pathlib import Path
 
-from harness.contracts.errors import ContractInvalid, HarnessError, StoreUnavailable
+from harness.contracts.errors import HarnessError, StoreUnavailable
 from harness.contracts.reasons import because
 from harness.contracts.values import decode, encode
 from rsi_reviews.errors import CandidateInvalid
 from rsi_reviews.generate.confinement import confine
 from rsi_reviews.generate.interface import Generator
 from rsi_reviews.generate.miner import TraceMiner
+from rsi_reviews.generate.model import ModelGenerator, ModelSettings
 from rsi_reviews.generate.process import GenerationAnswer, GenerationProblem, GenerationRequest, GeneratorName
 
 SYSTEM = ("/usr", "/lib", "/lib64", "/etc", "/dev/urandom", "/dev/null")
@@ -42,15 +42,8 @@ def _answer(request: GenerationRequest) -> GenerationAnswer:
 def _generator(name: GeneratorName) -> Generator:
     if name == "miner":
         return TraceMiner()
-    try:
-        model = import_module("rsi_reviews.generate.model")
-    except ImportError as error:
-        raise ContractInvalid(because("model_client_missing", error=str(error)), where="--with model") from error
-    settings = model.ModelSettings()
-    made: Generator = model.ModelGenerator(
-        settings.model_copy(update={"model_key": settings.secret(), "model_key_file": None})
-    )
-    return made
+    settings = ModelSettings()
+    return ModelGenerator(settings.model_copy(update={"model_key": settings.secret(), "model_key_file": None}))
 
 
 def _program() -> tuple[Path, ...]:

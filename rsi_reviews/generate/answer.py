@@ -14,7 +14,6 @@ from rsi_reviews.errors import CandidateInvalid
 from rsi_reviews.generate import changes
 from rsi_reviews.generate.trace import Trace
 
-LONGEST_ANSWER = 20_000
 ANSWER_SHAPE = (
     '{"change": {"kind": "ladder", "failure": "...", "ladder": ["...", "human"]} or {"kind": "wait", "wait_s": 0} or '
     '{"kind": "weight", "name": "...", "value": 0} or {"kind": "timeout", "template": "...", "node_id": "...", '
@@ -62,17 +61,8 @@ class ModelAnswer(Value):
     smallest_effect: Positive
 
 
-def read_answer(text: str, current: Configuration, trace: Trace) -> changes.ProposedChange:
-    """The change that an answer states. Raises CandidateInvalid: too long, no JSON object, or of another shape."""
-    if len(text) > LONGEST_ANSWER:
-        raise _refused(because("model_answer_too_long", characters=len(text), longest=LONGEST_ANSWER), "too_large")
-    try:
-        answer = msgspec.json.decode(text, type=ModelAnswer, strict=True)
-    except msgspec.ValidationError as error:
-        rule = "unknown_key" if "unknown field" in str(error) else "wrong_type"
-        raise _refused(because("model_answer_misshapen", error=str(error)), rule) from error
-    except msgspec.DecodeError as error:
-        raise _refused(because("model_answer_not_json", error=str(error)), "not_json") from error
+def change_of(answer: ModelAnswer, current: Configuration, trace: Trace) -> changes.ProposedChange:
+    """The change that an answer states. Raises CandidateInvalid for a stage that no template has."""
     section, configuration = _changed(answer, current)
     return changes.ProposedChange(
         section=section,

@@ -1,31 +1,28 @@
 """Generates candidates by a language model, which reads counts of what missions recorded and answers with one change as
 JSON.
 
-Any endpoint of the chat-completions protocol works. Its answer is data from outside: one JSON object of one shape, or a
-typed refusal. No text that a mission, a provider or a person wrote is sent to it. Needs the extra `models`.
+It asks through the model port, like every other role. The answer is data from outside: one JSON object of one shape, or
+a typed refusal. No text that a mission, a provider or a person wrote is sent to it.
 """
 
-import asyncio
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
 import msgspec
-from openai import AsyncOpenAI
 from pydantic import Field, SecretStr
-from pydantic_ai import Agent
-from pydantic_ai.exceptions import AgentRunError, UserError
-from pydantic_ai.models.openai import OpenAIChatModel
-from pydantic_ai.providers.openai import OpenAIProvider
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from harness.contracts.configuration import Configuration
-from harness.contracts.errors import ContractInvalid, StoreUnavailable
+from harness.contracts.errors import ContractInvalid, ModelAnswerInvalid, ModelFailed, StoreUnavailable
+from harness.contracts.models import MOST_TOKENS, ModelEndpoint, question
 from harness.contracts.reasons import because
 from harness.contracts.values import Value, encode
 from harness.recovery.policy import check_policy
+from harness.workspace.model_ports import open_model
 from rsi_reviews.contracts import Author, Candidate
 from rsi_reviews.errors import CandidateInvalid
-from rsi_reviews.generate.answer import ANSWER_SHAPE, read_answer
+from rsi_reviews.generate.answer import ANSWER_SHAPE, ModelAnswer, change_of
 from rsi_reviews.generate.changes import candidate
 from rsi_reviews.generate.errors import ModelSilent
 from rsi_reviews.generate.interface import GenerationBudget
@@ -33,7 +30,12 @@ from rsi_reviews.generate.summary import TraceSummary, summary
 from rsi_reviews.generate.trace import Trace
 from rsi_reviews.static_check import objections
 
-NO_KEY = "none"
+RULES = {
+    "model_answer_not_json": "not_json",
+    "model_answer_too_long": "too_large",
+    "model_answer_nested": "too_large",
+}
+"""Which rule of candidates an unusable answer breaks; every other one is `wrong_type`."""
 INSTRUCTIONS = f"""You tune the recovery of a robot's task harness. You are given counts of what missions recorded and
 the tunable part of the present configuration. Propose exactly one change that should lower the recovery cost: spends
 count 1, each question to a person counts 8. A ladder is climbed one rung per failure and must end in "human", once;
@@ -54,11 +56,11 @@ class ModelSettings(BaseSettings):
     model_timeout_s: Annotated[float, Field(gt=0, le=600)] = 60.0
 
     def key(self) -> str:
-        """The key; a placeholder where none is needed. Raises StoreUnavailable if its file cannot be read."""
+        """The key; empty where none is needed. Raises StoreUnavailable if its file cannot be read."""
         if self.model_key_file is None:
-            return self.model_key.get_secret_value() or NO_KEY
+            return self.model_key.get_secret_value()
         try:
-            return self.model_key_file.read_text(encoding="utf-8").strip() or NO_KEY
+            return self.model_key_file.read_text(encoding="utf-8").strip()
         except (OSError, UnicodeDecodeError) as error:
             raise StoreUnavailable(
                 because("model_key_unreadable"),
@@ -98,7 +100,7 @@ class ModelGenerator:
 
         Raises ModelSilent if no answer came, CandidateInvalid with the rule for an answer that cannot be taken.
         """
-        change = read_answer(self._ask(encode(prompt_of(trace, current)).decode()), current, trace)
+        change = change_of(self._ask(encode(prompt_of(trace, current)).decode()), current, trace)
         found = candidate(change, current, author=Author(name=self.name, kind="optimiser"))
         refused = objections(found, current)
         if refused:
@@ -106,25 +108,26 @@ class ModelGenerator:
         _check(found.configuration)
         return () if found.configuration.configuration_id in budget.seen else (found,)
 
-    def _ask(self, question: str) -> str:
-        client = AsyncOpenAI(
+    def _ask(self, text: str) -> ModelAnswer:
+        endpoint = ModelEndpoint(
+            name="generator",
             base_url=self._settings.model_url,
-            api_key=self._settings.key(),
-            timeout=self._settings.model_timeout_s,
-            max_retries=0,
+            model=self._settings.model,
+            timeout_s=self._settings.model_timeout_s,
+            max_tokens=MOST_TOKENS,
+            retries=0,
+            answers="json_object",
         )
-        model = OpenAIChatModel(self._settings.model, provider=OpenAIProvider(openai_client=client))
-        agent: Agent[None, str] = Agent(
-            model, output_type=str, instructions=INSTRUCTIONS, retries=0, deps_type=type(None)
-        )
+        request = question("candidate_generator", instructions=INSTRUCTIONS, text=text)
         try:
-            return asyncio.run(agent.run(question)).output
-        except (AgentRunError, UserError) as error:
-            raise ModelSilent(
-                f"The model gave no answer: {type(error).__name__}: {str(error)[:200]}",
-                where=self._settings.model_url,
-                do="look at the endpoint, then ask again",
-            ) from error
+            with ExitStack() as stack:
+                return open_model(endpoint, self._settings.key(), stack=stack).ask(request, ModelAnswer).value
+        except ModelAnswerInvalid as error:
+            unknown = "unknown field" in str(error.reason.facts.get("error", ""))
+            rule = "unknown_key" if unknown else RULES.get(error.reason.code, "wrong_type")
+            raise CandidateInvalid(error.reason, rule=rule, where="model's answer") from error
+        except ModelFailed as error:
+            raise ModelSilent(error.reason, where=self._settings.model_url) from error
 
 
 def prompt_of(trace: Trace, current: Configuration) -> ModelPrompt:

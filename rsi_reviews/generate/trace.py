@@ -7,7 +7,7 @@ where.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, Protocol
 
 import msgspec
 
@@ -15,13 +15,12 @@ from harness.contracts import events, ids, values
 from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.decider import Codec
 from harness.contracts.errors import UnknownName
-from harness.contracts.ports import StoredEvent
+from harness.contracts.ports import Record, StoredEvent
 from harness.contracts.reasons import Explanation, because
 from harness.contracts.tasks import TaskContract
 from harness.projections.memory import place_of
 from harness.routing.question import RoutingQuestion
 from harness.routing.score import route_length_m
-from harness.runtime import Runtime
 
 _CODEC: Codec[events.MissionEvent] = Codec(events.MissionEvent)
 Came = Literal["committed", "failed_again", "failed_otherwise", "handed_off", "open"]
@@ -106,12 +105,20 @@ class Trace(values.Value):
     missions: tuple[MissionTrace, ...]
 
 
-def read_trace(runtime: Runtime, missions: Iterable[ids.MissionId]) -> Trace:
+class TraceSource(Protocol):
+    """The records of the log that a trace is read from."""
+
+    def events(self, mission_id: ids.MissionId) -> list[StoredEvent]: ...
+
+    def record(self, digest: ids.Digest) -> Record: ...
+
+
+def read_trace(runtime: TraceSource, missions: Iterable[ids.MissionId]) -> Trace:
     """The missions' own records. Raises UnknownName for a mission that does not exist."""
     return Trace(missions=tuple(mission_trace(runtime, mission_id) for mission_id in missions))
 
 
-def mission_trace(runtime: Runtime, mission_id: ids.MissionId) -> MissionTrace:
+def mission_trace(runtime: TraceSource, mission_id: ids.MissionId) -> MissionTrace:
     """One mission. Raises UnknownName if it does not exist."""
     stored = runtime.events(mission_id)
     if not stored:
@@ -137,7 +144,7 @@ def mission_trace(runtime: Runtime, mission_id: ids.MissionId) -> MissionTrace:
 class _Reading:
     """One pass over a mission's events."""
 
-    runtime: Runtime
+    runtime: TraceSource
     created: events.MissionCreated | None = None
     contract: TaskContract | None = None
     status: str = ""

@@ -38,7 +38,7 @@ class AppriseNotifier:
         asset.async_mode = False  # the guard holds in this thread alone
         for name, address in addresses.items():
             built = apprise.Apprise(asset=asset)
-            if not urlsplit(address).scheme or not _added(built, address):
+            if not urlsplit(address).scheme or not added(built, address):
                 raise ContractInvalid(because("notify_address_unknown", name=name[:40]), where="REGEN_NOTIFY")
             self._services[name] = built
             self._hosts[name] = tuple(host for one in built for host in [str(getattr(one, "host", "") or "")] if host)
@@ -64,7 +64,7 @@ class AppriseNotifier:
         return "" if sent else "the service did not take it, or does not answer"
 
 
-def _added(built: Any, address: str) -> bool:
+def added(built: Any, address: str) -> bool:
     """Whether Apprise knows the address. Its first use loads every plugin, some of which import what is deprecated."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)

@@ -10,13 +10,13 @@ import msgspec
 
 from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
-from harness.contracts.errors import FencingRefused, HarnessError, ProviderFailed
+from harness.contracts.errors import HarnessError, ProviderFailed
 from harness.contracts.ids import Digest, RequestId
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.reasons import Explanation, because
-from harness.contracts.values import Value, digest
+from harness.contracts.values import Value
+from harness.provider_protocol.acceptance import refuse_changed, refuse_unfit
 from harness.provider_protocol.journal import JournalEntry, RequestJournal
-from harness.provider_protocol.parameters import parameter_problems
 
 
 class ReceiptDraft(Value):
@@ -74,9 +74,9 @@ class LocalProvider(ABC):
         with self._lock:
             known = self.find(request.identity.request_id)
             if known is not None:
-                self._same(request)
+                refuse_changed(self._journal, request, provider=self._card.provider_id)
                 return known
-            self._refuse_unfit(request)
+            refuse_unfit(self._card, self._journal, request)
             self.check(request)
             now_s = self._clock.now().mission_s
             report = protocol.InvocationReport(
@@ -205,31 +205,5 @@ class LocalProvider(ABC):
             raise self._refusal(because("handle_unknown", handle=handle))
         return report
 
-    def _same(self, request: protocol.StartRequest) -> None:
-        first = self._journal.requests[request.identity.request_id]
-        if _request_digest(first) != _request_digest(request):
-            raise self._refusal(because("request_changed", request_id=request.identity.request_id))
-
-    def _refuse_unfit(self, request: protocol.StartRequest) -> None:
-        named = (request.identity.provider_id, request.capability)
-        if named != (self._card.provider_id, self._card.capability):
-            own = f"{self._card.provider_id} / {self._card.capability}"
-            raise self._refusal(because("request_misdirected", named=" / ".join(named), own=own))
-        for problem in parameter_problems(self._card, request.parameters):
-            raise self._refusal(problem)
-        for needed in self._card.resources:
-            if needed not in request.fencing:
-                raise self._refusal(because("fencing_token_missing", resource=needed))
-        for resource, token in request.fencing.items():
-            newest = self._journal.tokens.get(resource, token)
-            if token < newest:
-                reason = because("fencing_token_old", token=token, resource=resource, newest=newest)
-                raise FencingRefused(reason, where=self._card.provider_id)
-
     def _refusal(self, what: Explanation) -> ProviderFailed:
         return ProviderFailed(what, where=self._card.provider_id)
-
-
-def _request_digest(request: protocol.StartRequest) -> str:
-    """What makes two requests the same: who asks for what. The state version may move between repeats (D1)."""
-    return digest([request.identity, request.capability, request.parameters, request.blobs])

@@ -5,6 +5,7 @@ import os
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -119,6 +120,10 @@ class DossierLog:
 
     def append(self, batches: Sequence[ports.Batch], records: Sequence[ports.Record], now: Moment) -> ports.LogHead:
         raise errors.ContractInvalid(because("dossier_read_only"), where="log")
+
+    def turn(self) -> AbstractContextManager[None]:
+        """Nothing to look at: no other process appends."""
+        return nullcontext()
 
     def load(self, stream: StreamId, after: int = 0) -> list[ports.StoredEvent]:
         return self._by_stream.get(stream, [])[after:]

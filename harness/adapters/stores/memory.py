@@ -1,6 +1,7 @@
 """In-memory stores for tests, suites and simulated missions. They end with their process; nothing reaches the disk."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from threading import Lock
 
 from harness.adapters.stores import chain
@@ -33,6 +34,10 @@ class MemoryEventStore:
             for record in records:
                 self._records.setdefault(record.digest, record)
             return self._end()
+
+    def turn(self) -> AbstractContextManager[None]:
+        """Nothing to look at: no other process appends."""
+        return nullcontext()
 
     def load(self, stream: StreamId, after: int = 0) -> list[ports.StoredEvent]:
         """Events of one stream with version > after, in order."""

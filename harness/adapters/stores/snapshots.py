@@ -26,8 +26,8 @@ from harness.contracts.ports import SnapshotFindings, State, StateSnapshot
 from harness.contracts.reasons import plain
 from harness.contracts.values import encode
 
-EVERY = 32
-"""A stream is kept anew after this many events, or an eighth of its length if that is more."""
+EVERY = 256
+"""Folding so many events costs a few milliseconds once; to keep a mission oftener cost a tenth of its steps."""
 
 LOG = getLogger(__name__)
 _PURPOSE = b"regenharness snapshot 1\n"
@@ -39,11 +39,13 @@ class StoredSnapshots:
     """Snapshots in the database of `log`, sealed with the installation's key. Safe between threads.
 
     Without `keeping` it only restores; without a key it does neither, and every stream is folded from its begin.
+    A stream is kept anew after `every` events, or an eighth of its length if that is more.
     """
 
-    def __init__(self, log: SqlLog, key: InstallationKey, *, keeping: bool = True) -> None:
+    def __init__(self, log: SqlLog, key: InstallationKey, *, keeping: bool = True, every: int = EVERY) -> None:
         self._log = log
         self._key = key
+        self._every = every
         self._kept: dict[StreamId, int] = {}
         self._offers: SimpleQueue[_Offer | None] = SimpleQueue()
         self._thread: Thread | None = None
@@ -72,7 +74,7 @@ class StoredSnapshots:
     def offer(self, stream: StreamId, version: int, state: object) -> None:
         """Store the state soon if enough events followed the last snapshot. `state` must not change any more."""
         stored_version = self._kept.get(stream, 0)
-        if self._thread and version - stored_version >= max(EVERY, stored_version // 8):
+        if self._thread and version - stored_version >= max(self._every, stored_version // 8):
             self._kept[stream] = version
             self._offers.put((stream, version, state))
 

@@ -3,8 +3,8 @@
 Two processes may append to the same file: the log's head is read inside the write transaction (BEGIN IMMEDIATE).
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import Any
 
 from sqlalchemy import Connection
@@ -13,7 +13,7 @@ from sqlalchemy.exc import DBAPIError
 
 from harness.adapters.stores import sql_engine
 from harness.adapters.stores.chain import damaged
-from harness.adapters.stores.sql_log import AnyRow, Arguments, SqlLog, event_of
+from harness.adapters.stores.sql_log import AnyRow, Arguments, LogEnds, SqlLog, event_of
 from harness.adapters.stores.sql_schema import migrate, needs_migration
 from harness.adapters.stores.sql_statements import statements
 from harness.adapters.stores.sqlite_driver import ReaderPool, driver_of, immediately
@@ -75,6 +75,11 @@ class SqlEventStore(SqlLog):
             last = self._unchanged.head()
         return super().head() if last is None else last
 
+    def turn(self) -> AbstractContextManager[None]:
+        """One look at whether another process wrote, for all that this thread reads in the block."""
+        self._check_open()
+        return self._looked()
+
     def durability(self) -> dict[str, str | int]:
         """What the writer's connection has in force, as SQLite names it: journal_mode, synchronous (2 is FULL)."""
         with self._failures, self._lock:
@@ -122,6 +127,16 @@ class SqlEventStore(SqlLog):
     def _commit(self, writer: Connection, events: Sequence[StoredEvent], _records: Sequence[Record]) -> None:
         with self._unchanged.committing(events):
             self._driver.execute("COMMIT")
+
+    @contextmanager
+    def _looked(self) -> Iterator[None]:
+        with ExitStack() as stack:
+            with self._failures:
+                stack.enter_context(self._unchanged.turn())
+            yield
+
+    def _known_ends(self, streams: Collection[StreamId]) -> LogEnds:
+        return LogEnds(*self._unchanged.ends(streams))
 
     def _query(self, writer: Connection, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
         return self._driver.execute(statement, arguments).fetchall()

@@ -6,9 +6,9 @@ read, so processes queue there. Readers have separate connections that cannot wr
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
 from threading import Lock
 from typing import Any, TypeVar
 
@@ -46,6 +46,14 @@ class _Append:
     done: bool = False
 
 
+@dataclass
+class LogEnds:
+    """The end of the log and of streams inside a write transaction, with what was inserted so far."""
+
+    head: ports.LogHead | None = None
+    versions: dict[StreamId, int] = field(default_factory=dict)
+
+
 class SqlLog(ABC):
     """An event log in one database. Safe between threads and between processes.
 
@@ -78,6 +86,10 @@ class SqlLog(ABC):
             if mine.error is not None:
                 raise mine.error
         return mine.head
+
+    def turn(self) -> AbstractContextManager[None]:
+        """Nothing to look at: every read asks the database."""
+        return nullcontext()
 
     def load(self, stream: StreamId, after: int = 0) -> list[ports.StoredEvent]:
         """Events of one stream with version > after, in order."""
@@ -256,8 +268,9 @@ class SqlLog(ABC):
         try:
             self._check_open()
             with self._alone() as writer:
+                ends = self._known_ends({batch.stream for one in group for batch in one.batches})
                 for one in group:
-                    linked = self._linked(writer, one)
+                    linked = self._linked(writer, one, ends)
                     self._insert(writer, linked, one.records if one.error is None else ())
                     events += linked
                     records += one.records if one.error is None else ()
@@ -270,17 +283,26 @@ class SqlLog(ABC):
             for one in group:
                 one.done = True
 
-    def _linked(self, writer: Connection, one: _Append) -> list[ports.StoredEvent]:
+    def _linked(self, writer: Connection, one: _Append, ends: LogEnds) -> list[ports.StoredEvent]:
         """The append's events behind what the log holds by now; none, with the reason, if it does not fit."""
-        streams = list(dict.fromkeys(batch.stream for batch in one.batches))
-        head, versions = self._ends(writer, streams)
+        unknown = dict.fromkeys(batch.stream for batch in one.batches if batch.stream not in ends.versions)
+        if unknown or ends.head is None:
+            ends.head, versions = self._ends(writer, tuple(unknown))
+            ends.versions |= versions
         try:
-            events = chain.link(head, versions, one.batches, one.now)
+            events = chain.link(ends.head, ends.versions, one.batches, one.now)
         except (ConcurrencyConflict, ContractInvalid) as refusal:
             one.error = refusal
             return []
-        one.head = ports.LogHead(position=events[-1].position, digest=events[-1].digest) if events else head
+        if events:
+            ends.head = ports.LogHead(position=events[-1].position, digest=events[-1].digest)
+            ends.versions.update((event.stream, event.version) for event in events)
+        one.head = ends.head
         return events
+
+    def _known_ends(self, _streams: Collection[StreamId]) -> LogEnds:
+        """Inside the write transaction: the log's head and these streams' versions, as far as they need not be read."""
+        return LogEnds()
 
     def _ends(self, writer: Connection, streams: Sequence[StreamId]) -> tuple[ports.LogHead, dict[StreamId, int]]:
         """The log's head, and how many events each of `streams` holds."""

@@ -3,15 +3,22 @@
 SQLite counts, for each connection, the commits of all others (`PRAGMA data_version`). Two connections read it: the
 appending one, whose count excludes our own commits, and one that only watches. If the watching count has not changed,
 there was no commit, and the answer is immediate; if it has, the appending connection's count shows whether it was ours.
+Within a turn, a thread asks at its beginning only; a write transaction asks once, and knows the ends of streams then.
 """
 
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
-from threading import Lock
+from threading import Lock, local
 
 from harness.contracts.ids import StreamId
 from harness.contracts.ports import LogHead, StoredEvent
+
+
+class _Turn(local):
+    """Whether this thread is in a turn."""
+
+    begun = False
 
 
 class VersionCache:
@@ -26,18 +33,36 @@ class VersionCache:
         self._writing = writing
         self._watching = Lock()
         self._knowing = Lock()
+        self._turn = _Turn()
         self._seen = self._change = -1
         self._round = 0
         self._versions: dict[StreamId, int] = {}
         self._last: LogHead | None = None
 
+    @contextmanager
+    def turn(self) -> Iterator[None]:
+        """What others wrote before the block is known in it, by this thread; a block inside it looks again."""
+        self._others_wrote()
+        outer, self._turn.begun = self._turn.begun, True
+        try:
+            yield
+        finally:
+            self._turn.begun = outer
+
     def ends_at(self, stream: StreamId, version: int) -> bool:
-        """Whether the stream is known to hold no event after this version, now."""
-        return not self._others_wrote() and self._versions.get(stream) == version
+        """Whether the stream is known to hold no event after this version, now or as of this turn's look."""
+        return not self._moved() and self._versions.get(stream) == version
 
     def head(self) -> LogHead | None:
-        """The end of the log, now; None where it is not known."""
-        return None if self._others_wrote() else self._last
+        """The end of the log, now or as of this turn's look; None where it is not known."""
+        return None if self._moved() else self._last
+
+    def ends(self, streams: Collection[StreamId]) -> tuple[LogHead | None, dict[StreamId, int]]:
+        """Inside the write transaction: the end of the log and of these streams, as far as they are known."""
+        change = _version(self._driver)
+        if change != self._change:
+            self._forget(change)
+        return self._last, {stream: self._versions[stream] for stream in streams if stream in self._versions}
 
     def ticket(self) -> int:
         """A mark to take before a stream is read, and to pass to `found`."""
@@ -72,6 +97,10 @@ class VersionCache:
         with self._watching:
             self._watch.close()
 
+    def _moved(self) -> bool:
+        """Whether to read again: in a turn that is known since its look."""
+        return not self._turn.begun and self._others_wrote()
+
     def _others_wrote(self) -> bool:
         """Whether another connection committed since this was last asked, here or in another thread."""
         if self._data_version() == self._seen:
@@ -85,12 +114,16 @@ class VersionCache:
         change = _version(self._driver)
         wrote = change != self._change
         if wrote:
-            with self._knowing:
-                self._round += 1
-                self._last = None
-                self._versions.clear()
-        self._seen, self._change = seen, change
+            self._forget(change)
+        self._seen = seen
         return wrote
+
+    def _forget(self, change: int) -> None:
+        with self._knowing:
+            self._round += 1
+            self._last = None
+            self._versions.clear()
+        self._change = change
 
     def _data_version(self) -> int:
         with self._watching:

@@ -15,7 +15,7 @@ def delivered(effect: AnyEffect, evidence: Evidence) -> Finding:
     if not isinstance(effect, Symbolic):
         raise Undecidable(because("effect_not_testable", predicate="delivered"))
     required = _count(effect)
-    analysed = set(evidence.fact("analysis_of").arguments["frames"])
+    analysed = set(evidence.newest_fact(("analysis_of", "passage_checked")).arguments["frames"])
     panorama = set(evidence.fact("panorama").arguments["frames"])
     receipts = [one for one in evidence.receipts if one.kind == "delivery" and one.blob]
     if not receipts:

@@ -16,8 +16,8 @@ def message_stored(effect: AnyEffect, evidence: Evidence) -> Finding:
     """The message as it was read back holds the text that was asked for, and at least `arguments.images` images, each
     a frame that the analysis covers.
 
-    Of a goal, `arguments.delivery` names the stage: the message must be there still, with the same contents.
-    `evidence` = the images, then the text.
+    `arguments.channel` is the channel that it must have been read from. Of a goal, `arguments.delivery` names the
+    stage: the message must be there still, with the same contents. `evidence` = the images, then the text.
     """
     if not isinstance(effect, Symbolic):
         raise Undecidable(because("effect_not_testable", predicate="message_stored"))
@@ -35,6 +35,9 @@ def message_stored(effect: AnyEffect, evidence: Evidence) -> Finding:
         problems += _changed(reading, accepted)
     else:
         problems = _problems(reading, _frames(evidence), required=required)
+    asked = effect.arguments.get("channel", "").removeprefix("channel:")
+    if asked and reading.channel != asked:
+        problems.append(because("message_of_another_channel", channel=reading.channel or "-", asked=asked))
     own = {receipt.request_id for receipt in evidence.receipts}
     if own and reading.request_id not in own:
         problems.append(because("message_of_another_request"))
@@ -42,11 +45,16 @@ def message_stored(effect: AnyEffect, evidence: Evidence) -> Finding:
     return Finding(
         verdict="violated" if problems else "satisfied",
         reason=several(problems) or because("message_read_back", images=len(reading.images)),
-        measured={"images": float(len(reading.images)), "texts": float(len(text))},
+        measured={"images": float(len(reading.images)), "texts": float(len(text)), **_copies(reading)},
         bounds={"images": float(required), "texts": 1.0},
         sources=(reference.source,),
         evidence=(*reading.images, *text),
     )
+
+
+def _copies(reading: ReadBack) -> dict[str, float]:
+    """How many of the message are there, where there is more than one: it is delivered, and people see it twice."""
+    return {"copies": float(reading.copies)} if isinstance(reading.copies, int) else {}
 
 
 def _of_stage(

@@ -23,6 +23,7 @@ from harness.verification.predicates.pictures import one_image, pictured, same_i
 from harness.verification.predicates.playback import played
 from harness.verification.predicates.recorded_request import recorded_request
 from harness.verification.predicates.relations import in_order, linked, reported
+from harness.verification.predicates.shows import shows
 from harness.verification.predicates.sighted import sighted
 from harness.verification.predicates.speech import heard
 from harness.verification.predicates.stable import stable
@@ -62,6 +63,7 @@ PREDICATES: dict[tuple[str, str], Predicate] = {
     ("symbolic", "played"): played,
     ("symbolic", "recorded_request"): recorded_request,
     ("symbolic", "reported"): reported,
+    ("symbolic", "shows"): shows,
     ("symbolic", "transcript"): transcript,
     ("temporal", "in_order"): in_order,
     ("temporal", "stable"): _stable,

@@ -1,17 +1,18 @@
 """A robot at an address, with those of its providers that were admitted, each with exactly the card that was tried."""
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol
 
 from msgspec.structs import replace
 
 from harness.adapters.providers.http.clocks import clock_of
-from harness.adapters.providers.http.robot import HttpProvider, HttpRobot
+from harness.adapters.providers.http.robot import HttpRobot
 from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.observations import Camera
-from harness.contracts.ports import Clock, LiveCamera, Provider, Teleoperable
+from harness.contracts.ports import Clock, LiveCamera, Provider, Robot, Teleoperable
 from harness.contracts.reasons import Reason, because
 from harness.provider_protocol.delegation import DelegatingProvider
 
@@ -20,26 +21,39 @@ ANY_BODY = "any"
 Refusal = Callable[[CapabilityCard], Reason | None]
 
 
+class CardedRobot(Robot, Protocol):
+    """A robot that says what its cards are now, not only what they were when it was connected."""
+
+    def cards(self) -> Sequence[CapabilityCard]: ...
+
+
 class AddressedRobot:
     """Implements `contracts.ports.Robot`. `refusal` says why a card is not used.
 
     `speed_limit_mps` lowers the bound of every card's speed cap; `camera` is used where the robot declares none.
+    `witness` is another program at the same robot: condition, samples and blobs are then read there, and nowhere else.
     Raises ProviderUnreachable if nobody answers, ProviderFailed if another robot does, or what answers is no robot.
     """
 
     def __init__(
         self,
-        client: HttpRobot,
+        client: CardedRobot,
         *,
         name: str,
         refusal: Refusal,
+        clock: Clock,
+        live_camera: LiveCamera | None = None,
+        hand: Teleoperable | None = None,
         speed_limit_mps: float | None = None,
         camera: Camera | None = None,
+        witness: Robot | None = None,
     ) -> None:
         self._client, self._camera = client, camera
-        status = client.status()
-        if status.robot_id != name:
-            raise ProviderFailed(because("another_robot_answers", found=status.robot_id[:80], expected=name))
+        self._evidence: Robot = client if witness is None else witness
+        for one in (client, self._evidence):
+            status = one.status()
+            if status.robot_id != name:
+                raise ProviderFailed(because("another_robot_answers", found=status.robot_id[:80], expected=name))
         found = {one.card.provider_id: (one, refusal(one.card)) for one in client.providers()}
         self.unused: Mapping[ProviderId, Reason] = {
             name: reason for name, (_, reason) in found.items() if reason is not None
@@ -47,8 +61,7 @@ class AddressedRobot:
         self._providers = tuple(
             AdmittedProvider(one, self._card, limit_mps=speed_limit_mps) for one, reason in found.values() if not reason
         )
-        self.clock: Clock = clock_of(client)
-        self.live_camera: LiveCamera | None = client if _shows(client) else None
+        self.clock, self.live_camera, self.hand = clock, live_camera, hand
 
     @property
     def embodiment(self) -> str:
@@ -56,32 +69,26 @@ class AddressedRobot:
         named = (one for provider in self._providers for one in provider.card.embodiments)
         return next((one for one in named if one != ANY_BODY), "")
 
-    @property
-    def hand(self) -> Teleoperable:
-        """For a robot that serves driving by hand too."""
-        return self._client
-
     def providers(self) -> Sequence[Provider]:
         """Those that were admitted when the robot was connected."""
         return self._providers
 
     def status(self) -> protocol.RobotStatus:
         """The robot's own word, with the camera of the site's folder where it names none."""
-        status = self._client.status()
+        status = self._evidence.status()
         return status if status.camera is not None else replace(status, camera=self._camera)
 
     def observations(self, after: int, limit: int = 5000) -> protocol.Observations:
-        return self._client.observations(after, limit)
+        return self._evidence.observations(after, limit)
 
     def blob(self, digest: Digest) -> bytes:
-        return self._client.blob(digest)
+        return self._evidence.blob(digest)
 
     def starts(self) -> Sequence[protocol.PhysicalStart]:
         return self._client.starts()
 
     def _card(self, provider_id: ProviderId) -> CapabilityCard | None:
-        cards = self._client.read("/providers", list[CapabilityCard])
-        return next((card for card in cards if card.provider_id == provider_id), None)
+        return next((card for card in self._client.cards() if card.provider_id == provider_id), None)
 
 
 class AdmittedProvider(DelegatingProvider):
@@ -89,7 +96,7 @@ class AdmittedProvider(DelegatingProvider):
 
     def __init__(
         self,
-        provider: HttpProvider,
+        provider: Provider,
         current: Callable[[ProviderId], CapabilityCard | None],
         *,
         limit_mps: float | None = None,
@@ -125,6 +132,29 @@ def _limited(card: CapabilityCard, limit_mps: float | None) -> CapabilityCard:
         for one in card.parameters
     )
     return replace(card, parameters=parameters)
+
+
+def addressed_over_http(
+    client: HttpRobot,
+    *,
+    name: str,
+    refusal: Refusal,
+    speed_limit_mps: float | None = None,
+    camera: Camera | None = None,
+    witness: HttpRobot | None = None,
+) -> AddressedRobot:
+    """A robot that serves the HTTP provider protocol. Raises as AddressedRobot does."""
+    return AddressedRobot(
+        client,
+        name=name,
+        refusal=refusal,
+        clock=clock_of(client),
+        live_camera=client if _shows(client) else None,
+        hand=client,
+        speed_limit_mps=speed_limit_mps,
+        camera=camera,
+        witness=witness,
+    )
 
 
 def _shows(client: HttpRobot) -> bool:

@@ -60,9 +60,20 @@ class Exchanges:
             max_connections=CONNECTIONS, keepalive_expiry=5.0, network_backend=_Backend(self._left)
         )
 
-    def ask(self, method: str, path: str, content: bytes = b"", *, most_bytes: int = TEXT_BYTES) -> Reply:
-        """Send once. Raises ProviderUnreachable if no whole answer came, ProviderFailed for one that is too long."""
-        self._left.begin(self._total_s)
+    def ask(
+        self,
+        method: str,
+        path: str,
+        content: bytes = b"",
+        *,
+        most_bytes: int = TEXT_BYTES,
+        within_s: float | None = None,
+    ) -> Reply:
+        """Send once. Raises ProviderUnreachable if no whole answer came, ProviderFailed for one that is too long.
+
+        `within_s` replaces the total for this exchange.
+        """
+        self._left.begin(self._total_s if within_s is None else within_s)
         return self._request(method, path, content, most_bytes=most_bytes)
 
     def read(self, path: str, *, most_bytes: int = TEXT_BYTES) -> Reply:
@@ -82,10 +93,9 @@ class Exchanges:
         extensions = {"timeout": {"pool": self._total_s}}
         url = f"{self.base_url}{path}"
         named = path.partition("?")[0]
+        headers = {**self._headers, "Content-Type": "application/json"} if content else self._headers
         try:
-            with self._pool.stream(
-                method, url, headers=self._headers, content=content, extensions=extensions
-            ) as response:
+            with self._pool.stream(method, url, headers=headers, content=content, extensions=extensions) as response:
                 body = self._body(response.iter_stream(), named, most_bytes=most_bytes)
                 kind = next((v for n, v in response.headers if n.lower() == b"content-type"), b"")
                 return Reply(status=response.status, kind=kind.decode("latin-1"), body=body)

@@ -48,11 +48,15 @@ class HttpRobot:
     def providers(self) -> Sequence["HttpProvider"]:
         """The robot's providers; their cards are read once."""
         if not self._providers:
-            cards = self.read("/providers", list[CapabilityCard])
-            if len(cards) > MOST_CARDS:
-                raise ProviderFailed(because("too_many_of", what="providers", limit=MOST_CARDS), where="/providers")
-            self._providers = tuple(HttpProvider(self, card) for card in cards)
+            self._providers = tuple(HttpProvider(self, card) for card in self.cards())
         return self._providers
+
+    def cards(self) -> Sequence[CapabilityCard]:
+        """The cards as the robot has them now."""
+        cards = self.read("/providers", list[CapabilityCard])
+        if len(cards) > MOST_CARDS:
+            raise ProviderFailed(because("too_many_of", what="providers", limit=MOST_CARDS), where="/providers")
+        return cards
 
     def status(self) -> protocol.RobotStatus:
         return self.read("/robot", protocol.RobotStatus)

@@ -47,7 +47,7 @@ CARD = capabilities.CapabilityCard(
     protocol=PROTOCOL,
 )
 
-_LEAST_IN_VIEW = 0.8
+LEAST_IN_VIEW = 0.8
 _AGREES_RAD = 0.2
 
 
@@ -66,24 +66,13 @@ class OpenCvAnalysis(local.LocalProvider):
         self._camera = camera
 
     def check(self, request: StartRequest) -> None:
-        parameters = _analysis_request(request)
-        numbers = [index for index, _ in parameters.yaws_rad]
-        if not parameters.images or sorted(numbers) != list(range(len(parameters.images))):
-            raise ProviderFailed(
-                because("headings_do_not_fit", images=len(parameters.images), headings=len(parameters.yaws_rad)),
-                where=CARD.provider_id,
-            )
-        if len(parameters.passage) < 3:
-            raise ProviderFailed(because("passage_no_polygon"), where=CARD.provider_id)
+        check_frames(analysis_request(request), CARD.provider_id)
 
     def work(self, request: StartRequest, now_s: float) -> local.Outcome:
-        parameters = _analysis_request(request)
+        parameters = analysis_request(request)
         headings = dict(parameters.yaws_rad)
-        if parameters.heading_rad is not None and not _near(parameters.heading_rad, tuple(headings.values())):
-            return local.Failed(
-                failure="poses_disagree",
-                message=f"No frame was taken near the measured heading of {parameters.heading_rad:.2f} rad.",
-            )
+        if (failed := poses_disagree(parameters)) is not None:
+            return failed
         report = analyse(
             [
                 OrientedFrame(digest=image, heading_rad=headings[index], pixels=self._pixels(image))
@@ -93,11 +82,8 @@ class OpenCvAnalysis(local.LocalProvider):
             position=parameters.position,
             passage=parameters.passage,
         )
-        if not report.findings and report.in_view < _LEAST_IN_VIEW:
-            return local.Failed(
-                failure="passage_not_seen",
-                message=f"Only {report.in_view:.0%} of the passage is in view of the {len(parameters.images)} frames.",
-            )
+        if not report.findings and report.in_view < LEAST_IN_VIEW:
+            return not_seen(report.in_view, len(parameters.images))
         blob = self._blobs.put(encode(report))
         declared = {"obstructions": float(len(report.findings)), "blocked": float(report.blocked)}
         values = {**declared, "in_view": report.in_view}
@@ -123,7 +109,7 @@ class OpenCvAnalysis(local.LocalProvider):
         return decoded
 
 
-class _AnalysisRequest(Value):
+class AnalysisRequest(Value):
     """The parameters of a request, typed; `heading_rad` is looked at where it is given."""
 
     images: tuple[Digest, ...]
@@ -133,8 +119,33 @@ class _AnalysisRequest(Value):
     heading_rad: float | None = None
 
 
-def _analysis_request(request: StartRequest) -> _AnalysisRequest:
-    return msgspec.convert(request.parameters, _AnalysisRequest)
+def analysis_request(request: StartRequest) -> AnalysisRequest:
+    return msgspec.convert(request.parameters, AnalysisRequest)
+
+
+def check_frames(parameters: AnalysisRequest, provider: ProviderId) -> None:
+    """Raise ProviderFailed unless every image has its heading, and the passage is a polygon."""
+    numbers = [index for index, _ in parameters.yaws_rad]
+    if not parameters.images or sorted(numbers) != list(range(len(parameters.images))):
+        unfit = because("headings_do_not_fit", images=len(parameters.images), headings=len(parameters.yaws_rad))
+        raise ProviderFailed(unfit, where=provider)
+    if len(parameters.passage) < 3:
+        raise ProviderFailed(because("passage_no_polygon"), where=provider)
+
+
+def poses_disagree(parameters: AnalysisRequest) -> local.Failed | None:
+    """The failure of a request whose measured heading is near that of no frame."""
+    measured, headings = parameters.heading_rad, tuple(heading for _, heading in parameters.yaws_rad)
+    if measured is None or _near(measured, headings):
+        return None
+    message = f"No frame was taken near the measured heading of {measured:.2f} rad."
+    return local.Failed(failure="poses_disagree", message=message)
+
+
+def not_seen(in_view: float, frames: int) -> local.Failed:
+    """The failure of an analysis that found nothing in a passage it hardly saw."""
+    message = f"Only {in_view:.0%} of the passage is in view of the {frames} frames."
+    return local.Failed(failure="passage_not_seen", message=message)
 
 
 def _near(heading: float, others: tuple[float, ...]) -> bool:

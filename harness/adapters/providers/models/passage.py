@@ -78,7 +78,7 @@ class _Sighting(msgspec.Struct, frozen=True):
 def analyse(frames: Sequence[OrientedFrame], *, camera: Camera, position: Point, passage: tuple[Point, ...]) -> Report:
     """Look for upright things on the passage floor. The body stood at `position` (m, map frame) for all frames."""
     views = [View(camera, position=position, heading_rad=frame.heading_rad) for frame in frames]
-    ground = _samples(passage)
+    ground = floor_samples(passage)
     seen = np.array(
         [_in_sight(frame.pixels, view, ground) for frame, view in zip(frames, views, strict=True)], dtype=np.bool_
     )
@@ -103,14 +103,14 @@ def analyse(frames: Sequence[OrientedFrame], *, camera: Camera, position: Point,
         blocked=bool(found),
         in_view=in_view,
         frames_with_passage=visible,
-        text=_text(found, visible=visible),
+        text=finding_text(found, visible=visible),
         passage=passage,
     )
 
 
 def shows_passage(camera: Camera, *, position: Point, heading_rad: float, passage: tuple[Point, ...]) -> bool:
     """Whether a frame taken there has any of the passage floor in it."""
-    return bool(View(camera, position=position, heading_rad=heading_rad).shows(_samples(passage)).any())
+    return bool(View(camera, position=position, heading_rad=heading_rad).shows(floor_samples(passage)).any())
 
 
 def _in_sight(pixels: Pixels, view: View, ground: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
@@ -134,15 +134,15 @@ def _in_sight(pixels: Pixels, view: View, ground: Floats) -> np.ndarray[tuple[in
     return found
 
 
-def _samples(passage: tuple[Point, ...]) -> Floats:
+def floor_samples(passage: tuple[Point, ...]) -> Floats:
     """A grid of floor points (N, 2) inside the passage."""
     ring = np.array(passage)
     axes = [np.linspace(low, high, _SAMPLES + 2)[1:-1] for low, high in zip(ring.min(0), ring.max(0), strict=True)]
     grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    return grid[_inside(grid, passage, inset_m=0.0)]
+    return grid[inside_passage(grid, passage, inset_m=0.0)]
 
 
-def _inside(
+def inside_passage(
     points: Floats, passage: tuple[Point, ...], *, inset_m: float
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Which floor points (N, 2) lie at least `inset_m` inside the passage."""
@@ -158,7 +158,7 @@ def _sightings(index: int, pixels: Pixels, *, view: View, passage: tuple[Point, 
         return []
     found = []
     for face in upright_faces(look(pixels, view, top=top)):
-        inside = face.contact_m[_inside(face.contact_m, passage, inset_m=_INSET_M)]
+        inside = face.contact_m[inside_passage(face.contact_m, passage, inset_m=_INSET_M)]
         tall = _LEAST_HEIGHT_M if face.whole else _LEAST_CUT_HEIGHT_M
         if len(inside) > 1 and _length(inside) > _LEAST_CONTACT_M and face.height_m > tall:
             found.append(_Sighting(frame=index, face=face, inside_m=inside))
@@ -222,7 +222,7 @@ def _finding(
     )
 
 
-def _text(found: Sequence[FloorObject], *, visible: int) -> str:
+def finding_text(found: Sequence[FloorObject], *, visible: int) -> str:
     """The finding in words, for a message and for the voice. Things that hide one another are counted as one."""
     if not found:
         frames = f"{visible} frame{'s' if visible != 1 else ''}"
