@@ -22,6 +22,7 @@ from app.background.mission_history import Histories
 from app.background.presence import Presence
 from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
+from app.background.speech_sessions import SpeechSessions
 from app.background.trajectories import Measurements
 from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
@@ -144,6 +145,7 @@ class Console:
     unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = field(default_factory=dict)
     clear_way: ClearWay | None = None
     issuer: OidcLogin | None = None
+    speech: SpeechSessions = field(default_factory=SpeechSessions.deaf)
 
     def head(self) -> LogHead:
         return self.runtime.head()

@@ -28,6 +28,7 @@ from app.background.mission_history import Histories
 from app.background.notifications import Notices
 from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
+from app.background.speech_sessions import SpeechSessions
 from app.background.trajectories import Measurements
 from app.console import (
     Cards,
@@ -49,6 +50,7 @@ from app.routes import (
     api_alerts,
     api_events,
     api_evidence,
+    api_goal_proposals,
     api_handoffs,
     api_leases,
     api_maps,
@@ -57,7 +59,9 @@ from app.routes import (
     api_reading,
     api_releases,
     api_robots,
+    api_speech,
     audit,
+    candidate_comparison,
     candidate_editor,
     candidate_evaluation,
     candidates,
@@ -152,12 +156,15 @@ def create_app(
     notices = Notices(runtime, services, time.time, settings.address)
     alert_watch = AlertWatch(runtime, inbox, sources, tell=notices.offer)
 
+    speech = SpeechSessions(runtime.listen, clock=time.time, key=_fresh)
+
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         yield
         broker.close()
         alert_watch.close()
         notices.close()
+        speech.close()
         if fleet is not None:
             fleet.close()
         scenes.close()
@@ -191,6 +198,7 @@ def create_app(
         clear_way=clear_way,
         dossier=_dossiers(runtime, folder),
         issuer=oidc_login(settings, sessions, clock=time.time, fresh=_fresh),
+        speech=speech,
     )
     app.mount("/static", StampedFiles(directory=settings.static), name="static")
     for room in (
@@ -210,6 +218,7 @@ def create_app(
         alerts,
         evidence,
         candidate_editor,
+        candidate_comparison,
         candidate_evaluation,
         candidates,
         releases,
@@ -228,6 +237,7 @@ def create_app(
         api_alerts,
         api_maps,
         api_admissions,
+        api_goal_proposals,
         api_places,
         api_reading,
         api_releases,
@@ -235,6 +245,7 @@ def create_app(
         api_people,
         api_events,
         api_evidence,
+        api_speech,
     ):
         app.include_router(room.router)
     openapi.install(app)

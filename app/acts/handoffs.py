@@ -92,6 +92,11 @@ class ApproveHandoffAct(_DecisionAct):
         """Everything but the word itself."""
         return {name: value for name, value in self if name != "decision"}
 
+    @classmethod
+    def from_form(cls, typed: Mapping[str, str]) -> Self | tuple[Wrong, ...]:
+        """Where nothing failed the page says why a yes is asked for, and the person may leave it at that."""
+        return super().from_form({**typed, "reason": typed.get("reason", "").strip() or typed.get("unsaid", "")})
+
 
 class RejectHandoffAct(_DecisionAct):
     """Refuse the shown action: the mission ends safely stopped."""

@@ -12,11 +12,15 @@ from harness.contracts.reasons import because
 
 
 class AttachCloudAct(base.Act):
-    """Attach a MapCloud as `regen map import --json` prints it; its chunks are stored already."""
+    """Attach a MapCloud as `regen map import --json` prints it; its chunks are stored already.
+
+    `replace`: show it instead of the cloud that the map has; without it a map that has another cloud keeps it.
+    """
 
     becomes = AttachCloud
     cloud: Annotated[dict[str, Any], Field(max_length=20)]
     reason: base.Reason
+    replace: bool = False
 
     def fields(self) -> dict[str, Any]:
         """Raises ContractInvalid for what is no cloud."""

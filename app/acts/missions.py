@@ -2,8 +2,9 @@
 
 from collections.abc import Collection, Mapping
 from math import isfinite
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
+from msgspec import UNSET
 from pydantic import Field
 
 from app.acts import base
@@ -14,16 +15,25 @@ from app.views.forms import Wrong
 from harness.contracts import commands, control, revision_commands
 from harness.contracts.actors import Actor
 from harness.contracts.control import Autonomy
+from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import RobotId
+from harness.contracts.reasons import because
+from harness.contracts.spoken_goals import AudioCapture
 from harness.contracts.tasks import TaskTemplate, TemplateParameter
 from harness.runtime import Start
+
+Wall = Annotated[float, Field(ge=0, le=4e9, allow_inf_nan=False)]
+"""Seconds since the epoch."""
+CAPTURE = ("captured_by", "acquired_s", "recording_s")
 
 
 class StartMissionAct(base.Act):
     """A mission to start: a template by name, a goal in words, or both. No robot named: the console's first.
 
     `confirm_reading`: the digest of the reading that the person confirmed, where words were left unread. `recording`:
-    the digest of a recording that was uploaded before; its transcript is the goal.
+    the digest of a recording that was uploaded before; its transcript is the goal. `captured_by`: a microphone or a
+    file; of a microphone, `acquired_s` and `recording_s` are when it gave its first samples and when the recording
+    began.
     """
 
     becomes = commands.CreateMission
@@ -41,6 +51,9 @@ class StartMissionAct(base.Act):
     labels: dict[base.Slug, base.Text] = Field(default_factory=dict)
     confirm_reading: Annotated[str, Field(pattern="^([0-9a-f]{64})?$")] = ""
     recording: Annotated[str, Field(pattern="^([0-9a-f]{64})?$")] = ""
+    captured_by: Literal["", "microphone", "file"] = ""
+    acquired_s: Wall | None = None
+    recording_s: Wall | None = None
 
     @classmethod
     def from_form(
@@ -67,6 +80,7 @@ class StartMissionAct(base.Act):
             return tuple(wrong)
         arguments = {one.name: float(text) if one.type == "number" else text for one, text in given if text}
         more = {"arguments": arguments} | {name: typed.get(name, "") for name in ("confirm_reading", "recording")}
+        more |= {name: typed[name] for name in CAPTURE if typed.get(name)} if typed.get("recording") else {}
         more |= {"labels": {"rerun_of": again}} if again else {}
         return cls.of(**dict(act) | more | ({"template": ""} if by_goal else {}))
 
@@ -78,8 +92,22 @@ class StartMissionAct(base.Act):
 
     def to_command(self, actor: Actor, **named: Any) -> Start:
         """What the runtime compiles to a CreateMission with its contract."""
-        fields = self.fields() | {"robot_id": RobotId(self.robot_id)}
-        return Start(actor=actor, **fields)
+        fields = {name: value for name, value in self.fields().items() if name not in CAPTURE}
+        return Start(actor=actor, **fields | {"robot_id": RobotId(self.robot_id), "capture": self._capture()})
+
+    def _capture(self) -> AudioCapture | None:
+        """How the recording came about; None where nobody said. Raises ContractInvalid for one that began before its
+        microphone."""
+        if not self.recording or not self.captured_by:
+            return None
+        known = self.acquired_s is not None and self.recording_s is not None
+        if known and self.recording_s < self.acquired_s:  # type: ignore[operator]
+            raise ContractInvalid(because("recording_before_microphone"), where="recording_s")
+        return AudioCapture(
+            source=self.captured_by,
+            acquired_s=UNSET if self.acquired_s is None else self.acquired_s,
+            recording_s=UNSET if self.recording_s is None else self.recording_s,
+        )
 
 
 def _wrong_argument(parameter: TemplateParameter, text: str) -> list[str]:

@@ -34,7 +34,7 @@ class ProposeCandidateAct(base.Act):
 
 
 class AddCaseAct(base.Act):
-    """Make a disputed mission a case of the regression suite: every later candidate is run on it too."""
+    """Make a disputed or failed mission a case of the regression suite: every later candidate is run on it too."""
 
     becomes = AddCase
     reason: base.Reason

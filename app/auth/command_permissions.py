@@ -10,6 +10,7 @@ from harness.contracts import (
     commands,
     control,
     erasure_events,
+    goal_proposals,
     handoff_commands,
     maps,
     place_events,
@@ -19,7 +20,7 @@ from harness.contracts import (
 from harness.contracts.actors import Actor, Command
 from harness.contracts.reasons import because
 from rsi_reviews import commands as review_commands
-from rsi_reviews import suite_growth
+from rsi_reviews import refused_proposals, suite_growth
 
 ASKED: Mapping[type[Command], Permission] = MappingProxyType(
     {
@@ -36,6 +37,8 @@ ASKED: Mapping[type[Command], Permission] = MappingProxyType(
         control.LimitAutonomy: "drive",
         maps.AttachCloud: "drive",
         admissions.RecordCheck: "drive",
+        goal_proposals.ProposeGoal: "suggest",
+        goal_proposals.AnswerProposedGoal: "drive",
         place_events.SavePlace: "drive",
         place_events.RemovePlace: "drive",
         handoff_commands.LookAgain: "observe",
@@ -82,6 +85,7 @@ CARRIED: Mapping[type[Command], Permission] = MappingProxyType(
         control.BeginTeleoperation: "drive",
         control.EndTeleoperation: "stop",
         control.OrderPosture: "stop",
+        refused_proposals.KeepRefusal: "propose",
         retreat_events.SendRetreat: "drive",
         retreat_events.StopRetreat: "stop",
     }
@@ -99,6 +103,7 @@ HARNESS_COMMANDS: frozenset[type[Command]] = frozenset(
         commands.RecompileContract,
         commands.ActivateMission,
         commands.AuthoriseDispatch,
+        commands.RecordAdvice,
         commands.RefusePrecondition,
         commands.AcceptInvocation,
         commands.StopInvocation,

@@ -20,12 +20,13 @@ from harness.contracts.erasure_events import BlobErased, EraseBlob
 from harness.contracts.events import MissionCreated
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Place, Site
-from harness.contracts.ports import LogHead, Record, SnapshotFindings, StoredEvent
+from harness.contracts.ports import LogHead, Predicates, Record, SnapshotFindings, StoredEvent
 from harness.contracts.reasons import because
 from harness.contracts.spoken_goals import Transcription
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.goals.understanding import UnderstoodGoal
 from harness.memory.fabric import MemoryFabric
+from harness.planning.decomposition import StagePlanner
 from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
@@ -153,6 +154,11 @@ class GuardedRuntime:
         return self._runtime.beside
 
     @property
+    def stage_planner(self) -> StagePlanner:
+        """Who orders the stages of those missions."""
+        return self._runtime.stage_planner
+
+    @property
     def memory(self) -> MemoryFabric:
         """What missions remembered, followed from the log."""
         return self._runtime.memory
@@ -236,6 +242,11 @@ class GuardedRuntime:
     def head(self) -> LogHead:
         """The end of the log."""
         return self._runtime.head()
+
+    @property
+    def predicates(self) -> Predicates:
+        """The predicates of installed packages."""
+        return self._runtime.predicates
 
     def verify(self) -> LogHead:
         """Recompute the chain and every record's digest; raises LogDamaged."""

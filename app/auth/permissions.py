@@ -12,7 +12,7 @@ from harness.contracts.reasons import because
 Role = Literal["viewer", "operator", "reviewer", "releaser", "admin"]
 Permission = Literal[
     "read", "export", "drive", "stop", "observe", "decide", "dispute", "attest", "alerts", "propose", "review",
-    "release", "policy", "trail", "people", "erase",
+    "release", "policy", "trail", "people", "erase", "suggest",
 ]  # fmt: skip
 ROLES: tuple[str, ...] = get_args(Role)
 GRANTS: Mapping[Permission, tuple[Role, ...]] = {
@@ -32,8 +32,9 @@ GRANTS: Mapping[Permission, tuple[Role, ...]] = {
     "trail": ("reviewer", "releaser", "admin"),
     "people": ("admin",),
     "erase": ("admin",),
+    "suggest": ("operator",),
 }
-SCOPES: frozenset[Permission] = frozenset({"read", "drive", "stop", "observe"})
+SCOPES: frozenset[Permission] = frozenset({"read", "suggest", "drive", "stop", "observe"})
 """The scopes a token may have; answering handoffs, releasing and managing accounts are for people only."""
 OF_ACCOUNTS: frozenset[Permission] = frozenset({"decide", "attest", "review", "release", "policy", "erase"})
 """What counts as a person's decision: it needs an account that somebody signed in to, at a page or a terminal."""
@@ -57,6 +58,7 @@ MEANING: Mapping[Permission, str] = {
     "trail": N_("read who signed in and who commanded what"),
     "people": N_("change accounts, roles and tokens"),
     "erase": N_("erase voice and photographs"),
+    "suggest": N_("propose a goal for a person to start"),
 }
 
 

@@ -16,6 +16,7 @@ from threading import RLock
 from typing import NamedTuple
 
 import msgspec
+from cachetools import LRUCache
 
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused, refused
@@ -26,7 +27,7 @@ from harness.contracts.simulation import Simulator
 from harness.contracts.values import Value, decode, digest, encode
 from harness.runtime import Runtime
 from harness.workers import Worker
-from rsi_reviews.contracts import ResultSet
+from rsi_reviews.contracts import EvaluationTerms, ResultSet
 from rsi_reviews.evaluation_jobs import EvaluationCost, EvaluationJob
 from rsi_reviews.held_out import Looks, secret_in
 from rsi_reviews.regression.cases import Suite
@@ -108,6 +109,7 @@ class EvaluationJobs:
     changed: Callable[[str], None] = lambda name: None
     _queue: _Queue = field(default_factory=_Queue)
     _run: _Run | None = None
+    _terms: LRUCache[tuple[Digest, int], EvaluationTerms] = field(default_factory=lambda: LRUCache(KEPT))
     _lock: RLock = field(default_factory=RLock)
     _worker: Worker = field(init=False)
     _releases: ReleaseService = field(init=False)
@@ -146,10 +148,17 @@ class EvaluationJobs:
         return next((place for place, one in enumerate(waiting) if one.job_id == job.job_id), 0)
 
     def cost(self, candidate: Digest, *, by: str, processes: int = 0) -> EvaluationCost:
-        """What its evaluation would take on this machine. Raises UnknownName."""
-        trial = self._trial(candidate, by)
-        before = self._results_before(trial)
-        missions, count = 2 * len(trial.cases), processes or self.processes
+        """What its evaluation would take on this machine. Raises UnknownName.
+
+        A page asks this at every view: the trial is prepared once for a candidate and a suite.
+        """
+        key = (candidate, self._releases.growth().version)
+        with self._lock:
+            terms = self._terms.get(key)
+            if terms is None:
+                self._terms[key] = terms = self._trial(candidate, by).terms
+        before = self._results_before(terms)
+        missions, count = 2 * terms.cases, processes or self.processes
         seconds = (missions - before) * self._queue.worker_s / max(1, count)
         return EvaluationCost(
             missions=missions, kept=before, processes=count, seconds=seconds, looks=len(Looks(self.folder))
@@ -279,12 +288,12 @@ class EvaluationJobs:
             suite_edited_by=review.terms.suite_edited_by if review.terms else growth.hands,
         )
 
-    def _results_before(self, trial: Trial) -> int:
-        """How many results of this trial its evaluator has kept; read only, for one may be adding to them."""
-        path = results_path(self.folder, trial.terms.evaluator)
+    def _results_before(self, terms: EvaluationTerms) -> int:
+        """How many results under these terms their evaluator has kept; read only, for one may be adding to them."""
+        path = results_path(self.folder, terms.evaluator)
         body = path.read_bytes() if path.is_file() else b""
-        sides = (trial.terms.baseline, trial.terms.configuration)
-        return sum(min(body.count(f'"configuration":"{one}"'.encode()), len(trial.cases)) for one in sides)
+        sides = (terms.baseline, terms.configuration)
+        return sum(min(body.count(f'"configuration":"{one}"'.encode()), terms.cases) for one in sides)
 
     @staticmethod
     def _signed(job: EvaluationJob, trial: Trial, word: str) -> SignedBy:

@@ -33,7 +33,7 @@ from harness.projections.mission_fold import apply
 from harness.projections.missions_list import handoff_row, mission_row
 from harness.runtime import Runtime
 
-FOLD = "lists-5"
+FOLD = "lists-6"
 """The version of the rows; lists that another version made are built again."""
 BATCH = 2000
 KEPT = 64

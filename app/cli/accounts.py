@@ -8,8 +8,8 @@ import typer
 from app.acts.accounts import AddAccountAct, ChangeAccountAct, IssueTokenAct
 from app.auth.permissions import ROLES, SCOPES
 from app.cli import output
+from app.cli.api import api_without_robots
 from app.cli.data_folder import opened
-from app.cli.local_api import api_without_robots
 from app.cli.owner_api import owner_api
 from harness.adapters.stores.accounts_rows import Account, Token
 from harness.contracts.errors import ContractInvalid, StoreUnavailable

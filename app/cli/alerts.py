@@ -8,8 +8,8 @@ from app.acts import alerts as acts
 from app.acts.base import Act
 from app.background.alerts import Alerts
 from app.cli import output
+from app.cli.api import api_without_robots
 from app.cli.api_client import Api
-from app.cli.local_api import api_without_robots
 from app.cli.owner_api import owner_api
 from app.views import alerts
 from harness.adapters.clock import SystemClock

@@ -7,7 +7,7 @@ import typer
 
 from app.acts.erasures import EraseBlobAct
 from app.cli import output
-from app.cli.local_api import api_without_robots
+from app.cli.api import api_without_robots
 from app.i18n.reasons.rendering import stating
 from harness.bootstrap import read_harness
 from harness.contracts.erasure_events import ERASURES, BlobErased

@@ -20,7 +20,7 @@ from rsi_reviews.evaluation.measures import Cell
 from rsi_reviews.evaluation.missions import CONDITIONS, condition
 from rsi_reviews.evaluation.plots import plots
 from rsi_reviews.evaluation.protocol import ROOT, ProtocolRequest, code, rows
-from rsi_reviews.evaluation.roles import Model, RoleReport, adversarial, ask_model
+from rsi_reviews.evaluation.roles import ADVERSARIAL, CONTROLS, Model, RoleReport, adversarial, ask_model
 from rsi_reviews.evaluation.suites import checks
 from simulator.in_process import SIMULATOR
 
@@ -28,6 +28,8 @@ RESULTS = ROOT / "docs" / "results" / "evaluation.json"
 PAGE = ROOT / "docs" / "evaluation.md"
 PLOTS = ROOT / "docs" / "evaluation"
 MODEL_S = 60.0
+MOST_TOKENS = 128
+"""A verdict and its reason need no more."""
 KEY = "REGEN_MODEL_KEY"
 
 
@@ -45,6 +47,9 @@ def evaluate(
     model_url: Annotated[
         str, typer.Option("--model-url", help=f"Its OpenAI-compatible endpoint, up to /v1; a key is read from {KEY}.")
     ] = "",
+    model_trials: Annotated[
+        int, typer.Option("--model-trials", min=1, max=10_000, help="Trials of it; a quarter as many controls beside.")
+    ] = ADVERSARIAL,
     publish: Annotated[
         bool, typer.Option("--publish", help="Write docs/evaluation.md, its JSON and its plots.")
     ] = False,
@@ -66,7 +71,7 @@ def evaluate(
             progress.update(task, completed=done, total=of)
 
         judged = rows(ask, SIMULATOR, processes=processes, results=results_file, progress=progressed)
-        roles = _roles(progress, model=model, url=model_url)
+        roles = _roles(progress, model=model, url=model_url, trials=model_trials)
         found = report.evaluation(judged, ask, code=code(SIMULATOR), roles=roles, suites=checks(seed, SIMULATOR))
     if output is not None:
         report.save(found, output)
@@ -90,14 +95,14 @@ def _progress() -> Progress:
     return Progress(*columns, transient=True)
 
 
-def _roles(progress: Progress, *, model: str, url: str) -> RoleReport:
+def _roles(progress: Progress, *, model: str, url: str, trials: int) -> RoleReport:
     if not model:
         return RoleReport(tested=False)
-    trials = adversarial(SIMULATOR)
-    task = progress.add_task(f"{model} as verifier", total=len(trials))
+    questions = adversarial(SIMULATOR, trials=trials, controls=max(1, trials * CONTROLS // ADVERSARIAL))
+    task = progress.add_task(f"{model} as verifier", total=len(questions))
     with httpx.Client(timeout=MODEL_S) as client:
         return ask_model(
-            trials, endpoint(client, model, url), name=model, progress=lambda n: progress.update(task, completed=n)
+            questions, endpoint(client, model, url), name=model, progress=lambda n: progress.update(task, completed=n)
         )
 
 
@@ -108,7 +113,8 @@ def endpoint(client: httpx.Client, model: str, url: str) -> Model:
     headers = {"Authorization": f"Bearer {os.environ[KEY]}"} if KEY in os.environ else {}
 
     def answer(prompt: str) -> str:
-        asking = {"model": model, "temperature": 0, "messages": [{"role": "user", "content": prompt}]}
+        messages = [{"role": "user", "content": prompt}]
+        asking = {"model": model, "temperature": 0, "max_tokens": MOST_TOKENS, "messages": messages}
         reply = client.post(f"{url.rstrip('/')}/chat/completions", json=asking, headers=headers)
         reply.raise_for_status()
         return str(reply.json()["choices"][0]["message"]["content"])

@@ -11,8 +11,8 @@ from msgspec import to_builtins
 from app.acts import handoffs as acts
 from app.acts.base import Act
 from app.cli import output
+from app.cli.api import api_with_robots
 from app.cli.api_client import Api
-from app.cli.local_api import api_with_robots
 from app.i18n.reasons import rendering as reasons
 from harness.contracts.errors import UnknownName
 from harness.contracts.reasons import because

@@ -8,7 +8,7 @@ import typer
 
 from app.acts.leases import FreeLeaseAct
 from app.cli import output
-from app.cli.local_api import api_with_robots
+from app.cli.api import api_with_robots
 from app.i18n.reasons import rendering as reasons
 from harness.bootstrap import read_harness
 from harness.projections.leases import Lease

@@ -19,7 +19,6 @@ from app.cli.data_folder import opened, running
 from app.cli.interruption import EXIT, interruptible
 from app.cli.logins import token_of
 from app.cli.output import ProgressPrinter, settings, warn_of_robots
-from app.cli.owner_api import owner_api
 from app.cli.person import host_user
 from app.i18n.reasons.rendering import sentence
 from app.i18n.visible_text import visible_at_terminal
@@ -123,13 +122,8 @@ class LocalApi(Api):
 
 
 @contextmanager
-def api_with_robots(data: Path, chosen: HarnessSettings | None = None) -> Iterator[Api]:
-    """The owner's API; where nobody owns the folder, one of this process with robots (as fast as possible if not told
-    otherwise) until the block ends. Raises StoreOwned for an owner without an API."""
-    owner = owner_api(data)
-    if owner is not None:
-        yield owner
-        return
+def local_api_with_robots(data: Path, chosen: HarnessSettings | None) -> Iterator[Api]:
+    """An API of this process with robots, until the block ends."""
     with (
         opened(data) as accounts,
         running(chosen or settings(data_folder=data, speed=0.0), authority=authority(accounts)) as harness,
@@ -140,12 +134,8 @@ def api_with_robots(data: Path, chosen: HarnessSettings | None = None) -> Iterat
 
 
 @contextmanager
-def api_without_robots(data: Path) -> Iterator[Api]:
-    """The owner's API, or one of this process without robots, for acts that move none."""
-    owner = owner_api(data)
-    if owner is not None:
-        yield owner
-        return
+def local_api_without_robots(data: Path) -> Iterator[Api]:
+    """An API of this process without robots, until the block ends."""
     with (
         opened(data) as accounts,
         edit_harness(

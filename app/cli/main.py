@@ -25,12 +25,14 @@ GROUPS = {
     "rsi": "releases:app",
     "robot": "robots:app",
     "map": "maps:app",
+    "vision": "vision:app",
     "audit": "audit:app",
     "blob": "blobs:app",
     "data": "databases:app",
     "provider": "providers:app",
     "account": "accounts:account",
     "token": "accounts:token",
+    "site": "site_export:app",
 }
 COMMANDS = {
     "up": "service:up",
@@ -42,6 +44,8 @@ COMMANDS = {
     "verify": "dossiers:verify",
     "evaluate": "evaluate:evaluate",
     "doctor": "service:doctor",
+    "mcp": "mcp_server:serve",
+    "schemas": "schemas:schemas",
     "backup": "backups:backup",
     "restore": "backups:restore",
     "mission dossier": "dossiers:dossier",

@@ -10,8 +10,9 @@ import typer
 from app.acts.missions import DisputeCompletionAct, StartMissionAct, StopMissionAct, WithdrawMissionAct
 from app.background.mission_history import Histories
 from app.cli import output
+from app.cli.api import api_with_robots
 from app.cli.api_client import Api
-from app.cli.local_api import api_with_robots
+from app.cli.junit import junit
 from app.cli.person import me
 from app.i18n.messages import reasoned
 from app.i18n.reasons import rendering as reasons
@@ -33,7 +34,6 @@ from harness.recordings import replayed, write_recording
 from harness.routing.explanation import explained
 from harness.routing.question import RoutingQuestion
 from harness.runtime import Runtime
-from simulator.in_process import SIMULATOR
 
 T = TypeVar("T")
 app = typer.Typer(no_args_is_help=True, help="Run and read missions.")
@@ -60,7 +60,10 @@ def run(
     ] = None,
 ) -> None:
     """Run one mission and wait for its end. At speed 0 nothing waits for people: exit 3 at once."""
-    SIMULATOR.check_faults(fault or [])
+    if fault:
+        from simulator.in_process import SIMULATOR  # noqa: PLC0415  the simulated world loads its physics
+
+        SIMULATOR.check_faults(fault)
     if not template and recording is None:
         raise typer.BadParameter("name a template, say a goal, or give --recording", param_hint="TEMPLATE")
     spoken = _sound(recording) if recording is not None else b""
@@ -77,7 +80,7 @@ def run(
     chosen = output.settings(data_folder=data, site_folder=site, speed=speed, seed=seed, fidelity=fidelity)
     with api_with_robots(data, chosen) as api:
         transcript = _transcript(api, spoken) if spoken else ""
-        mission_id = api.post("/missions", act.model_copy(update={"recording": transcript}).body())["mission_id"]
+        mission_id = api.post("/missions", act.model_copy(update=_recorded(transcript)).body())["mission_id"]
         api.finish_earlier(mission_id)
         outcome = api.follow(mission_id, wait=wait)
     if record_to is not None:
@@ -98,8 +101,15 @@ def _sound(file: Path) -> bytes:
 def _transcript(api: Api, recording: bytes) -> str:
     """Has a recording stored and written down; says what was heard, and gives its digest."""
     found = api.upload("/recordings", recording, kind="audio/wav")
-    typer.echo(visible_at_terminal(f"Heard: {found['text']}"), err=True)
+    wake = f" after “{found['wake']}”" if found["wake"] else ""
+    freely = "" if found["agreed"] else f"; freely: {found['free'] or '-'}"
+    typer.echo(visible_at_terminal(f"Heard: {found['text']}{wake}{freely}"), err=True)
     return str(found["recording"])
+
+
+def _recorded(digest: str) -> dict[str, str]:
+    """What a start says of the recording it is of; nothing for a goal that was typed."""
+    return {"recording": digest, "captured_by": "file"} if digest else {}
 
 
 def _in_words(text: str) -> bool:
@@ -232,10 +242,17 @@ def list_missions(data: output.Data = output.DEFAULT_DATA, as_json: output.Json 
 
 
 @app.command("show")
-def show_mission(mission_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
+def show_mission(
+    mission_id: str,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
+    junit_file: Annotated[Path | None, typer.Option("--junit", help="Write its verdicts as JUnit XML.")] = None,
+) -> None:
     """One mission as the log has it."""
     with read_harness(output.settings(data_folder=data)) as runtime:
         mission = runtime.mission(MissionId(mission_id))
+        if junit_file is not None:
+            junit_file.write_bytes(junit(mission))
         outcome = mission_outcome(mission, Histories(runtime).of(mission.mission_id), ())
     explored = decisions(mission) if mission.contract else ()
     outcome |= {"exploration": reasons.stating(explored)} if explored else {}

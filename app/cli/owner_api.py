@@ -38,6 +38,11 @@ class OwnerApi(Api):
     def __init__(self, url: str, token: str) -> None:
         self._base, self._headers = url, {"Authorization": f"Bearer {token}"}
 
+    @property
+    def address(self) -> str:
+        """Where the console answers."""
+        return self._base
+
     def follow(self, mission_id: str, *, wait: bool = False) -> dict[str, Any]:
         """Asks for the mission until it is over or waits: the owner runs it, also after Ctrl-C."""
         try:

@@ -2,9 +2,10 @@
 
 import sys
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,13 +14,13 @@ import typer
 
 from app.acts.admissions import RecordCheckAct
 from app.cli import output
-from app.cli.local_api import api_without_robots
+from app.cli.api import api_without_robots
 from app.cli.output import Json, data_of, settings, show, table
 from app.cli.owner_api import OwnerApi, owner_api
 from app.i18n.visible_text import visible_at_terminal
 from harness.baseline.load import workspace_in
-from harness.bootstrap import read_harness
-from harness.conformance.address import addressed
+from harness.bootstrap import met_vehicle, read_harness
+from harness.conformance.address import AddressedStands, addressed, by_broker
 from harness.conformance.declaration import ConformanceFile, read, shipped
 from harness.conformance.findings import ConformanceFinding, ConformanceResult
 from harness.conformance.hostile.kit import LieReport, chosen, fuzzed
@@ -28,12 +29,12 @@ from harness.conformance.hostile.missions import MissionUnderLie, met, met_at
 from harness.conformance.kit import FIRST_TOKEN, check
 from harness.conformance.provider_setup import fresh_name, installed, installed_cards, protocol
 from harness.conformance.subject import Stand
-from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.capabilities import CapabilityCard, Vocabulary
 from harness.contracts.errors import ContractInvalid, HarnessError, ProviderFailed, StoreUnavailable, UnknownName
 from harness.contracts.ids import ProviderId, RobotId
 from harness.contracts.reasons import because
-from harness.workspace.files import HttpRobotEntry
-from harness.workspace.reading import token_of
+from harness.workspace.files import AddressedEntry, SimulatedRobotEntry, VehicleEntry
+from harness.workspace.reading import Workspace, token_of
 from simulator.in_process import SIMULATOR
 
 app = typer.Typer(no_args_is_help=True, help="See and check what can act.")
@@ -111,11 +112,13 @@ def check_provider(
     found = _of_site(target, site, data) if site else None
     files = [*(found.files if found else ()), *(file or [])]
     declared = {one.provider_id: one for one in map(read, files)}
-    address = found.entry.address if found else target
-    secret = found.token if found else token
-    with _stands(address, token=secret, fidelity=fidelity, recording=recording) as (robot_id, stands, cards):
-        if found and robot_id != found.entry.name:
-            raise ProviderFailed(because("another_robot_answers", found=robot_id[:80], expected=found.entry.name))
+    address = found.entry.identity if found else target
+    standing = _of_robot(found) if found else _stands(target, token=token, fidelity=fidelity, recording=recording)
+    with standing as (robot_id, stands, cards):
+        if found:
+            if robot_id != found.entry.name:
+                raise ProviderFailed(because("another_robot_answers", found=robot_id[:80], expected=found.entry.name))
+            _check_declared(cards, found)
         names = _selected_providers(address, stands, cards, only=provider or [], still=still, allow_motion=allow_motion)
         moving = tuple(card.provider_id for card in cards if card.moves and card.provider_id in names)
         if "://" in address and moving:
@@ -134,20 +137,21 @@ def check_provider(
 
 @dataclass(frozen=True)
 class SiteRobot:
-    """A robot of a site: its entry, its token, the newest fencing token given out for it, its conformance files."""
+    """A robot of a site: its entry, the newest fencing token given out for it, its conformance files."""
 
-    entry: HttpRobotEntry
-    token: str
+    entry: AddressedEntry
+    workspace: Workspace
     fencing: int
     files: tuple[Path, ...]
     data: Path
+    vocabulary: Vocabulary
 
 
 def _of_site(name: str, site: Path, data: Path) -> SiteRobot:
     """Raises ContractInvalid for a robot that is not of this site or has no address, HarnessError while it works."""
     workspace = workspace_in(site)
     entry = workspace.robot(name)
-    if not isinstance(entry, HttpRobotEntry):
+    if isinstance(entry, SimulatedRobotEntry):
         raise ContractInvalid(because("robot_without_address", name=name), where=str(site))
     folder = data_of(data, site)
     owner = owner_api(folder)
@@ -155,11 +159,20 @@ def _of_site(name: str, site: Path, data: Path) -> SiteRobot:
         raise HarnessError(because("robot_at_work", robot_id=name))
     return SiteRobot(
         entry=entry,
-        token=token_of(entry, site),
+        workspace=workspace,
         fencing=_newest_token(folder, name),
         files=workspace.conformance_files(),
         data=folder,
+        vocabulary=workspace.vocabulary,
     )
+
+
+def _check_declared(cards: Sequence[CapabilityCard], robot: SiteRobot) -> None:
+    """Raise ContractInvalid for a card whose capability the site does not declare, or declares otherwise."""
+    for card in cards:
+        reason = robot.vocabulary.refusal(card)
+        if reason is not None:
+            raise ContractInvalid(reason, where=robot.entry.address)
 
 
 def _at_work(owner: OwnerApi, name: str) -> bool:
@@ -190,7 +203,7 @@ def _confirm_clear(robot_id: str, moving: tuple[str, ...], *, typed: str) -> Non
 
 def _recorded(found: SiteRobot, results: list[ConformanceResult], *, stands_clear: bool) -> dict[str, Any]:
     act = RecordCheckAct.of(
-        address=found.entry.address,
+        address=found.entry.identity,
         findings=[msgspec.to_builtins(one) for one in results],
         stands_clear=stands_clear,
         reason="regen provider check",
@@ -254,6 +267,20 @@ def _met_lines(result: LieReport) -> list[str]:
 def openapi() -> None:
     """The HTTP provider protocol as an OpenAPI document."""
     sys.stdout.write(msgspec.json.format(msgspec.json.encode(protocol(SIMULATOR)), indent=2).decode() + "\n")
+
+
+@contextmanager
+def _of_robot(found: SiteRobot) -> Iterator[tuple[str, Stands, tuple[CapabilityCard, ...]]]:
+    """What answers for a robot of a site."""
+    with _connected(found) as stands:
+        yield stands.robot_id, stands.stands, stands.cards
+
+
+def _connected(found: SiteRobot) -> AbstractContextManager[AddressedStands]:
+    entry = found.entry
+    if isinstance(entry, VehicleEntry):
+        return by_broker(partial(met_vehicle, entry, found.workspace, found.data), name=entry.name)
+    return addressed(entry.address, token_of(entry, found.workspace.folder))
 
 
 @contextmanager

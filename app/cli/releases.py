@@ -9,7 +9,7 @@ import typer
 
 from app.acts import releases as acts
 from app.cli import output
-from app.cli.local_api import api_without_robots
+from app.cli.api import api_without_robots
 from app.cli.rsi import CandidateName, sheet_lines
 from app.cli.rsi import app as app
 

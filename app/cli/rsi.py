@@ -11,7 +11,7 @@ import typer
 
 from app.acts.releases import ProposeCandidateAct
 from app.cli import output
-from app.cli.local_api import api_without_robots
+from app.cli.api import api_without_robots
 from app.i18n.reasons.rendering import stating
 from app.routes.candidate_json import row, sheet
 from harness.bootstrap import read_harness

@@ -1,4 +1,4 @@
-"""regen rsi case: a disputed mission becomes a case of the regression suite."""
+"""regen rsi case: a disputed or failed mission becomes a case of the regression suite."""
 
 from typing import Annotated
 
@@ -7,17 +7,17 @@ import typer
 
 from app.acts.releases import AddCaseAct
 from app.cli import output
-from app.cli.local_api import api_without_robots
+from app.cli.api import api_without_robots
 from rsi_reviews.suite_growth import AddedCase
 
 
 def case(
-    mission_id: Annotated[str, typer.Argument(help="A mission with a disputed completion.")],
+    mission_id: Annotated[str, typer.Argument(help="A failed mission, or one with a disputed completion.")],
     reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
 ) -> None:
-    """Add a disputed mission to the regression suite of this folder: every later candidate is run on it too.
+    """Add a disputed or failed mission to the regression suite of this folder: every later candidate is run on it too.
 
     You become an author of what is evaluated on it, and so may not approve that.
     """

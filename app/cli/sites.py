@@ -8,14 +8,16 @@ import typer
 
 from app.acts.maps import AttachCloudAct
 from app.cli import output
-from app.cli.local_api import api_without_robots
+from app.cli.api import api_without_robots
 from app.i18n.reasons import rendering as reasons
+from harness.adapters.installed_predicates import INSTALLED
 from harness.baseline.load import shipped_missions
 from harness.bootstrap import read_harness
 from harness.contracts.errors import ContractInvalid, HarnessError
+from harness.contracts.predicates import InstalledPredicate
 from harness.contracts.reasons import because
 from harness.map_clouds import stored_cloud
-from harness.workspace.files import HttpRobotEntry
+from harness.workspace.files import SimulatedRobotEntry
 from harness.workspace.new_folder import write_folder
 from harness.workspace.reading import Workspace, examined, open_workspace
 
@@ -53,23 +55,40 @@ def check(folder: Folder, as_json: output.Json = False) -> None:
     lines = [reasons.explained(one) for one in problems]
     lines += [f"note: {reasons.explained(one)}" for one in notes]
     lines += _counted(found) if found else []
+    predicates = [_predicate(one, found) for one in INSTALLED.installed.values()]
+    lines += [f"predicate {one['name']} {one['version']} of {one['package']}: {one['decides']}" for one in predicates]
+    lines += [reasons.explained(one) for one in INSTALLED.problems]
     answer = {
         "ok": found is not None,
         "problems": [_row(one) for one in problems],
-        "notes": [_row(one) for one in notes],
+        "notes": [_row(one) for one in (*notes, *INSTALLED.problems)],
+        "predicates": predicates,
     }
     output.show(answer, as_json=as_json, lines=lines)
     raise typer.Exit(0 if found else 2)
 
 
+def _predicate(one: InstalledPredicate, found: Workspace | None) -> dict[str, str]:
+    vouched = found is not None and one.name in found.site.vouched
+    decides = "the site vouches for it" if vouched else "the site does not vouch for it, so it decides nothing"
+    return {"name": one.name, "version": one.version, "package": one.package, "code": one.code, "decides": decides}
+
+
 def _counted(found: Workspace) -> list[str]:
     site = found.site
-    addressed = sum(isinstance(one, HttpRobotEntry) for one in found.robots)
+    addressed = sum(not isinstance(one, SimulatedRobotEntry) for one in found.robots)
     return [
         f"{site.name}, map {site.map_version}: {len(site.places)} places, {len(site.routes)} routes, "
         f"{len(site.passages)} passages, {len(site.zones)} zones",
         f"{len(found.robots)} robots, {addressed} of them by address; {len(found.missions)} missions of its own",
+        *([_channels(found)] if found.site.channels else []),
     ]
+
+
+def _channels(found: Workspace) -> str:
+    named = ", ".join(one.name + (" (default)" if one.default else "") for one in found.site.channels)
+    readable = sum(one.readable for one in found.site.channels)
+    return f"{len(found.site.channels)} channels, {readable} of them read back: {named}"
 
 
 def _row(error: HarnessError) -> dict[str, str]:

@@ -31,8 +31,9 @@ COMPOSED = (
     N_("The body stands within {tolerance_m} m of {name} now"),
     N_("The pictures were taken at {name}"),
     N_("The stage {name} was accepted after what it builds on"),
+    N_("The channel acknowledged the message and its pictures"),
 )
-"""Conditions that a goal of several clauses adds to those of its templates, about a place, a zone or a stage."""
+"""Conditions that a goal adds to those of its templates, about a place, a zone, a stage or a channel."""
 RECORDED = ("The body is at its target, which nobody named", "The recorded legs were accepted in their order")
 """Conditions that a replayed recording adds to those of its template: their texts are messages as they stand."""
 _SPOT = re.compile(r"\$\{(\w+)(?:\.(\w+))?\}")

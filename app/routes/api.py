@@ -77,8 +77,7 @@ async def recording(console: ConsoleDep, principal: PrincipalDep, request: Reque
     """
     principal.acting("drive")
     transcription = await run_in_threadpool(console.runtime.hear, await request.body())
-    found = schemas.RecordingHeard(**msgspec.structs.asdict(transcription), agreed=transcription.agreed)
-    return api_requests.plain(found)
+    return api_requests.plain(schemas.as_answered(transcription))
 
 
 @router.post("/missions/preview", responses=api_requests.answers(schemas.MissionPreview))

@@ -8,7 +8,7 @@ from starlette.responses import JSONResponse
 from app.acts.maps import AttachCloudAct
 from app.console import ActorDep, ConsoleDep
 from app.routes import api_requests
-from harness.contracts.decisions import Refused
+from harness.contracts.decisions import Refused, refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.maps import AttachCloud, MapCloud, map_stream
 from harness.contracts.reasons import because
@@ -41,5 +41,8 @@ def attach(console: ConsoleDep, actor: ActorDep, map_version: str, body: AttachC
     absent = next((chunk.blob for chunk in name.chunks if not console.runtime.has_blob(chunk.blob)), None)
     if absent is not None:
         raise ContractInvalid(because("chunk_missing", chunk=absent), where="cloud.chunks")
+    present: MapCloud | None = console.runtime.fold(map_stream(map_version)).cloud
+    if present is not None and present.source_digest != name.source_digest and not body.replace:
+        return api_requests.refusal(refused("map_has_cloud", map_version=map_version, source=present.source))
     decision = console.runtime.decide([(map_stream(map_version), command)])
     return api_requests.refusal(decision) if isinstance(decision, Refused) else api_requests.plain(name)

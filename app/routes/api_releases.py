@@ -80,7 +80,7 @@ def check(console: ConsoleDep, principal: PrincipalDep, body: acts.ProposeCandid
 
 @router.post("/missions/{mission_id}/case", responses=api_requests.answers(CaseAdded))
 def add_case(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: acts.AddCaseAct) -> Any:
-    """A disputed mission becomes a case of the regression suite: every later candidate is run on it too."""
+    """A disputed or failed mission becomes a case of the regression suite: every later candidate is run on it too."""
     decision = console.releases.add_case(mission_id, SignedBy(actor, body.reason, mission_id))
     if isinstance(decision, Refused):
         return api_requests.refusal(decision)

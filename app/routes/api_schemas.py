@@ -4,6 +4,7 @@ from typing import Any, Literal
 
 import msgspec
 
+from app.i18n.reasons.rendering import sentence
 from app.views.review_results import CaseRow, Family
 from harness.contracts.control import Autonomy
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
@@ -11,7 +12,7 @@ from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
 from harness.contracts.protocol import RobotStatus
 from harness.contracts.readings import ClauseObject, TextSpan
 from harness.contracts.reasons import Reason
-from harness.contracts.spoken_goals import SpokenGoal
+from harness.contracts.spoken_goals import SpokenGoal, Transcription
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Value
 from harness.projections.exploration import ExplorationDecision
@@ -221,7 +222,11 @@ class ProposalOutcome(Value):
 
 
 class RecordingHeard(Value):
-    """A stored recording of a goal, written down twice: among the sentences that are known here, and freely."""
+    """A stored recording of a goal, written down twice: among the sentences that are known here, and freely.
+
+    `wake` is the phrase before the command, `speech_s` from when until when somebody speaks, where that was measured;
+    `decoder` is who heard it freely, `problem` why another that was to did not.
+    """
 
     recording: str
     recogniser: str
@@ -229,6 +234,109 @@ class RecordingHeard(Value):
     free: str
     duration_s: float
     agreed: bool
+    wake: str
+    speech_s: tuple[float, float] | None
+    decoder: str
+    problem: str
+
+
+class SpeechOpened(Value):
+    """The name of a stream that chunks of speech are sent to."""
+
+    stream: str
+
+
+class SpeechHeard(Value):
+    """The words of a goal so far: they may change with what follows, and start nothing."""
+
+    partial: str
+
+
+def as_answered(found: Transcription) -> RecordingHeard:
+    """What a recording says, as the API answers it."""
+    return RecordingHeard(
+        recording=found.recording,
+        recogniser=found.recogniser,
+        text=found.text,
+        free=found.free,
+        duration_s=found.duration_s,
+        agreed=found.agreed,
+        wake=found.wake or "",
+        speech_s=found.speech_s or None,
+        decoder=found.decoder or found.recogniser,
+        problem=sentence(found.problem) if found.problem else "",
+    )
+
+
+class MessageOutcome(Value):
+    """A message that a channel acknowledged; `sent_s` is wall time where `wall`, else mission time."""
+
+    node_id: str
+    request_id: str
+    channel: str
+    ids: str
+    text: str
+    images: Count
+    sent_s: float
+    wall: bool
+    read_s: tuple[float, ...]
+    shown: Literal["read_back", "declared", "open"]
+
+
+class SpokenReportOutcome(Value):
+    """A report that was spoken: the sound that was made, until when it was played, and what the room recorded."""
+
+    node_id: str
+    sound: str
+    played_s: float
+    recorded: str
+    shown: Literal["heard", "declared", "open"]
+
+
+class PlannerOutcome(msgspec.Struct, frozen=True, kw_only=True):
+    """How many stages a planner proposed, and how many of its proposals were refused."""
+
+    planner: str
+    stages: Count
+    overruled: Count
+
+
+class ModelOutcome(msgspec.Struct, frozen=True, kw_only=True):
+    """One model's answers in the mission, with seconds and cost."""
+
+    model: str
+    asked: Count
+    refused: Count
+    seconds: float
+    cost: float
+    currency: str
+
+
+class AdviceOutcome(msgspec.Struct, frozen=True, kw_only=True):
+    """What a model said in one role. It has no authority; `refused` says why it was not followed."""
+
+    role: str
+    node_id: str | None
+    model: str
+    said: str
+    action: str
+    refused: str
+    refused_code: str
+    refused_facts: dict[str, Any]
+    seconds: float
+    cost: float
+    currency: str
+    input_tokens: Count | None
+    output_tokens: Count | None
+    exchange: str
+
+
+class ProposersOutcome(msgspec.Struct, frozen=True, kw_only=True):
+    """Who proposed what: deterministic planners, or models by name."""
+
+    planners: tuple[PlannerOutcome, ...]
+    models: tuple[ModelOutcome, ...]
+    advice: tuple[AdviceOutcome, ...]
 
 
 class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
@@ -262,7 +370,10 @@ class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
     images: tuple[ImageResource, ...]
     findings: tuple[AnalysisFinding, ...]
     receipts: tuple[ReceiptOutcome, ...]
+    messages: tuple[MessageOutcome, ...]
+    spoken_reports: tuple[SpokenReportOutcome, ...]
     proposals: tuple[ProposalOutcome, ...]
+    proposed_by: ProposersOutcome
     recovery: RecoverySpend
     dispatches: Count
     physical_starts: Count | None
@@ -279,6 +390,15 @@ class MissionPreview(Value):
     longest_s: float
     stages: tuple[str, ...]
     contract: TaskContract
+    reading: ReadingResource | None
+
+
+class ProposedGoal(Value):
+    """A goal that waits for a person, and how it is read now; nothing of it has started."""
+
+    proposal_id: str
+    robot_id: RobotId
+    goal: str
     reading: ReadingResource | None
 
 

@@ -159,7 +159,8 @@ def board_of(console: Console, actor: Actor, params: CandidateListParams) -> Boa
     reviews = console.releases.reviews()
     progress = {one.candidate: console.evaluated.progress(one) for one in reviews if one.status == "evaluating"}
     shell = console.shell("Candidates", "candidates", actor)
-    return candidates.board_page(shell, reviews, console.releases.pointer(), params, progress)
+    refused = console.releases.refused_proposals()
+    return candidates.board_page(shell, reviews, console.releases.pointer(), params, progress, refused)
 
 
 def page_of(

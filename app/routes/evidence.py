@@ -14,13 +14,15 @@ from app.views.evidence import Unsound, unsound
 from app.views.evidence_list import BlobPage
 from app.views.forms import Wrong
 from app.views.list_params import ListParams
+from app.views.marked_pictures import MarkedPicture, marked_pictures
+from app.views.measurement_drawing import measurement_drawing
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.erasure_events import medium_of
 from harness.contracts.errors import BlobDamaged, UnknownName
-from harness.contracts.ids import Digest, sha256
+from harness.contracts.ids import Digest, MissionId, sha256
 from harness.contracts.read_models import ListQuery
 from harness.contracts.reasons import because
 from harness.projections.evidence_list import BLOB_SIGNS
@@ -35,6 +37,7 @@ MAGIC: tuple[tuple[bytes, str, str], ...] = (
     (b"\xff\xd8\xff", "image/jpeg", "jpg"),
     (b"\x89PNG\r\n\x1a\n", "image/png", "png"),
 )
+IMAGES = tuple(magic for magic, _, _ in MAGIC)
 
 
 @router.get("")
@@ -89,6 +92,8 @@ def _about(console: Console, actor: Actor, digest: str, *, wrong: tuple[Wrong, .
         size=len(body),
         media_type="" if broken else kind_of(body)[0],
         rows=tuple(rows),
+        drawing=measurement_drawing(body, console.runtime.site, read=console.runtime.blob) if body else None,
+        marked=_marked(console, digest, rows[0].mission_id) if body.startswith(IMAGES) else None,
         erasable=medium_of(body) is not None and "erase" in shell.may,
         wrong=wrong,
     )
@@ -106,6 +111,12 @@ def show(console: ConsoleDep, digest: DigestPath) -> Response:
         "X-Verified-SHA256": sha256(body),
     }
     return Response(body, media_type=media_type, headers=headers)
+
+
+def _marked(console: Console, digest: str, mission_id: str) -> MarkedPicture | None:
+    """What the newest analysis of its mission found in a picture."""
+    entries = console.histories.of(MissionId(mission_id))
+    return marked_pictures(entries, console.runtime.blob).get(digest)
 
 
 def kind_of(body: bytes) -> tuple[str, str, bool]:

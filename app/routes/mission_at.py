@@ -8,8 +8,9 @@ from typing import Annotated, TypeVar
 from fastapi import Depends, Query
 
 from app.console import Console, ConsoleDep
+from app.i18n.catalogues import N_
 from app.routes.robots import camera_of, map_of
-from app.views import budgets, contexts, evidence, frames, missions, plots, stages, timeline
+from app.views import budgets, contexts, evidence, frames, missions, plots, proposers, stages, timeline
 from app.views.budgets import Budget
 from app.views.contexts import ContextsView, ContextView
 from app.views.cursor import TimeCursor, cursor_of
@@ -17,6 +18,7 @@ from app.views.evidence import EvidenceView
 from app.views.frames import FramesView
 from app.views.missions import MissionHeader, RobotStrip
 from app.views.plots import Plot
+from app.views.proposers import Proposers
 from app.views.robot_map import RobotMapView
 from app.views.robots import CameraView
 from app.views.shell import Shell
@@ -102,7 +104,8 @@ class MissionAt:
 
     @cached_property
     def graph(self) -> Graph | None:
-        verdict = self.mission.goal_verdict.verdict if self.mission.goal_verdict else "pending"
+        untested = N_("not tested") if self.mission.ended else "pending"
+        verdict = self.mission.goal_verdict.verdict if self.mission.goal_verdict else untested
         return stages.graph(self.mission.contract, self.stages, goal=verdict) if self.mission.contract else None
 
     @cached_property
@@ -149,6 +152,10 @@ class MissionAt:
             candidates=console.candidates,
             explain=console.explained,
         )
+
+    @cached_property
+    def proposers(self) -> Proposers:
+        return proposers.proposers(self.visible)
 
     @cached_property
     def contract(self) -> ContextView | None:

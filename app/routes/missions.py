@@ -23,7 +23,7 @@ from app.views.preview import Preview
 from app.views.readings import goal_words, question_view
 from app.views.tabbed_list import TabbedList
 from app.web.rendering import render
-from app.web.security import PrincipalDep
+from app.web.security import WITH_MICROPHONE, PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import (
@@ -242,8 +242,11 @@ def _form(
         ahead=[Before(one.mission_id, goal_words(one), one.status) for one in waiting_line(console, robot_id)],
         preview=content,
         reading=question_view(question) if question else None,
+        wake_phrase=next(iter(console.runtime.site.wake_phrases), "").title(),
     )
-    return render("missions/new.html", page, status=422 if wrong or question else 200)
+    answer = render("missions/new.html", page, status=422 if wrong or question else 200)
+    answer.headers["permissions-policy"] = WITH_MICROPHONE
+    return answer
 
 
 def waiting_line(console: Console, robot_id: str) -> list[Mission]:

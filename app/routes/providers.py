@@ -37,6 +37,8 @@ def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
         tuple(cards),
         conformance={name: claim for name, claim in claims.items() if claim is not None},
         outcomes=history,
+        predicates=console.runtime.predicates,
+        vouched=console.runtime.site.vouched,
     )
     return render("providers/index.html", page)
 

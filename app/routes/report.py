@@ -18,6 +18,7 @@ from app.i18n.languages import CHOICE
 from app.i18n.messages import lazy_gettext, reasoned
 from app.views import events, facts, report
 from app.views.facts import FactPage
+from app.views.marked_pictures import marked_pictures
 from app.views.mission_json import mission_outcome, no_answer_outcome
 from app.views.readings import goal_words
 from app.views.report import ReportPage, ReportSources
@@ -87,7 +88,10 @@ def page_of(console: Console, actor: Actor, mission_id: MissionId, errors: Seque
     mission = console.runtime.mission(mission_id)
     broken = {blob: console.check(Digest(blob)) for blob, _, _ in report.pictures(entries)}
     shell = console.shell(lazy_gettext("Report: {goal}", goal=goal_words(mission)), "missions", actor)
-    return report.report_page(shell, mission, entries, _journal(console, mission_id), broken, errors=errors)
+    marked = marked_pictures(entries, console.runtime.blob)
+    return report.report_page(
+        shell, mission, entries, _journal(console, mission_id), broken, marked=marked, errors=errors
+    )
 
 
 @router.get("/report.json")
@@ -131,16 +135,20 @@ def fact(
 
 @router.post("/case")
 def case(console: ConsoleDep, principal: PrincipalDep, mission_id: MissionId) -> Response:
-    """A disputed mission becomes a case of the regression suite: every later candidate has to pass it."""
-    disputes = console.runtime.mission(mission_id).disputes
-    reason = reasoned(disputes[-1].reason) if disputes else "none"
+    """A disputed or failed mission becomes a case of the regression suite: every later candidate has to pass it.
+
+    303 to the proposal of a change that answers it, for those who may propose one.
+    """
+    mission = console.runtime.mission(mission_id)
+    reason = reasoned(mission.disputes[-1].reason) if mission.disputes else f"{mission.template}: {mission.status}"
     decision = console.releases.add_case(
         mission_id, SignedBy(actor=principal.acting("dispute"), reason=reason, key=mission_id)
     )
     if isinstance(decision, Refused):
         page = page_of(console, principal.actor, mission_id, (reasoned(decision.reason),))
         return render("missions/report.html", page, status=409)
-    return RedirectResponse(f"/missions/{mission_id}/report#case", status_code=303)
+    proposal, report = f"/candidates/new?mission={mission_id}", f"/missions/{mission_id}/report#case"
+    return RedirectResponse(proposal if principal.may("propose") else report, status_code=303)
 
 
 @router.post("/facts/{packet_id}/{condition_id}/dispute")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed, reasoned, word
 from app.views.list_params import Filter, Option, Paging, address
+from app.views.refused_proposals import RefusedRow, refused_rows
 from app.views.shell import Shell
 from harness.contracts.ids import Digest
 from rsi_reviews.clause_reasons import clause_reason
@@ -14,8 +15,11 @@ from rsi_reviews.contracts import ClauseAnswer, Manifest
 from rsi_reviews.difference import NAMES
 from rsi_reviews.pointers import Pointer
 from rsi_reviews.projections import Review
+from rsi_reviews.refused_proposals import ProposalRefused
 
 SHOWN = 100
+REFUSED = "refused"
+"""The tab of proposals that a rule refused: no candidates, and kept."""
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("", "all", ()),
     ("draft", "drafts", ("draft",)),
@@ -27,6 +31,7 @@ GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("current", "current", ("current",)),
     ("not_accepted", N_("rejected, inconclusive"), ("rejected", "inconclusive")),
     ("taken_back", N_("rolled back, withdrawn"), ("rolled_back", "withdrawn")),
+    (REFUSED, "refused", (REFUSED,)),
 )
 TONES = {"in_review": "warn", "authorised": "warn", "rejected": "bad", "rolled_back": "bad", "current": "good"}
 
@@ -53,11 +58,15 @@ class Tab:
 
 @dataclass(frozen=True)
 class BoardPage:
-    """The list that the address asks for. `total` counts all candidates, `query` is the query string of the address."""
+    """The list that the address asks for. `total` counts all candidates, `query` is the query string of the address.
+
+    `refused` are the proposals that a rule refused, shown in a tab of their own.
+    """
 
     shell: Shell
     tabs: tuple[Tab, ...]
     rows: tuple[CandidateRow, ...]
+    refused: tuple[RefusedRow, ...]
     words: str
     group: str
     filters: tuple[Filter, ...]
@@ -87,11 +96,13 @@ def board_page(
     pointer: Pointer,
     params: CandidateListParams,
     progress: Mapping[Digest, str],
+    refused: Sequence[ProposalRefused] = (),
 ) -> BoardPage:
     """`reviews` newest first; `progress` says of a candidate under evaluation how far it is."""
     known = [one for one in reviews if one.manifest is not None]
     alike = [one for one in known if _like(one, params)]
-    statuses = Counter(str(one.status) for one in alike)
+    refusals = refused_rows(refused, params.words)
+    statuses = Counter({REFUSED: len(refusals)}) + Counter(str(one.status) for one in alike)
     rows = chosen(reviews, params)
     part = rows[params.skip : params.skip + SHOWN]
     more = params.skip + SHOWN < len(rows)
@@ -108,6 +119,7 @@ def board_page(
             for one in part
             if one.manifest is not None
         ),
+        refused=refusals[:SHOWN] if params.group == REFUSED else (),
         words=params.words,
         group=params.group,
         filters=_filters(known, params),
@@ -178,7 +190,7 @@ def _clauses(review: Review) -> tuple[ClauseAnswer, ...]:
 
 def _statuses(group: str, counted: Counter[str]) -> set[str]:
     stands_for = next((statuses for value, _, statuses in GROUPS if value == group), ())
-    return set(stands_for) or set(counted)
+    return set(stands_for) or set(counted) - {REFUSED}
 
 
 def _like(review: Review, params: CandidateListParams) -> bool:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from app.views import list_params
 from app.views.evidence import Unsound
 from app.views.forms import Wrong
+from app.views.marked_pictures import MarkedPicture
+from app.views.measurement_drawing import MeasurementDrawing
 from app.views.shell import Shell
 from harness.contracts.read_models import EvidenceItem, FacetCount, ListQuery
 
@@ -37,7 +39,8 @@ class EvidencePage:
 class BlobPage:
     """One blob: whether its bytes match its digest at this moment, who refers to it, and the form that erases it.
 
-    `erasable`: it is a photograph or a voice, and whoever looks may have it erased.
+    `drawing` shows the samples it holds, if it holds any. `erasable`: it is a photograph or a voice, and whoever looks
+    may have it erased. `marked`: what the newest analysis found in it, if it is a picture.
     """
 
     shell: Shell
@@ -47,7 +50,9 @@ class BlobPage:
     media_type: str
     rows: tuple[EvidenceItem, ...]
     erasable: bool
+    drawing: MeasurementDrawing | None = None
     wrong: tuple[Wrong, ...] = ()
+    marked: MarkedPicture | None = None
 
 
 def evidence_page(

@@ -72,6 +72,15 @@ class Wrong:
 
 
 @dataclass(frozen=True)
+class FormCapture:
+    """How the recording on the form came about; the instants are None where they are not known."""
+
+    source: str
+    acquired_s: float | None
+    recording_s: float | None
+
+
+@dataclass(frozen=True)
 class StartPage:
     """The form that starts a mission; `errors` are shown above it and take the focus, `wrong` beside their fields.
 
@@ -96,6 +105,8 @@ class StartPage:
     recording: str = ""
     heard: str = ""
     recording_wrong: str = ""
+    capture: FormCapture | None = None
+    wake_phrase: str = ""
 
 
 @dataclass(frozen=True)
@@ -132,6 +143,7 @@ def start_page(
     ahead: Sequence[Before] = (),
     preview: Preview | None = None,
     reading: ReadingView | None = None,
+    wake_phrase: str = "",
 ) -> StartPage:
     """The form as the person left it; the first template is chosen before anything was typed."""
     templates = offer.templates
@@ -158,7 +170,21 @@ def start_page(
         recording=typed.get("recording", ""),
         heard=typed.get("heard", ""),
         recording_wrong=beside.get("recording_file", ""),
+        capture=_capture(typed) if typed.get("recording") else None,
+        wake_phrase=wake_phrase,
     )
+
+
+def _capture(typed: Mapping[str, str]) -> FormCapture:
+    return FormCapture(typed.get("captured_by", ""), _seconds(typed, "acquired_s"), _seconds(typed, "recording_s"))
+
+
+def _seconds(typed: Mapping[str, str], name: str) -> float | None:
+    """A number of the form; None for what is none, which the act refuses when it is sent."""
+    try:
+        return float(typed.get(name, ""))
+    except ValueError:
+        return None
 
 
 def about_field(error: HarnessError, typed: Mapping[str, str], template: TaskTemplate) -> Wrong:

@@ -19,6 +19,7 @@ from app.views.tabbed_list import Group, ListShape
 from harness.contracts.effects import Condition
 from harness.contracts.handoff_events import LONGEST_WAIT_S, SLOWEST_MPS, HandoffEvent, HandoffOpened, ProposedAction
 from harness.contracts.read_models import HandoffItem
+from harness.contracts.routine_approvals import is_routine
 from harness.contracts.values import Point
 from harness.projections.handoffs import Handoff, HandoffAnswer
 from harness.projections.mission import Mission
@@ -194,6 +195,7 @@ class HandoffPage:
     similar: tuple[HandoffItem, ...]
     lines: tuple[HistoryLine, ...]
     reasons: tuple[str, ...]
+    routine: bool
 
 
 def title(handoff: Handoff, mission: Mission | None) -> str:
@@ -202,11 +204,14 @@ def title(handoff: Handoff, mission: Mission | None) -> str:
     if opened is None:
         return lazy_gettext("Handoff {handoff_id}", handoff_id=handoff.handoff_id)
     stage = task_text(stage_sentence(mission, opened.node_id), mission.contract) if mission is not None else ""
-    return asking(opened.robot_id, stage or word(opened.node_id), waits=handoff.waits)
+    routine = is_routine(opened.failure, opened.reason)
+    return asking(opened.robot_id, stage or word(opened.node_id), waits=handoff.waits, routine=routine)
 
 
-def asking(robot: str, stage: str, *, waits: bool) -> str:
-    """The title of a question about a stage."""
+def asking(robot: str, stage: str, *, waits: bool, routine: bool = False) -> str:
+    """The title of a question about a stage; `routine`: nothing failed, a rule asks for a yes before the start."""
+    if routine and waits:
+        return lazy_gettext("{robot} waits for your yes before “{stage}”", robot=robot, stage=stage)
     if waits:
         return lazy_gettext("{robot} cannot finish “{stage}” and asks you", robot=robot, stage=stage)
     return lazy_gettext("{robot} asked about “{stage}”", robot=robot, stage=stage)
@@ -216,7 +221,8 @@ def question(item: HandoffItem) -> str:
     """The title of a question in a list."""
     bindings = {name: {"name": value} for name, value in item.names.items()}
     stage = bound_text(item.stage, item.templates, bindings)
-    return asking(item.robot_id, stage or word(item.node_id), waits=waits(item))
+    routine = is_routine(item.failure, item.reason)
+    return asking(item.robot_id, stage or word(item.node_id), waits=waits(item), routine=routine)
 
 
 def waits(item: HandoffItem) -> bool:
@@ -249,6 +255,7 @@ def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, inputs: Hando
         similar=similar(inputs.earlier, handoff),
         lines=history(inputs.told),
         reasons=REASONS,
+        routine=is_routine(opened.failure, opened.reason),
     )
 
 

@@ -9,7 +9,9 @@ from typing import Any
 import msgspec
 
 from app.i18n.reasons import rendering as reasons
+from app.views.communication import communication_json
 from app.views.proposals import proposals_json
+from app.views.proposers import proposers_json
 from app.views.readings import clauses_json, mission_reading, reading_json
 from app.views.timeline import TimelineEntry
 from harness.contracts.effects import Metric
@@ -58,7 +60,9 @@ def mission_outcome(
         "images": _images(packets),
         "findings": _findings(packets),
         "receipts": [_receipt(receipt, packet) for packet in packets for receipt in packet.receipts],
+        **communication_json(mission),
         "proposals": proposals_json(entries, contract),
+        "proposed_by": proposers_json(entries),
         "recovery": {"spent": mission.spent_total, "remaining": max(total - mission.spent_total, 0)},
         "dispatches": sum(isinstance(entry.event, DispatchIntended) for entry in entries),
         "physical_starts": len(mine) if mine is not None else None,
@@ -220,7 +224,12 @@ def _images(packets: Sequence[EvidencePacket]) -> list[dict[str, Any]]:
 def _findings(packets: Sequence[EvidencePacket]) -> list[dict[str, Any]]:
     """What the analysis said, newest last: the service's word, with the digest of its report."""
     return [
-        {"text": receipt.text, "report_sha256": receipt.blob, "values": receipt.values}
+        {
+            "text": receipt.text,
+            "source": receipt.source,
+            "report_sha256": receipt.blob,
+            "values": receipt.values,
+        }
         for packet in packets
         for receipt in packet.receipts
         if receipt.kind == "analysis"

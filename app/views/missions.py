@@ -74,6 +74,8 @@ def robot_strip(status: RobotStatus | None, at_s: float) -> RobotStrip | None:
 
 def sentence(mission: Mission) -> str:
     """What a person should know first."""
+    if mission.disputed and mission.status == "succeeded":
+        return N_("It ended as succeeded, and an accepted result of it is disputed: do not rely on it.")
     if mission.report:
         return reasoned(mission.report)
     match mission.status:

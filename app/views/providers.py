@@ -5,11 +5,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext, listed, word
+from app.i18n.messages import lazy_gettext, listed, reasoned, word
 from app.views.shell import Shell
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import ProviderId
 from harness.contracts.memory import MemoryRecord, ProviderOutcome
+from harness.contracts.ports import Predicates
+from harness.contracts.predicates import NO_PREDICATES, InstalledPredicate
 
 
 @dataclass(frozen=True)
@@ -49,11 +51,21 @@ class ProviderCard:
 
 
 @dataclass(frozen=True)
+class PredicateRow:
+    """A predicate of an installed package; `vouched`: the site lets it decide."""
+
+    installed: InstalledPredicate
+    vouched: bool
+
+
+@dataclass(frozen=True)
 class ProvidersPage:
-    """All providers, by capability."""
+    """All providers, by capability, and the predicates of installed packages; `unusable`: why others are not used."""
 
     shell: Shell
     cards: tuple[ProviderCard, ...]
+    predicates: tuple[PredicateRow, ...]
+    unusable: tuple[str, ...]
 
 
 def providers_page(
@@ -62,11 +74,16 @@ def providers_page(
     *,
     conformance: Mapping[ProviderId, Conformance],
     outcomes: Mapping[ProviderId, Sequence[MemoryRecord]],
+    predicates: Predicates = NO_PREDICATES,
+    vouched: Sequence[str] = (),
 ) -> ProvidersPage:
-    """`outcomes`: what memory verified of each provider, newest first."""
+    """`outcomes`: what memory verified of each provider, newest first. `vouched` is what the site vouches for."""
     rows = [_card(one, conformance.get(one.provider_id), outcomes.get(one.provider_id, ())) for one in cards]
     return ProvidersPage(
-        shell=shell, cards=tuple(sorted(rows, key=lambda one: (word(one.card.capability), one.card.provider_id)))
+        shell=shell,
+        cards=tuple(sorted(rows, key=lambda one: (word(one.card.capability), one.card.provider_id))),
+        predicates=tuple(PredicateRow(one, one.name in vouched) for one in predicates.installed.values()),
+        unusable=tuple(reasoned(one.reason) for one in predicates.problems),
     )
 
 

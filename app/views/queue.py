@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.views.shell import Shell
+from harness.contracts.goal_proposals import GoalProposed
 from harness.projections.mission import Mission
 
 NOT_BEGUN = ("compiled", "awaiting_approval")
@@ -23,14 +24,21 @@ class QueuePage:
 
     shell: Shell
     lines: tuple[RobotQueue, ...]
+    proposed: tuple[GoalProposed, ...]
     errors: tuple[str, ...]
 
 
-def queue_page(shell: Shell, lines: Mapping[str, Sequence[Mission]], errors: Sequence[str] = ()) -> QueuePage:
-    """`lines`: per robot, oldest first."""
+def queue_page(
+    shell: Shell,
+    lines: Mapping[str, Sequence[Mission]],
+    proposed: Sequence[GoalProposed] = (),
+    errors: Sequence[str] = (),
+) -> QueuePage:
+    """`lines`: per robot, oldest first. `proposed`: goals from outside that a person may start."""
     return QueuePage(
         shell=shell,
         lines=tuple(RobotQueue(robot_id, tuple(missions)) for robot_id, missions in lines.items()),
+        proposed=tuple(proposed),
         errors=tuple(errors),
     )
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned
 from app.views.canary import CanaryPanel, canary_panel
+from app.views.release_plot import ReleasePlot, release_plots
 from app.views.review import policy_sentence
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
@@ -89,6 +90,7 @@ class ReleasesPage:
     pointer: Pointer
     current: Review | None
     canary: CanaryPanel | None
+    plots: tuple[ReleasePlot, ...]
     spans: tuple[Span, ...]
     width: float
     height: float
@@ -108,6 +110,7 @@ def releases_page(
         pointer=pointer,
         current=by_configuration.get(pointer.configuration) if pointer.released else None,
         canary=canary_panel(trial, pointer, actor) if trial else None,
+        plots=release_plots(around.reviews),
         spans=_spans(pointer, now_s=shell.now_s),
         width=WIDTH,
         height=HEIGHT,

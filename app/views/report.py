@@ -1,14 +1,17 @@
 """Shapes a mission's report for people who were not there, with each statement labelled by its source."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, word
 from app.views.evidence import Unsound
 from app.views.handoffs import NO_ANSWER_ACTIONS
+from app.views.marked_pictures import MarkedPicture
 from app.views.measures import ConditionRow
 from app.views.missions import MissionHeader, goal_conditions, goal_reason, head
+from app.views.proposers import Proposers, proposers
 from app.views.shell import Shell
 from app.views.stages import Observed, Stage, stages
 from app.views.timeline import TimelineEntry
@@ -19,6 +22,7 @@ from harness.contracts.revision_events import AttestationRecorded, CompletionDis
 from harness.projections.handoffs import NoAnswerAction
 from harness.projections.mission import Mission
 from harness.projections.unverified import UnverifiedPart, unverified_parts
+from rsi_reviews.suite_growth import NOT_DONE
 
 
 @dataclass(frozen=True)
@@ -34,12 +38,13 @@ class Timing:
 
 @dataclass(frozen=True)
 class ReportPicture:
-    """One picture of the report, by the digest of its bytes."""
+    """One picture of the report, by the digest of its bytes. `marked`: what an analysis found in it."""
 
     blob: str
     node_id: str
     at_s: float
     broken: Unsound | None
+    marked: MarkedPicture | None = None
 
 
 @dataclass(frozen=True)
@@ -83,10 +88,12 @@ class ReportPage:
     actions: tuple[ReportAction, ...]
     disputes: tuple[ReportAction, ...]
     unaccepted: tuple[str, ...]
+    proposers: Proposers
     errors: tuple[str, ...]
     starts: int | None
     duplicates: int | None
     is_case: bool
+    can_be_case: bool
     position: int
     digest: str
 
@@ -112,9 +119,10 @@ def report_page(
     journal: ReportSources,
     broken: dict[str, Unsound | None],
     *,
+    marked: Mapping[str, MarkedPicture] = MappingProxyType({}),
     errors: Sequence[str] = (),
 ) -> ReportPage:
-    """`broken`: for every picture whose bytes do not match their digest now, why."""
+    """`broken`: for every picture whose bytes do not match their digest now, why; `marked`: what was found in it."""
     words = _words(entries)
     goal = mission.goal_verdict
     return ReportPage(
@@ -130,7 +138,7 @@ def report_page(
         findings=tuple(word for word in words if word.kind == "analysis"),
         receipts=tuple(word for word in words if word.kind != "analysis"),
         pictures=tuple(
-            ReportPicture(blob=blob, node_id=node_id, at_s=at_s, broken=broken.get(blob))
+            ReportPicture(blob=blob, node_id=node_id, at_s=at_s, broken=broken.get(blob), marked=marked.get(blob))
             for blob, node_id, at_s in pictures(entries)
         ),
         actions=_actions(entries, journal.unanswered),
@@ -142,10 +150,12 @@ def report_page(
         unaccepted=tuple(
             name for name, node in mission.nodes.items() if node.status not in ("committed", "declared", "superseded")
         ),
+        proposers=proposers(entries),
         errors=tuple(errors),
         starts=journal.starts,
         duplicates=journal.duplicates,
         is_case=journal.is_case,
+        can_be_case=bool(mission.disputed or mission.status in NOT_DONE) and not mission.replay,
         position=entries[-1].position,
         digest=entries[-1].digest,
     )

@@ -1,11 +1,11 @@
 """Shapes what an evaluation measured: what became worse, paired gains with their intervals, and the list of cases."""
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import word
+from app.views.axes import ticks
 from app.views.list_params import address
 from app.views.shell import Shell
 from harness.contracts.errors import ContractInvalid, UnknownName
@@ -19,7 +19,6 @@ WIDTH = 640.0
 ROW = 26.0
 LABELS, MARGIN = 140.0, 16.0
 """Where the names of the rows end on the plot, and what is left free right of the scale."""
-TICKS = 5
 FLIPS = 50
 Pair = tuple[contracts.CaseResult, contracts.CaseResult]
 """The same case under the baseline and under the candidate."""
@@ -208,18 +207,8 @@ def _families(
         left_x=LABELS,
         zero_x=place(0.0),
         declared_x=place(manifest.smallest_effect),
-        ticks=tuple((place(value), value) for value in _ticks(left, right)),
+        ticks=tuple((place(value), value) for value in ticks(left, right)),
     )
-
-
-def _ticks(low: float, high: float) -> tuple[float, ...]:
-    """Round values between these two, about TICKS of them."""
-    rough = (high - low or 1.0) / TICKS
-    power = 10.0 ** math.floor(math.log10(rough))
-    step = next(one * power for one in (1.0, 2.0, 5.0, 10.0) if one * power >= rough)
-    first = math.ceil(low / step - 1e-9)
-    last = math.floor(high / step + 1e-9)
-    return tuple(round(number * step, 10) for number in range(first, last + 1))
 
 
 def _mean(pairs: Sequence[Pair], side: int, metric: contracts.Metric) -> float:

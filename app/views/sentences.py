@@ -6,6 +6,7 @@ from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed, word
 from harness.contracts import events
 from harness.contracts.control import AutonomySet
+from harness.contracts.models import ModelAdvice
 from harness.contracts.revision_events import (
     AttestationRecorded,
     CompletionDisputed,
@@ -18,6 +19,7 @@ Tone = Literal["plain", "good", "warn", "bad"]
 
 FAMILY: dict[str, Family] = {
     "MissionCreated": "person", "ContractCompiled": "plan", "MissionActivated": "gate", "NodePlanned": "plan",
+    "ModelAdvised": "plan",
     "ContractRecompiled": "plan",
     "DispatchIntended": "dispatch", "InvocationAccepted": "dispatch", "InvocationStopRequested": "dispatch",
     "InvocationResumed": "dispatch", "InvocationEnded": "dispatch", "PreconditionRefused": "dispatch",
@@ -59,6 +61,8 @@ def sentence(event: events.MissionEvent) -> str:
                 provider_id=event.provider_id,
                 reason=event.reason,
             )
+        case events.ModelAdvised(advice=advice):
+            return _advice(advice)
         case events.DispatchIntended():
             kind = N_("verify only") if event.verify_only else event.capability
             return lazy_gettext(
@@ -233,6 +237,19 @@ def sentence(event: events.MissionEvent) -> str:
             return lazy_gettext("Reported to the user, not as a completion: {text}", text=event.text)
         case _:
             assert_never(event)
+
+
+def _advice(advice: ModelAdvice) -> str:
+    words = advice.said or advice.action or N_("nothing usable")
+    if advice.refused:
+        return lazy_gettext(
+            "{model} as {role} proposed “{said}”; not followed: {reason}",
+            model=advice.use.model,
+            role=word(advice.role),
+            said=words,
+            reason=advice.refused,
+        )
+    return lazy_gettext("{model} as {role} said “{said}”", model=advice.use.model, role=word(advice.role), said=words)
 
 
 def tone(event: events.MissionEvent) -> Tone:

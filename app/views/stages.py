@@ -21,6 +21,8 @@ from harness.projections.mission import SETTLED, Mission, NodeState
 BOX_W, BOX_H, GAP_X, GAP_Y = 132, 50, 26, 16
 BUSY = frozenset({"dispatched", "executed", "verifying"})
 TELLING = ("distance_m", "frames", "images", "findings", "displacement_m")
+NOT_BEGUN, NOT_REACHED = ("pending", "eligible"), N_("not reached")
+"""A stage that had not begun when its mission ended stays so."""
 GOAL_STATE = {"satisfied": "committed", "pending": "pending", "violated": "failed", "unsafe": "failed"}
 NEEDS_EYES = frozenset({"recovering", "escalated", "rejected"})
 
@@ -165,12 +167,12 @@ def _stage(
         node_id=node.node_id,
         title=task_text(node.subgoal, mission.contract),
         state=_colour(state),
-        status=_status(state, now),
+        status=NOT_REACHED if state.status in NOT_BEGUN and mission.ended else _status(state, now),
         verdict=verdict,
         progress=now.report.progress.share if now.report else None,
         declared=_declared(state, now),
         measured=_measured(node, state, now),
-        accepted=_acceptance(mission.mission_id, state, entries),
+        accepted=_acceptance(mission, state, entries),
         note=_note(state),
         href=f"/missions/{mission.mission_id}?{instant}{'&' if instant else ''}node={node.node_id}#evidence",
         selected=node.node_id == selected,
@@ -242,9 +244,9 @@ def _leading(result: ConditionResult) -> tuple[Measure, ...]:
     return (Measure(label, value, quantity(name, result.bounds[name])[1] if name in result.bounds else ""),)
 
 
-def _acceptance(mission_id: str, state: NodeState, entries: Sequence[TimelineEntry]) -> Acceptance:
+def _acceptance(mission: Mission, state: NodeState, entries: Sequence[TimelineEntry]) -> Acceptance:
     for entry in reversed(entries):
-        href = f"/missions/{mission_id}/events/{entry.position}"
+        href = f"/missions/{mission.mission_id}/events/{entry.position}"
         match entry.event:
             case NodeCommitted(node_id=state.node_id):
                 return Acceptance(text=f"k {state.committed_k}", tone="good", href=href)
@@ -254,7 +256,7 @@ def _acceptance(mission_id: str, state: NodeState, entries: Sequence[TimelineEnt
                 return Acceptance(text=lazy_gettext("refused: {rule}", rule=word(rule)), tone="bad", href=href)
             case _:
                 continue
-    return Acceptance(text=N_("not yet"), tone="plain", href="")
+    return Acceptance(text=N_("nothing") if mission.ended else N_("not yet"), tone="plain", href="")
 
 
 def _note(state: NodeState) -> str:

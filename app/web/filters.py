@@ -15,6 +15,7 @@ from app.views import (
     alerts,
     canary,
     candidates,
+    communication,
     evidence,
     handoffs,
     measures,
@@ -45,6 +46,11 @@ def clock(at_s: float) -> str:
 def instant(at_s: float) -> str:
     """Date and time in UTC, as a person reads it."""
     return lazy_gettext("{instant} UTC", instant=datetime.fromtimestamp(at_s, UTC))
+
+
+def day(at_s: float) -> str:
+    """The date in UTC."""
+    return datetime.fromtimestamp(at_s, UTC).strftime("%Y-%m-%d")
 
 
 def iso(at_s: float) -> str:
@@ -115,6 +121,7 @@ def roles(joined: str) -> str:
 
 VALUES: dict[str, Callable[..., str]] = {
     "clock": clock,
+    "day": day,
     "instant": instant,
     "iso": iso,
     "duration": duration,
@@ -158,6 +165,8 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "fields": measures.fields,
     "finding": dict(canary.FINDINGS).__getitem__,
     "clause_verdicts": readings.clause_verdicts,
+    "sent_messages": communication.sent_messages,
+    "spoken_reports": communication.spoken_reports,
     "goal_reason": missions.goal_reason,
     "goal_words": readings.goal_words,
     "mission_reading": readings.mission_view,

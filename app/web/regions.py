@@ -40,6 +40,7 @@ TABLE = (
     _region("facts"),
     _region("evidence"),
     _region("contexts"),
+    _region("proposers"),
     _region("events"),
 )
 REGIONS: Mapping[str, Region] = {one.name: one for one in TABLE}

@@ -38,6 +38,7 @@ LABELS = lazy_gettext(
     "Declared: stated by a provider or a service. Measured: measured by the harness itself. Accepted: passed the "
     "gate's configured checks, which is no proof of the truth."
 )
+BOX_RGB = (255, 170, 0)
 GREY = FontFace(fill_color=(236, 238, 240), emphasis="BOLD")
 
 
@@ -339,6 +340,7 @@ def _pictures(paper: _ReportDocument, page: ReportPage, pictures: Mapping[str, b
         top = paper.get_y() if left else top
         side = MARGIN_MM if left else MARGIN_MM + 94
         paper.image(BytesIO(pictures[one.blob]), x=side, y=top, w=PICTURE_MM)
+        _boxes(paper, one, side_mm=side, top_mm=top)
         paper.set_font(FONT, size=7)
         paper.set_xy(side, top + height + 0.5)
         paper.cell(PICTURE_MM, 3.5, f"{_caption(paper, one)}, {paper.spoken(lazy_gettext('verified'))}")
@@ -348,6 +350,21 @@ def _pictures(paper: _ReportDocument, page: ReportPage, pictures: Mapping[str, b
         if one.blob not in pictures:
             why = paper.spoken(one.broken.text if one.broken else lazy_gettext("its bytes are not here"))
             paper.paragraph(f"{_caption(paper, one)}: {paper.spoken(lazy_gettext('not shown'))}, {why}")
+
+
+def _boxes(paper: _ReportDocument, one: ReportPicture, *, side_mm: float, top_mm: float) -> None:
+    """What an analysis found, over the picture that begins there."""
+    if one.marked is None or one.marked.width_px < 1:
+        return
+    scale = PICTURE_MM / one.marked.width_px
+    with paper.local_context(draw_color=BOX_RGB, text_color=BOX_RGB, line_width=0.4):
+        paper.set_font(FONT, "B", size=6)
+        for box in one.marked.boxes:
+            x, y = side_mm + box.x * scale, top_mm + box.y * scale
+            paper.rect(x, y, box.width * scale, box.height * scale)
+            score = "" if box.score is None else f" {box.score:.2f}"
+            paper.text(x, max(y - 0.6, top_mm + 2.0), paper.spoken(f"{box.label}{score}"))
+    paper.set_font(FONT, size=9)
 
 
 def _height(paper: _ReportDocument, body: bytes, blob: str, mission_id: str) -> float:

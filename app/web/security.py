@@ -23,6 +23,9 @@ PAGE_POLICY = (
     "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self'; font-src 'self'; connect-src 'self'; "
     "frame-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 )
+PERMISSIONS = "camera=(), microphone=(), geolocation=()"
+WITH_MICROPHONE = "camera=(), microphone=(self), geolocation=()"
+"""Of the one page on which a person may speak a goal."""
 SCENE_POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; style-src 'self' 'unsafe-inline'; "
     "worker-src blob:; img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' data: blob:; "
@@ -251,7 +254,7 @@ def _with_headers(send: Send, *, secure: bool, cookie: str = "") -> Send:
             headers["referrer-policy"] = "same-origin"
             headers["cross-origin-opener-policy"] = "same-origin"
             headers["cross-origin-resource-policy"] = "same-origin"
-            headers["permissions-policy"] = "camera=(), microphone=(), geolocation=()"
+            headers.setdefault("permissions-policy", PERMISSIONS)
             if secure:
                 headers["strict-transport-security"] = "max-age=31536000"
             if cookie:

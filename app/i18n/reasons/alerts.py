@@ -12,6 +12,7 @@ SENTENCES: Mapping[str, str] = {
     "alert_disk_low": N_("the disk is nearly full"),
     "alert_disputed": N_("an acceptance at {stage:word} is disputed"),
     "alert_duplicate_start": N_("{robot_id}: a request was started twice"),
+    "alert_approval": N_("waits for a yes before {stage:word}"),
     "alert_handoff": N_("waits for a person at {stage:word}"),
     "alert_hardware_stop": N_("hardware stop is engaged"),
     "alert_log_damaged": N_("the event log does not verify"),

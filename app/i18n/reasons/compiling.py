@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from app.i18n.catalogues import N_
 
 SENTENCES: Mapping[str, str] = {
+    "object_not_known": N_("The condition {condition_id} asks for {name}, which the object detector does not know"),
+    "pictures_not_read": N_("The condition {condition_id} asks what a picture shows, and nothing here reads pictures"),
     "argument_contradicts": N_("The goal is about {place}, and {parameter} says {said}"),
     "argument_missing": N_("{title:word} is not given"),
     "argument_no_number": N_("“{value}” is not a number"),
@@ -57,6 +59,7 @@ SENTENCES: Mapping[str, str] = {
     "place_disputed": N_("The position of place {place_id} is disputed"),
     "provider_names_no_sources": N_("{provider_id} does not say which sensors it uses"),
     "predicate_retired": N_("Condition {condition_id} names {predicate}, which only its provider's word can show"),
+    "recording_before_microphone": N_("The recording is said to begin before its microphone gave a sample"),
     "recording_unusable": N_("The recording cannot be used: {reason}"),
     "recording_unknown": N_("No recording {digest}… is stored here"),
     "reading_of_other_text": N_("The reading is of another text or site"),
@@ -82,6 +85,11 @@ SENTENCES: Mapping[str, str] = {
     "word_alone": N_("Only the provider's own word could show {condition_id} ({predicate}), and that is never enough"),
 }
 REMEDIES: Mapping[str, str] = {
+    "object_not_known": N_("ask for a sign by its text, or for one of the classes that `regen vision describe` knows"),
+    "pictures_not_read": N_(
+        'install the extra, pip install "regenharness[{extra}]" and `regen vision install FOLDER`, and set '
+        "REGEN_VISION_FOLDER"
+    ),
     "argument_contradicts": N_("say the place in the goal, or leave the argument out"),
     "argument_missing": N_("give a {kind:word}"),
     "argument_no_number": N_("give a finite number"),
@@ -136,6 +144,7 @@ REMEDIES: Mapping[str, str] = {
         "name the predicate that replaces it, or declare the condition in the node's evidence policy"
     ),
     "recording_unknown": N_("upload it first"),
+    "recording_before_microphone": N_("send both instants by the clock of one machine"),
     "recording_unusable": N_("give a WAV of 16-bit mono samples, {low_s} to {high_s} s long, or type the goal"),
     "reading_of_other_text": N_("read the goal again"),
     "source_missing": N_(

@@ -148,4 +148,5 @@ SENTENCES: Mapping[str, str] = {
     "wrong_kind": N_("Looking again observes only, and nothing else may be verify-only (D24)."),
     "wrong_node": N_("The attestation is about {node_id}."),
     "zone_limit": N_("The zone or the battery lets the robot wait no longer than it does already."),
+    "unvouched_predicate": N_("the site does not vouch for {predicates}, so nothing is accepted on it"),
 }

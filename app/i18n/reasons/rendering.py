@@ -12,7 +12,7 @@ from string import Formatter
 from typing import Any
 
 from babel.dates import format_datetime
-from msgspec import Struct, structs, to_builtins
+from msgspec import UNSET, Struct, structs, to_builtins
 
 from app.i18n.catalogues import ENGLISH, LOCALES, N_, translated
 from app.i18n.reasons import (
@@ -28,6 +28,7 @@ from app.i18n.reasons import (
     gate,
     goals,
     locations,
+    models,
     outcomes,
     planning,
     proposals,
@@ -44,6 +45,7 @@ from app.i18n.reasons import (
     stores,
     supervision,
     verification,
+    vocabulary,
 )
 from harness.contracts.errors import HarnessError
 from harness.contracts.reasons import RECORDED, SEVERAL, Explanation, Reason, plain
@@ -63,6 +65,7 @@ SENTENCES: Mapping[str, str] = {
     **gate.SENTENCES,
     **goals.SENTENCES,
     **locations.SENTENCES,
+    **models.SENTENCES,
     **outcomes.SENTENCES,
     **planning.SENTENCES,
     **proposals.SENTENCES,
@@ -79,14 +82,17 @@ SENTENCES: Mapping[str, str] = {
     **stores.SENTENCES,
     **supervision.SENTENCES,
     **verification.SENTENCES,
+    **vocabulary.SENTENCES,
 }
 """Every code of the project and its message."""
 REMEDIES: Mapping[str, str] = {
     **access.REMEDIES,
     **candidates.REMEDIES,
+    **vocabulary.REMEDIES,
     **compiling.REMEDIES,
     **contracts.REMEDIES,
     **evaluations.REMEDIES,
+    **models.REMEDIES,
     **providers.REMEDIES,
     **recordings.REMEDIES,
     **requests.REMEDIES,
@@ -165,13 +171,14 @@ def stated(name: str, reason: Explanation) -> dict[str, Any]:
 
 
 def stating(value: Any) -> Any:
-    """A value as JSON holds it, every reason in it as `stated` does it."""
+    """A value as JSON holds it, every reason in it as `stated` does it; a field that is unset is left out."""
     match value:
         case Reason():
             return sentence(value)
         case Struct():
             fields = {field.encode_name: getattr(value, field.name) for field in structs.fields(value)}
-            return stating(fields | _tag(value))
+            known = {name: one for name, one in fields.items() if one is not UNSET}
+            return stating(known | _tag(value))
         case dict():
             found: dict[str, Any] = {}
             for name, one in value.items():

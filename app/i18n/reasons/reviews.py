@@ -74,7 +74,7 @@ SENTENCES: Mapping[str, str] = {
     "not_accepted": N_("The candidate is {status:word}; only an accepted one is reviewed."),
     "not_an_author": N_("{actor} is no author of it; request changes or reject it."),
     "not_current": N_("Candidate {candidate} is neither current nor in canary."),
-    "not_disputed": N_("Only a mission with a disputed completion becomes a case: dispute it first."),
+    "not_disputed": N_("Only a failed mission or one with a disputed completion becomes a case: dispute it first."),
     "not_evaluating": N_("The candidate is {status:word}: no evaluation was begun."),
     "one_person": N_("{people} alone did everything; a second person is needed."),
     "other_predicate": N_("Another acceptance predicate answered than the one that was fixed."),

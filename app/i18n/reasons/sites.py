@@ -6,6 +6,7 @@ from app.i18n.catalogues import N_
 
 SENTENCES: Mapping[str, str] = {
     "address_of_two": N_("{name} has the address of {other}"),
+    "evidence_not_apart": N_("The evidence of {name} has the address of a robot"),
     "findings_unreadable": N_("These are no findings of the conformance kit: {error}"),
     "folder_not_empty": N_("The folder holds something already"),
     "footprint_too_small": N_("The footprint of {name} has fewer than three corners"),
@@ -44,11 +45,17 @@ SENTENCES: Mapping[str, str] = {
         "The route {route} passes a wall at ({x_m:.2f}, {y_m:.2f}) nearer than {half_m:.2f} m, half the width of {name}"
     ),
     "route_too_short": N_("The route {route} has fewer than two waypoints"),
+    "channel_declares_only": N_(
+        "Nothing can be read back from the channel {name}: what it is sent is declared delivered, never verified"
+    ),
+    "channel_secret_not_there": N_("A secret of the channel {name} is not there yet: {reference}"),
+    "channels_in_site_file": N_("Channels do not stand in site.yaml"),
+    "default_channel_unknown": N_("There is no channel {name}"),
     "secret_needs_one_place": N_("A secret stands in the environment or in a file: name one of them"),
     "secret_not_set": N_("The variable {variable} is not set"),
     "secret_unreadable": N_("The file of the secret cannot be read, or is empty"),
     "source_format_unknown": N_("A site begins from {known}"),
-    "token_not_there": N_("The token of {name} is not there yet: {reference}"),
+    "token_not_there": N_("The secret of {name} is not there yet: {reference}"),
     "workspace_file_unknown": N_("Nobody reads this file"),
     "workspace_file_unreadable": N_("The file cannot be read: {error}"),
     "workspace_missing": N_("There is no such folder"),
@@ -56,6 +63,7 @@ SENTENCES: Mapping[str, str] = {
 }
 REMEDIES: Mapping[str, str] = {
     "address_of_two": N_("give each robot its own address"),
+    "evidence_not_apart": N_("give the address of a second program at the robot, which only observes"),
     "findings_unreadable": N_("send what `regen provider check --site` sends"),
     "folder_not_empty": N_("name a new folder"),
     "footprint_too_small": N_("give the corners around the body's middle, metres"),
@@ -84,13 +92,17 @@ REMEDIES: Mapping[str, str] = {
     "provider_named_twice": N_("check again"),
     "provider_not_checked": N_("check it: `regen provider check NAME --site DIR --allow-motion`"),
     "robot_at_work": N_("wait for its end, or stop it"),
-    "robot_without_address": N_("name a robot of the kind http"),
+    "robot_without_address": N_("name a robot of the kind http or vda5050"),
     "route_end_elsewhere": N_("begin and end it where its places are entered"),
     "route_end_unknown": N_("name a place of the site"),
     "route_through_wall": N_("draw it around, or correct the map"),
     "route_too_narrow": N_("draw it further from the wall"),
     "route_too_short": N_("give its beginning and its end"),
-    "secret_needs_one_place": N_("write `environment: NAME` or `file: PATH` below `token:`"),
+    "channel_declares_only": N_("a mission that sends there ends partly verified; a mailbox can be read back"),
+    "channel_secret_not_there": N_("set the variable or write the file before something is sent there"),
+    "channels_in_site_file": N_("write them to channels.yaml in the same folder"),
+    "default_channel_unknown": N_("name one of {names}, or leave `default` out"),
+    "secret_needs_one_place": N_("write `environment: NAME` or `file: PATH` below it"),
     "secret_not_set": N_("set it in the shell that starts this"),
     "secret_unreadable": N_("write the token into it, readable by you alone"),
     "source_format_unknown": N_("name a map_server YAML file or a point cloud"),

@@ -5,6 +5,11 @@ from collections.abc import Mapping
 from app.i18n.catalogues import N_
 
 SENTENCES: Mapping[str, str] = {
+    "picture_does_not_show_it": N_("{name} is not in the picture: neither detector nor text reader finds it"),
+    "picture_not_read": N_("The picture was not read by the harness"),
+    "picture_shows_it": N_("The picture shows {name} (score {score:.2f})"),
+    "picture_shows_it_doubtfully": N_("The picture may show {name}: score {score:.2f}, at least {least:.2f} is needed"),
+    "reading_of_another_picture": N_("The reading is of another picture ({image})"),
     "all_conditions_hold": N_("all {count} conditions hold"),
     "another_sound_played": N_("another sound was played"),
     "arrived": N_("{distance_m:.2f} m from the target in {samples} samples, at rest"),
@@ -206,6 +211,7 @@ SENTENCES: Mapping[str, str] = {
     "message_changed": N_("the message was changed after it was accepted"),
     "message_not_found": N_("the channel holds no such message"),
     "message_not_read_back": N_("the message was not read back from the channel"),
+    "message_of_another_channel": N_("the message was read from {channel}, not from {asked}"),
     "message_of_another_request": N_("the message read back is of another request"),
     "message_read_back": N_("read back from the channel: the text and {images} images"),
     "no_camera_model": N_("the robot does not describe its camera"),
