@@ -6,6 +6,8 @@ from pathlib import Path
 
 import hypothesis
 import pytest
+from xdist.remote import Producer
+from xdist.scheduler import LoadScopeScheduling
 
 from tools.marks import complaint
 
@@ -24,11 +26,32 @@ def key_of_the_tests(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]
         yield
 
 
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """The folder of real recordings: REGEN_DATA, default ../shared/data beside the project."""
+    folder = Path(os.environ.get("REGEN_DATA", ROOT.parent / "shared" / "data"))
+    if not (folder / "INDEX.md").exists():
+        pytest.skip(f"no real recordings in {folder}: set REGEN_DATA to their folder")
+    return folder
+
+
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """A test that takes `campaign_seed` runs once for each of CAMPAIGN_MISSIONS seeds from CAMPAIGN_SEED on."""
     if "campaign_seed" in metafunc.fixturenames:
         first, missions = int(os.environ.get("CAMPAIGN_SEED", "1")), int(os.environ.get("CAMPAIGN_MISSIONS", "1"))
         metafunc.parametrize("campaign_seed", range(first, first + missions))
+
+
+class BrowserOnOneWorker(LoadScopeScheduling):
+    """Gives one worker all browser tests, from the beginning; the others take the rest test by test."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return "browser" if nodeid.startswith("tests/browser/") else nodeid
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> BrowserOnOneWorker:
+    """Chromium takes more than one processor where two workers drive it at once."""
+    return BrowserOnOneWorker(config, log)
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -39,7 +62,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("campaign")
         if room(item) == "browser":
             item.add_marker("browser")
-            item.add_marker(pytest.mark.xdist_group("browser"))
     missions = sum(map(mujoco_missions, items))
     if missions > MUJOCO_MISSIONS:
         tests = "\n  ".join(item.nodeid for item in items if mujoco_missions(item))

@@ -11,15 +11,16 @@ from playwright.sync_api import Playwright, sync_playwright
 SYSTEM_NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 FLAGS = (
     "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
     "--disable-dev-shm-usage",
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
     "--no-first-run",
 )
+FLAGS_2D = (*FLAGS, "--disable-gpu", "--disable-software-rasterizer")
+"""Pages without 3D: half of the processor time."""
+FLAGS_3D = (*FLAGS, "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
+"""WebGL, drawn by the processor."""
 
 
 def find(playwright: Playwright) -> Path | None:

@@ -26,12 +26,12 @@ from harness.adapters.providers.messaging.read_back import SOURCE as READ_PATH
 from harness.adapters.providers.speech.microphone import MICROPHONE
 from harness.contracts import (
     alert_events,
-    capabilities,
     configuration,
     control,
     effects,
     handoff_events,
     memory,
+    models,
     observations,
     protocol,
     verdicts,
@@ -39,6 +39,7 @@ from harness.contracts import (
 from harness.contracts.fields import fields
 from harness.projections import alerts, handoffs
 from harness.projections import mission as missions
+from harness.workspace.capability_types import shipped_vocabulary
 from rsi_reviews import contracts as reviewing
 from rsi_reviews import pointers
 from rsi_reviews import projections as reviews
@@ -52,7 +53,8 @@ SOURCES = ("app", "static/js", "templates")
 KEYWORDS = ("lazy_gettext", "tr")
 """Whose first argument is a message, beside gettext, ngettext, _ and N_, which Babel knows."""
 VOCABULARY = (
-    alert_events.AlertKind, alert_events.Priority, capabilities.Capability, configuration.FailureClass,
+    models.ModelRole,
+    alert_events.AlertKind, alert_events.Priority, configuration.FailureClass,
     configuration.RecoveryAction, control.Autonomy, control.Posture, effects.FactKind, handoff_events.NoAnswer,
     handoff_events.EscalationLevel, memory.MemoryRole, memory.RecordStanding, memory.Verification, observations.Origin,
     observations.Source, protocol.InvocationStatus, verdicts.Verdict, alerts.AlertStatus, handoffs.HandoffStatus,
@@ -69,7 +71,7 @@ MACHINE = ("harness", "simulator", "rsi_reviews")
 """Whose identifiers may be shown as words: names of quantities, of fields, of kinds."""
 WORDS = re.compile(r"[A-Za-z]{2,} [A-Za-z]{2,}")
 """What is said in a language, not a number, a unit or a name."""
-SLUGS = re.compile(r"\bone of |^matches ")
+SLUGS = re.compile(r"\bone of |\bmatches ")
 """A bound that lists names, the same in every language."""
 HOLE = re.compile(r"%\(\w+\)s|\{[\w:.+,%-]*\}")
 
@@ -169,6 +171,7 @@ def _marked() -> Iterator[tuple[str, str]]:
 
 def _vocabulary() -> Iterator[tuple[str, str]]:
     """The terms of the contracts that pages show."""
+    yield from ((name.replace("_", " "), "harness/baseline") for name in shipped_vocabulary().names)
     for kind in VOCABULARY:
         yield from ((str(one).replace("_", " "), "harness/contracts") for one in get_args(kind) if one)
     yield from ((one, "rsi_reviews") for one in PUBLISHED)

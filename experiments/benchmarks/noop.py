@@ -4,6 +4,7 @@ What remains when nothing has to be done is the harness itself: C1, routing, C2,
 receipt's bytes, verdict and commit, with validation and hashing on, on SQLite with every commit synced.
 """
 
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
@@ -54,6 +55,7 @@ GOAL = "Do nothing, seven times, and prove it"
 OPERATOR = Actor(name="bench", role="operator")
 MAP_VERSION = "site-1"
 SAMPLES_PER_S = 10
+LOOK_S = 0.005
 KEPT_SAMPLES = 30
 LIMITS = {"re_perceive": 2, "adjust_view": 2, "retry": 1, "local_replan": 2, "switch_skill": 1, "total": 4}
 
@@ -253,9 +255,15 @@ class NoopRobot:
 class NoopHarness:
     """No-op robots under one supervisor, on the real parts, stored below one folder."""
 
-    def __init__(self, harness: Harness, providers: Mapping[RobotId, NoopProvider]) -> None:
+    def __init__(
+        self,
+        harness: Harness,
+        providers: Mapping[RobotId, NoopProvider],
+        connections: Mapping[RobotId, RobotConnection],
+    ) -> None:
         self.runtime, self.supervisor, self.clock = harness.runtime, harness.supervisor, harness.clock
         self.providers = providers
+        self._connections = connections
         self._templates = {robot_id: template(robot_id) for robot_id in providers}
 
     def begin(self, robot_id: RobotId, *, shape: TaskTemplate | None = None) -> MissionId:
@@ -272,6 +280,22 @@ class NoopHarness:
         if mission.status != "succeeded":
             raise RuntimeError(f"the no-op mission ended {mission.status}: {mission.reason}")
         return mission
+
+    def run_together(self, count: int) -> None:
+        """Run so many missions, an equal share on every robot, as the service runs them.
+
+        Raises RuntimeError if one ends otherwise than succeeded.
+        """
+        supervisor, robots = Supervisor(runtime=self.runtime, connections=self._connections), list(self.providers)
+        with closing(supervisor):
+            missions = [self.begin(robots[number % len(robots)]) for number in range(count)]
+            supervisor.serve()
+            for mission_id in missions:
+                while not self.runtime.mission(mission_id).ended:
+                    time.sleep(LOOK_S)
+        statuses = {self.runtime.mission(mission_id).status for mission_id in missions}
+        if statuses != {"succeeded"}:
+            raise RuntimeError(f"the no-op missions ended {statuses}")
 
 
 def log_url(folder: Path) -> str:
@@ -317,11 +341,11 @@ def noop_harness(
             local=(providers[names[0]],),
             configure=lambda mission: None,
         )
+        connections = {name: _connection(name, parts, providers[name], looked=looked) for name in names}
         if robots > 1:
-            connections = {name: _connection(name, parts, providers[name], looked=looked) for name in names}
             harness = replace(harness, supervisor=Supervisor(runtime=harness.runtime, connections=connections))
             stack.callback(harness.supervisor.close)
-        yield NoopHarness(harness, providers)
+        yield NoopHarness(harness, providers, connections)
 
 
 def _connection(name: RobotId, parts: Parts, provider: NoopProvider, *, looked: Callable[[], None]) -> RobotConnection:
@@ -336,4 +360,5 @@ def _connection(name: RobotId, parts: Parts, provider: NoopProvider, *, looked: 
         revive=lambda: False,
         pictures=PICTURES,
         waits_for_people=False,
+        in_process=True,
     )

@@ -5,11 +5,10 @@ import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any
 
 from experiments.benchmarks.noop import OPERATOR, NoopHarness, noop_harness, template
-from experiments.benchmarks.turns import Turn, mission_turns, serve
+from experiments.benchmarks.turns import Turn, mission_turns, serve, timed
 from harness.adapters.stores.sql import SqlEventStore
 from harness.contracts.commands import ApproveHandoff
 from harness.contracts.decider import Decider
@@ -28,17 +27,14 @@ DECIDING_S = 1.0
 
 
 def missions(noop: NoopHarness) -> Turn:
-    """Turns {missions, at_once}: each mission takes a free robot."""
-    free: SimpleQueue[RobotId] = SimpleQueue()
-    for robot_id in noop.providers:
-        free.put(robot_id)
+    """Turns {missions, at_once}: one after another on one robot, or an equal share on every robot at once."""
+    one_by_one = mission_turns(lambda number: noop.run(ONE))
 
-    def mission(number: int) -> None:
-        robot_id = free.get()
-        noop.run(robot_id)
-        free.put(robot_id)
+    def turn(request: dict[str, Any]) -> dict[str, Any]:
+        count = request["missions"]
+        return one_by_one(request) if request["at_once"] == 1 else timed(lambda: noop.run_together(count), count=count)
 
-    return mission_turns(mission)
+    return turn
 
 
 class Approvals:

@@ -41,13 +41,22 @@ def timed_missions(mission: Callable[[int], None], *, first: int, count: int, at
     `cpu_s` is the process's own work in that time, which a busy machine distorts less than wall time.
     """
     numbers = range(first, first + count)
+
+    def work() -> None:
+        if at_once == 1:
+            for number in numbers:
+                mission(number)
+        else:
+            with ThreadPoolExecutor(at_once) as threads:
+                list(threads.map(mission, numbers))
+
+    return timed(work, count=count)
+
+
+def timed(work: Callable[[], None], *, count: int) -> dict[str, Any]:
+    """Do work that runs so many missions: seconds for all of them."""
     start_s, cpu_start_s = time.perf_counter(), time.process_time()
-    if at_once == 1:
-        for number in numbers:
-            mission(number)
-    else:
-        with ThreadPoolExecutor(at_once) as threads:
-            list(threads.map(mission, numbers))
+    work()
     return {
         "wall_s": time.perf_counter() - start_s,
         "cpu_s": time.process_time() - cpu_start_s,

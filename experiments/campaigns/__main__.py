@@ -15,7 +15,7 @@ from typing import Any, get_args
 
 import msgspec
 
-from experiments.campaigns import fuzz, hostile, recovery_steps, seeds
+from experiments.campaigns import fuzz, hostile, models, recovery_steps, seeds
 from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.damage import DamageReport, damages
 from experiments.campaigns.declared_effects import declared_offences
@@ -131,6 +131,16 @@ def main() -> None:
     cases.add_argument("--cases", type=int, default=verifier.CASES, help="cases of each predicate")
     cases.add_argument("--seed", type=int, default=SEED)
     cases.add_argument("--publish", action="store_true", help="write docs/verifier.md")
+    loop = commands.add_parser("models", help="missions with a model as planner, reader of goals and adviser")
+    loop.add_argument("--url", required=True, help="an OpenAI-compatible endpoint, up to /v1")
+    loop.add_argument("--model", default="smollm2-135m-instruct-q4_1")
+    loop.add_argument("--missions", type=int, default=models.MISSIONS, help="for each role")
+    loop.add_argument("--minutes", type=float, default=240.0, help="for all roles together, no longer than this")
+    loop.add_argument("--trials", type=int, default=12, help="of the ablation of role contexts with the model")
+    loop.add_argument("--timeout-s", type=float, default=120.0, dest="timeout_s", help="for one answer")
+    loop.add_argument("--every", type=int, default=1, help="try one of so many texts that give orders")
+    loop.add_argument("--seed", type=int, default=SEED)
+    loop.add_argument("--publish", action="store_true", help="write docs/models.md and docs/results/models.json")
     again = commands.add_parser("replay", help="one mission of a simulation, with all that happened")
     again.add_argument("seed", type=int)
     check = commands.add_parser("check", help="one campaign, until the first offence")
@@ -151,6 +161,8 @@ def main() -> None:
             hostile.run(arguments)
         case "verifier":
             verifier.run(arguments)
+        case "models":
+            models.run(arguments)
         case "replay":
             _replay(arguments.seed)
         case _:

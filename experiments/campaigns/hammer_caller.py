@@ -45,6 +45,8 @@ ASKING = Actor(name="ada", role="operator")
 KEY = InstallationKey(secret=bytes(32))
 """The same for all callers, which share their snapshots."""
 ENOUGH = "enough"
+OFTEN = 16
+"""Events after which a stream's state is stored: this campaign's streams are short."""
 FOLLOWING = 25
 """After this many answers a caller brings the memory index, which all share, up to the log."""
 TURNS: tuple[Kind, ...] = ("mission", "veto", "veto", "question", "answer", "answer", "lease", "lease")
@@ -84,7 +86,9 @@ def opened(data: Path, *, failpoint: str = "", keeping: bool = True, afresh: boo
             clock=LockstepClock(lambda until_s: until_s, at_s=NOW_S, wall=lambda: NOW_S),
             signals=NullSignals(),
             index=index,
-            snapshots=None if afresh else stack.enter_context(closing(StoredSnapshots(log, KEY, keeping=keeping))),
+            snapshots=None
+            if afresh
+            else stack.enter_context(closing(StoredSnapshots(log, KEY, keeping=keeping, every=OFTEN))),
         )
         yield runtime_on(parts)
 

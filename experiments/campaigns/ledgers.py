@@ -29,6 +29,7 @@ from harness.contracts.revision_events import (
 from harness.contracts.stored_commands import without_command
 from harness.contracts.tasks import Node, TaskContract
 from rsi_reviews.events import CandidateEvent, PointerEvent
+from rsi_reviews.refused_proposals import ProposalRefused
 from rsi_reviews.suite_growth import CaseAdded
 
 LEASES = "lease/"
@@ -39,6 +40,7 @@ REVIEWS: dict[str, Codec[Any]] = {
     "candidate": Codec(CandidateEvent),
     "release": Codec(PointerEvent),
     "suite": Codec(CaseAdded),
+    "refused": Codec(ProposalRefused),
 }
 """What stands in the same log, by family of streams, and decides nothing of a mission."""
 _DECODER: msgspec.json.Decoder[AnyEvent] = msgspec.json.Decoder(AnyEvent)

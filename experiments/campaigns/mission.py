@@ -18,6 +18,7 @@ from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
 from harness.adapters.providers.intake import TextIntake
 from harness.adapters.providers.lidar import PassageSweep
+from harness.adapters.providers.messaging.channels import MessageChannel, SiteChannels
 from harness.adapters.providers.messaging.delivery import OutboxDelivery
 from harness.adapters.providers.messaging.memory import MemoryOutbox
 from harness.adapters.providers.messaging.read_back import MemoryReader, MessageReadBack
@@ -183,7 +184,7 @@ def _sources(parts: Parts, outbox: WatchedOutbox, room: SimulatedRoom) -> list[I
     """What measures beside the providers. It is not behind the wire: the harness reads it by itself."""
     keep = parts.blobs.put
     return [
-        MessageReadBack(MemoryReader(outbox), keep=keep),
+        MessageReadBack(lambda _: MemoryReader(outbox), keep=keep),
         PassageSweep(keep=keep),
         RoomMicrophone(room, keep=keep, read=parts.blobs.get),
     ]
@@ -195,7 +196,7 @@ def _local(parts: Parts, outbox: WatchedOutbox, room: SimulatedRoom, wire: Fault
     made: list[Provider] = [
         TextIntake(clock=clock, blobs=blobs, journal=None),
         OpenCvAnalysis(CAMERA, clock=clock, blobs=blobs, journal=None),
-        OutboxDelivery(outbox, clock=clock, blobs=blobs, journal=None),
+        OutboxDelivery(SiteChannels(MessageChannel(outbox, None)), clock=clock, blobs=blobs, journal=None),
         EspeakVoice(RoomSpeaker(room), clock=clock, blobs=blobs, journal=None),
     ]
     return [WiredProvider(_always(one), wire, card=one.card, local=True) for one in made]

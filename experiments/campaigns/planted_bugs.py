@@ -19,7 +19,7 @@ from harness.contracts.values import Value
 
 Check = Literal["simulation", "races", "suspended", "hammer", "declared"]
 LEFT_BEHIND = ("__pycache__", "*.pyc")
-COPIED = ("harness", "simulator", "experiments", "tools")
+COPIED = ("harness", "simulator", "rsi_reviews", "experiments", "tools")
 PREDICATES = 'return ""'
 RED, GREEN = 9, 0
 LONGEST_S = 900.0
@@ -141,7 +141,7 @@ BUGS: tuple[Bug, ...] = (
             Edit(
                 file="harness/gate/commit.py",
                 function="Gate._append",
-                old="self._store.append(batches, (*records, *commands), now)",
+                old="self._store.append((*asserted, *batches), (*records, *commands), now)",
                 new="for batch in batches:\n            self._store.append([batch], (*records, *commands), now)",
             ),
         ),

@@ -88,6 +88,7 @@ FAMILIES: dict[str, tuple[tuple[str, ...], Make]] = {
     "circles": (("panorama",), lambda c, n, p: pictures.circles(c, n, p.looks)),
     "stills": (("pictured",), lambda c, n, p: pictures.stills(c, n, p.looks)),
     "findings": (("sighted",), lambda c, n, p: pictures.findings(c, n, p.looks)),
+    "signs": (("shows",), lambda c, n, p: pictures.signs(c, n, p.looks)),
     "passages": (("passage_checked",), lambda c, n, p: passages.passages(c, n, p.scenes)),
     "messages": (("message_stored",), lambda c, n, p: messages.stored_messages(c, n)),
     "requests": (("recorded_request",), lambda c, n, p: messages.requests(c, n)),

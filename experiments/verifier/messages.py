@@ -243,7 +243,7 @@ def _measured(
 ) -> tuple[EvidenceReference, ...]:
     """What the shipped read path measures of the channel."""
     measurement = Measurement(requests=(request,), text=text, from_s=at_s, until_s=at_s)
-    return MessageReadBack(MemoryReader(outbox), keep=keep).measure(measurement)
+    return MessageReadBack(lambda _: MemoryReader(outbox), keep=keep).measure(measurement)
 
 
 def _misread(

@@ -1,4 +1,4 @@
-"""Cases of the predicates on headings and pictures: facing, panorama, pictured, sighted.
+"""Cases of the predicates on headings and pictures: facing, panorama, pictured, sighted, shows.
 
 Sweeps, frames and turns are those of the simulated robot; the truth is how it was turned, and what was taken when.
 """
@@ -24,12 +24,16 @@ from experiments.verifier.cases import (
 )
 from experiments.verifier.executions import SimulatedExecution, executed, receipts_for, reference_to
 from harness.adapters.providers.models.analysis import CARD as ANALYST
+from harness.adapters.providers.models.description import CARD as DESCRIBER
+from harness.adapters.vision.content_check import SOURCE as PICTURE_READING
 from harness.baseline.load import site
-from harness.contracts.effects import Metric, Visual
+from harness.contracts.effects import Metric, Symbolic, Visual
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest, RequestId, sha256
 from harness.contracts.observations import Image, Scan, Trajectory
+from harness.contracts.pictures import PictureInventory, ReadText
 from harness.contracts.protocol import Receipt
+from harness.contracts.values import encode
 from harness.planning.binding import bind_place, bind_zone
 from harness.supervisor.observations import image_reference
 from simulator.cards import OBSERVER, PANORAMA_CAMERA
@@ -142,6 +146,12 @@ def stills(chance: Random, count: int, pool: SimulatedLooks) -> Iterator[Verifie
         large = name == "larger picture asked than taken"
         effect = Visual(predicate="pictured", frames=needed, width_px=1920 if large else SIZE[0], height_px=SIZE[1])
         yield _still(name, effect, run, chance, pool)
+
+
+def signs(chance: Random, count: int, pool: SimulatedLooks) -> Iterator[VerifierCase]:
+    """shows: what a sign in the picture truly says, and what the harness's reading of the picture found."""
+    for _ in range(count):
+        yield _sign(chance.choice(SIGNS), chance, pool)
 
 
 def findings(chance: Random, count: int, pool: SimulatedLooks) -> Iterator[VerifierCase]:
@@ -418,6 +428,11 @@ def _forged(name: str, effect: Visual, chance: Random, pool: SimulatedLooks) -> 
     )
 
 
+MISREAD = "the reader finds a text that is not there"
+SIGNS = (
+    "none", "none", "sign says another text", "sign says a longer text", "no sign", "sign not read", "sign hardly read",
+    "picture not read", "reading of another picture", "reading altered", "picture of another stage", MISREAD,
+)  # fmt: skip
 FORGED_SWEEPS = ("mirrored sweep", "sweep of elsewhere")
 """The lidar is the one source of a heading: what it forges consistently is seen by nothing that is asked."""
 SWEEPS = (
@@ -510,6 +525,43 @@ def _still(name: str, effect: Visual, run: SimulatedExecution, chance: Random, p
     truth = truth and name != "no picture"
     inputs = shown_packet(node, packet, card, blobs)
     return VerifierCase("pictured", name, truth, inputs, condition_id_of(effect), epistemic=epistemic)
+
+
+def _sign(name: str, chance: Random, pool: SimulatedLooks) -> VerifierCase:
+    """A picture with a sign as it truly is, and the record of its reading."""
+    run, other = chance.sample(pool.pictures, 2)
+    image, blobs = run.images[0].blob, {**run.blobs, **other.blobs}
+    asked_text = f"{chance.choice('ABCD')}-{chance.randint(10, 99)}"
+    written = {"sign says another text": f"E-{chance.randint(10, 99)}", "sign says a longer text": f"{asked_text}1"}
+    written |= dict.fromkeys(("no sign", MISREAD), "")
+    truly = written.get(name, asked_text)
+    read = "" if name == "sign not read" else asked_text if name == MISREAD else truly
+    score = chance.uniform(0.3, 0.75) if name == "sign hardly read" else chance.uniform(0.85, 1.0)
+    lines = (ReadText(text=read, score=score, box_px=(40, 40, 120, 60)),) if read else ()
+    about = other.images[0].blob if name == "reading of another picture" else image
+    inventory = PictureInventory(image=about, width_px=SIZE[0], height_px=SIZE[1], objects=(), texts=lines, models=())
+    body = encode(inventory)
+    digest = sha256(body)
+    blobs[digest] = body + b" " if name == "reading altered" else body
+    reading = EvidenceReference(
+        kind="content",
+        origin="sensor",
+        source=PICTURE_READING,
+        from_s=run.until_s,
+        until_s=run.until_s,
+        confidence=1.0,
+        blob=digest,
+    )
+    effect = Symbolic(predicate="shows", arguments={"picture": "capture", "kind": "text", "name": asked_text})
+    node = stage(effect)
+    receipt = _receipt("analysis", run.until_s, digest)
+    after = () if name == "picture not read" else (reading,)
+    packet = packet_of(node, DESCRIBER, from_s=run.until_s, until_s=run.until_s, receipts=(receipt,), after=after)
+    taken = other.images[0].blob if name == "picture of another stage" else image
+    pictured = fact("pictured", "capture", {"images": [taken]})
+    inputs = shown_packet(node, packet, DESCRIBER, blobs, facts=(pictured,))
+    truth = truly == asked_text and taken == image
+    return VerifierCase("shows", name, truth, inputs, condition_id_of(effect), epistemic=name == MISREAD)
 
 
 def _round(run: SimulatedExecution, keep: Sequence[int]) -> Truth:

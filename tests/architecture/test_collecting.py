@@ -2,6 +2,9 @@
 marked.
 """
 
+import os
+import subprocess
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
@@ -58,8 +61,23 @@ def test_a_test_says_how_many_missions_it_runs() -> None:
     assert mujoco_missions(in_folder("integration")) == 0
 
 
-def test_browser_tests_share_one_process_and_campaigns_are_marked() -> None:
+def test_browser_tests_and_campaigns_are_marked() -> None:
     browser, fault = in_folder("browser"), in_folder("faults", fixtures=("campaign_seed",))
     pytest_collection_modifyitems([browser, fault])
-    assert cast(Collected, browser).added == ["browser", "xdist_group"]
+    assert cast(Collected, browser).added == ["browser"]
     assert cast(Collected, fault).added == ["campaign"]
+
+
+def test_one_worker_takes_all_browser_tests_and_the_others_the_rest(tmp_path: Path) -> None:
+    (tmp_path / "conftest.py").write_text("from tests.conftest import pytest_xdist_make_scheduler\n", encoding="utf-8")
+    source = "import pytest\n@pytest.mark.parametrize('n', range(6))\ndef test_x(n):\n    pass\n"
+    for folder in ("browser", "unit"):
+        (tmp_path / "tests" / folder).mkdir(parents=True)
+        (tmp_path / "tests" / folder / f"test_{folder}.py").write_text(source, encoding="utf-8")
+    command = [sys.executable, "-m", "pytest", "-n", "2", "-v", "--rootdir", ".", "-p", "no:cacheprovider"]
+    done = subprocess.run(
+        command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=True
+    )
+    passed = [line for line in done.stdout.splitlines() if "PASSED" in line]
+    assert len(passed) == 12
+    assert len({line.split()[0] for line in passed if "tests/browser/" in line}) == 1

@@ -15,7 +15,12 @@ from tools.marks import ROOT, LedgerMark, complaint, definition, ledger, to_prov
 from tools.mutations import OPERATORS, mutated, planted
 
 USES = {
-    "command line": ("from app.cli.main import app", "tests.integration.runs import", '"-m", "mypy"'),
+    "command line": (
+        "from app.cli.main import app",
+        "tests.integration.runs import",
+        "test_own_models import",
+        '"-m", "mypy"',
+    ),
     "API": ("tests.builders.serving", "TestClient", "tests.builders.consoles"),
     "page": ("tests.builders.serving", "TestClient", "tests.builders.consoles", "playwright"),
 }

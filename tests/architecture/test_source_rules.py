@@ -25,7 +25,24 @@ def furnished(source: Module) -> Iterator[str]:
         yield "is not empty"
 
 
-LATE = frozenset({"alembic", "alembic.config", "apprise", "trimesh", "app.cli.output", "app.web.report_pdf"})
+LATE = frozenset(
+    {
+        "alembic",
+        "alembic.config",
+        "app.cli.local_api",
+        "app.cli.output",
+        "app.web.report_pdf",
+        "apprise",
+        "harness.adapters.providers.vda5050.broker",
+        "mcp.server.mcpserver",
+        "mcp.server.mcpserver.exceptions",
+        "rapidocr",
+        "ruamel.yaml",
+        "ruamel.yaml.comments",
+        "simulator.in_process",
+        "trimesh",
+    }
+)
 """What takes long to load and what few commands use: imported where it is used. None of it closes a circle."""
 
 

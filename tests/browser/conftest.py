@@ -1,7 +1,7 @@
 """A Chromium for the console's pages, and a watch that fails a test on errors nobody expected."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -67,7 +67,7 @@ class TakePicture(Protocol):
     def __call__(self, page: Page, name: str, *, whole: bool = True) -> Path: ...
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def playwright() -> Iterator[Playwright]:
     """The driver. What is expected of a page is waited for with patience."""
     expect.set_options(timeout=TIMEOUT_MS)
@@ -75,15 +75,16 @@ def playwright() -> Iterator[Playwright]:
         yield driver
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def browser(playwright: Playwright) -> Iterator[Browser]:
-    """The Chromium that `make test` found or installed, with software rendering for 3D."""
-    executable = chromium.find(playwright)
-    if executable is None:
-        pytest.fail("No Chromium works here: run `make install-test`, or set REGEN_CHROMIUM", pytrace=False)
-    running = playwright.chromium.launch(executable_path=executable, headless=True, args=list(chromium.FLAGS))
-    yield running
-    running.close()
+    """The Chromium that `make test` found or installed, for pages without 3D."""
+    yield from _launched(playwright, chromium.FLAGS_2D)
+
+
+@pytest.fixture(scope="package")
+def browser_3d(playwright: Playwright) -> Iterator[Browser]:
+    """The same Chromium with software rendering for 3D."""
+    yield from _launched(playwright, chromium.FLAGS_3D)
 
 
 @pytest.fixture
@@ -96,7 +97,7 @@ def console_watch() -> Iterator[ConsoleWatch]:
 
 
 @pytest.fixture
-def open_page(browser: Browser, console_watch: ConsoleWatch) -> Iterator[OpenPage]:
+def open_page(request: pytest.FixtureRequest, console_watch: ConsoleWatch) -> Iterator[OpenPage]:
     """Opens watched pages, each in a context of its own, and closes them after the test."""
     contexts = []
 
@@ -109,7 +110,8 @@ def open_page(browser: Browser, console_watch: ConsoleWatch) -> Iterator[OpenPag
         scripts: bool = True,
         viewer: bool = False,
     ) -> Page:
-        context = browser.new_context(
+        running: Browser = request.getfixturevalue("browser_3d" if viewer else "browser")
+        context = running.new_context(
             viewport={"width": width, "height": height},
             color_scheme="dark" if scheme == "dark" else "light",
             java_script_enabled=scripts,
@@ -145,3 +147,12 @@ def take_picture() -> TakePicture:
         return path
 
     return take
+
+
+def _launched(playwright: Playwright, flags: Sequence[str]) -> Iterator[Browser]:
+    executable = chromium.find(playwright)
+    if executable is None:
+        pytest.fail("No Chromium works here: run `make install-test`, or set REGEN_CHROMIUM", pytrace=False)
+    running = playwright.chromium.launch(executable_path=executable, headless=True, args=list(flags))
+    yield running
+    running.close()

@@ -53,7 +53,7 @@ def test_a_console_error_and_an_uncaught_one_are_seen(open_page: OpenPage, conso
 
 
 def test_webgl_draws_in_software(open_page: OpenPage, take_picture: TakePicture) -> None:
-    page = open_page(width=320, height=240, scheme="dark")
+    page = open_page(width=320, height=240, scheme="dark", viewer=True)
     pixel = page.evaluate(
         """() => {
             const gl = document.createElement("canvas").getContext("webgl2");

@@ -110,6 +110,7 @@ def test_from_a_proposal_to_a_release_and_back_again(served: Served, take_pictur
     bench = served.bench
     shipped = bench.releases.current()
     author = served.enter("lea", "/candidates/new")
+    author.get_by_role("link", name="weight of history").click()
     author.locator('textarea[name="reason"]').fill("History tells who fails here")
     author.locator('input[name="intended_effect"]').fill("Choose who did better before")
     author.locator('input[name="routing.history"]').fill("0.6")
@@ -225,7 +226,9 @@ def test_on_a_phone_nothing_is_cut_off_and_axe_finds_nothing(served: Served, tak
     name = served.bench.in_canary(routed())
     served.bench.mission()
     page = served.enter("rob", width=390)
-    looked = (f"/candidates/{name}", "/candidates", "/candidates/new", "/releases")
+    draft = served.bench.proposed(candidate())
+    compared, knob = f"/candidates/compare?a={name}&b={draft}", "/candidates/new?knobs=recovery.ladders.violated"
+    looked = (f"/candidates/{name}", "/candidates", "/candidates/new", knob, compared, "/releases")
     for path in (*looked, *(f"/candidates/{name}/{part}" for part in ("cases", "replay", "rollback")), "/evaluation"):
         page.goto(served.address + path)
         assert page.evaluate("document.documentElement.scrollWidth") <= 390, path

@@ -14,8 +14,9 @@ from harness.baseline.load import site as shipped_site
 from harness.bootstrap import Deciders, Harness, NullSignals, Parts, Select, assemble, local_services, nothing_selected
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import Digest, MissionId
+from harness.contracts.models import Models
 from harness.contracts.places import Site
-from harness.contracts.ports import Provider
+from harness.contracts.ports import BlobStore, PictureObserver, Provider
 from harness.contracts.protocol import InvocationReport, Observations, PhysicalStart, RobotStatus
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.tasks import TaskTemplate
@@ -134,15 +135,19 @@ def staged(
     select: Select = nothing_selected,
     rules: RulesVersion = CURRENT_RULES,
     site: Site | None = None,
+    models: Callable[[BlobStore], Models] = lambda blobs: {},
+    observer: PictureObserver | None = None,
 ) -> Iterator[Stage]:
     """The kinematic robot at speed 0, everything in this process; `select` pins new missions by a release service's
-    `deciders`, `rules` are the ones that they are judged by.
+    `deciders`, `rules` are the ones that they are judged by. `models` are made on its blobs; `observer` looks at
+    pictures.
     """
     with ExitStack() as stack:
         robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=seed), robot_id=ROBOT)
+        blobs = MemoryBlobStore()
         parts = Parts(
             store=MemoryEventStore(),
-            blobs=MemoryBlobStore(),
+            blobs=blobs,
             spool=MemorySpool(),
             ids=SeededIds(seed),
             clock=LockstepClock(robot.advance_to, at_s=robot.at_s),
@@ -154,6 +159,8 @@ def staged(
             select=select,
             site=site or shipped_site(),
             rules=rules,
+            models=models(blobs),
+            observer=observer,
         )
 
         def configure(mission: Mission) -> None:

@@ -16,7 +16,7 @@ from tests.builders.releases import candidate, tried
 TURNS = ("claim", "release", "on-my-way", "choose", "ask-colleague", "take-over", "hand-back", "close")
 ALERT_TURNS = ("acknowledge", "shelve", "suppress", "restore", "assign")
 PHOTOGRAPH = b"\xff\xd8\xff a photograph that nothing refers to"
-REASONED = ("stop", "reason", "pause", "resume", "dispute", "withdraw", "case", "free", "erase")
+REASONED = ("stop", "reason", "pause", "resume", "dispute", "withdraw", "case", "free", "erase", "dismiss")
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,7 @@ class ConsoleWithRoles:
             "form": "viser",
             "candidate": self.candidate,
             "verb": "comment",
+            "proposal_id": "0" * 16,
             "resource": "vbot-1/mobile_base",
         }
         return re.sub(r"\{(\w+)(:\w+)?\}", lambda found: names.get(found[1], "1"), path)
@@ -58,6 +59,8 @@ class ConsoleWithRoles:
             return about_candidate(last)
         if last in ("missions", "preview"):
             return {"template": "circuit", "robot_id": "vbot-1", "goal": "Walk the circuit", "key": "k1"}
+        if last == "goal-proposals":
+            return {"goal": "Go to the Office storage area"}
         if last == "decision":
             return {
                 "decision": "reject",

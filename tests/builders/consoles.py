@@ -121,22 +121,21 @@ def console_stand(
         store=store,
     ) as harness:
         scenes = Scenes(harness.runtime)
+        app = create_app(
+            harness.runtime,
+            settings,
+            SignalBroker(),
+            scenes,
+            accounts=accounts,
+            answer=harness.supervisor.answer,
+            free=harness.supervisor.free,
+            halt=harness.supervisor.halt,
+            starts=harness.starts,
+            fleet=Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s),
+            teleoperation=harness.teleoperation,
+        )
         try:
-            yield Stand(
-                harness,
-                create_app(
-                    harness.runtime,
-                    settings,
-                    SignalBroker(),
-                    scenes,
-                    accounts=accounts,
-                    answer=harness.supervisor.answer,
-                    free=harness.supervisor.free,
-                    halt=harness.supervisor.halt,
-                    starts=harness.starts,
-                    fleet=Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s),
-                    teleoperation=harness.teleoperation,
-                ),
-            )
+            yield Stand(harness, app)
         finally:
+            app.state.console.speech.close()
             scenes.close()

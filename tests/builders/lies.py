@@ -8,10 +8,11 @@ from msgspec.structs import replace
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
+from harness.adapters.providers.messaging.channels import MessageChannel, SiteChannels
 from harness.adapters.providers.messaging.memory import MemoryOutbox
 from harness.adapters.providers.messaging.read_back import MemoryReader
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
-from harness.assembly import MessageChannel, local_services
+from harness.assembly import local_services
 from harness.bootstrap import NullSignals, Parts, assemble
 from harness.contracts.observations import Scan
 from harness.contracts.ports import BlobStore, Provider, Room
@@ -75,7 +76,7 @@ def lied_to(
             camera=CAMERA,
             folder=None,
             room=lie.room(robot.room),
-            channel=MessageChannel(outbox, MemoryReader(outbox)),
+            channels=SiteChannels(MessageChannel(outbox, MemoryReader(outbox))),
         )
 
         def told(provider: Provider) -> Provider:

@@ -14,6 +14,7 @@ import pytest
 
 from harness.adapters.providers.intake import TextIntake
 from harness.adapters.providers.local import LocalProvider
+from harness.adapters.providers.messaging.channels import MessageChannel, SiteChannels
 from harness.adapters.providers.messaging.delivery import OutboxDelivery
 from harness.adapters.providers.messaging.folder import FolderOutbox
 from harness.adapters.providers.models.analysis import OpenCvAnalysis
@@ -69,7 +70,8 @@ def intake(bench: ProviderBench) -> LocalProvider:
 
 def delivery(bench: ProviderBench) -> LocalProvider:
     outbox = FolderOutbox(bench.folder / "outbox", blobs=bench.blobs)
-    return OutboxDelivery(outbox, clock=bench.clock, blobs=bench.blobs, journal=bench.folder / "journal.jsonl")
+    channels = SiteChannels(MessageChannel(outbox, None))
+    return OutboxDelivery(channels, clock=bench.clock, blobs=bench.blobs, journal=bench.folder / "journal.jsonl")
 
 
 def voice(bench: ProviderBench) -> LocalProvider:
@@ -256,6 +258,7 @@ def test_a_journal_that_cannot_be_written_says_where(tmp_path: Path) -> None:
 KILLED = """
 import os, signal, sys
 from pathlib import Path
+from harness.adapters.providers.messaging.channels import MessageChannel, SiteChannels
 from harness.adapters.providers.messaging.delivery import CARD, OutboxDelivery
 from harness.adapters.providers.messaging.folder import FolderOutbox
 from tests.unit.observations.builders import Blobs, StillClock, request_to
@@ -268,7 +271,8 @@ class DyingOutbox(FolderOutbox):
 folder, blobs = Path(sys.argv[1]), Blobs()
 image = blobs.put(b"image")
 outbox = DyingOutbox(folder / "outbox", blobs=blobs)
-provider = OutboxDelivery(outbox, clock=StillClock(), blobs=blobs, journal=folder / "journal.jsonl")
+channels = SiteChannels(MessageChannel(outbox, None))
+provider = OutboxDelivery(channels, clock=StillClock(), blobs=blobs, journal=folder / "journal.jsonl")
 provider.report(provider.start(request_to(CARD, parameters={"text": "t", "images": (image,)})).handle)
 """
 

@@ -152,7 +152,7 @@ def test_a_keeper_that_names_another_picture_is_not_accepted() -> None:
 def test_templates_beside_the_configuration_are_offered_and_drafted_as_they_start() -> None:
     with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=3) as harness:
         names = [template.name for template in offered(harness.runtime, ROBOT)]
-        beside = ["camera-report", "exploration", "explore-place", "go-to-place", "wait-at-place"]
+        beside = ["camera-report", "exploration", "explore-place", "go-to-place", "photograph-subject", "wait-at-place"]
         assert names == ["circuit", "recording", "warehouse-inspection", *beside]
         start = Start(actor=OPERATOR, robot_id=ROBOT, template="camera-report")
         drafted = draft(harness.runtime, start)

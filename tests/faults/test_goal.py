@@ -250,7 +250,7 @@ def test_a_planner_that_lies_changes_nothing() -> None:
 def test_a_planner_behind_the_same_interface_chooses_among_what_is_eligible() -> None:
     def last(context: Context) -> PlanProposal:
         record = context.one("frontier")
-        names = [node["node_id"] for node in record.value] if record else []
+        names = [node["node_id"] for node in record.content] if record else []
         return PlanProposal(node_id=names[-1] if names else None, reason="the last one that may start")
 
     with staged(planner=Planner(name="last-first", plan=last)) as stage:

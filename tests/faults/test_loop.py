@@ -118,11 +118,11 @@ def test_before_the_next_attempt_failure_attempts_exclusions_evidence_and_budget
         assert [event.action for event in steps] == ["retry", "switch_skill"]
         for step, tried_before, left in zip(steps, (0, 1), (8, 7), strict=True):
             kinds = {record.kind: record for record in shown(stage, step.context).records}
-            assert kinds["failure"].value["failure"] == "violated"
-            assert len(kinds["attempts"].value) == tried_before
-            assert kinds["node"].value["excluded"] == []
-            assert kinds["budget"].value["left_mission"] == left
-            assert kinds["verdict"].value["verdict"] == "violated"
+            assert kinds["failure"].content["failure"] == "violated"
+            assert len(kinds["attempts"].content) == tried_before
+            assert kinds["node"].content["excluded"] == []
+            assert kinds["budget"].content["left_mission"] == left
+            assert kinds["verdict"].content["verdict"] == "violated"
             assert "observed" in kinds and "alternative" in kinds
 
 
@@ -131,7 +131,7 @@ def test_no_look_is_spent_on_a_body_that_was_measured_elsewhere(tried: tuple[Sta
     (step,) = (event for event in ran.events if isinstance(event, RecoveryAuthorised))
     assert (step.failure, step.action) == ("violated", "retry")
     kinds = {record.kind: record for record in shown(stage, step.context).records}
-    assert kinds["ladder"].value["rungs"][0] == "re_perceive" and kinds["node"].value["pointless"] == [
+    assert kinds["ladder"].content["rungs"][0] == "re_perceive" and kinds["node"].content["pointless"] == [
         "re_perceive",
         "adjust_view",
     ]

@@ -35,7 +35,7 @@ def test_the_planner_is_shown_what_failed_before_in_this_mission(interrupted: Ra
     plans = {one.node_id: one for one in interrupted.events if isinstance(one, events.NodePlanned)}
     assert not context(interrupted, plans[GO].context).all("failures")
     (coarse,) = context(interrupted, plans[NodeId("panorama")].context).all("failures")
-    assert coarse.value == {"node_id": "go", "failures": {"interrupted": 1}}
+    assert coarse.content == {"node_id": "go", "failures": {"interrupted": 1}}
     shown = {record.kind for plan in plans.values() for record in context(interrupted, plan.context).records}
     assert {"goal", "frontier", "facts", "place", "map", "robot", "observation", "failures"} <= shown
 
@@ -48,7 +48,7 @@ def test_the_planners_words_reach_the_skill_and_no_verifier(interrupted: Ran) ->
     for one in first:
         (intention,) = context(interrupted, one.context).all("intention")
         assert (intention.origin, intention.source) == ("planner", one.node_id)
-        assert intention.value["planner"] == "graph-order-1"
+        assert intention.content["planner"] == "graph-order-1"
     verdicts = [one.verdict.context for one in interrupted.events if isinstance(one, events.VerdictRecorded)]
     assert len(verdicts) > len(planned)
     assert not [one for name in verdicts for one in context(interrupted, name).records if one.origin == "planner"]

@@ -78,4 +78,5 @@ def test_regen_verify_refuses_a_bomb(bomb: Callable[[], bytes], says: str, tmp_p
 )
 def test_regen_map_import_refuses_a_bomb(name: str, bomb: Callable[[], bytes], says: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(bomb())
-    refused(ended("map", "import", tmp_path / name, "--data", tmp_path / "data", folder=tmp_path), says)
+    said = ("--frame", "map", "--metres-per-unit", "1")
+    refused(ended("map", "import", tmp_path / name, *said, "--data", tmp_path / "data", folder=tmp_path), says)

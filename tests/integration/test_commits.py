@@ -14,6 +14,16 @@ from simulator.in_process import SIMULATOR
 from tests.builders.missions_run import begin
 
 
+def test_a_mission_whose_name_another_process_drew_is_created_under_the_next_one() -> None:
+    store, settings = MemoryEventStore(), HarnessSettings(speed=0, fidelity="kinematic")
+    with simulated(settings, simulator=SIMULATOR, seed=3, store=store) as one:
+        first = begin(one, "circuit")
+    with simulated(settings, simulator=SIMULATOR, seed=3, store=store) as other:
+        second = begin(other, "circuit")
+    created = [event.stream for event in store.read() if event.kind == "MissionCreated"]
+    assert created == [mission_stream(first), mission_stream(second)] and first != second
+
+
 class Counted(MemoryEventStore):
     """Remembers what each append carried."""
 

@@ -14,6 +14,7 @@ from app.i18n.reasons.rendering import sentence
 from app.views.handoff_question import ShownRecord
 from harness.contracts.actors import Actor
 from harness.contracts.commands import RejectHandoff
+from harness.contracts.control import CONTROL, LimitAutonomy
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import Digest, HandoffId, handoff_stream, sha256
 from harness.contracts.values import decode, encode
@@ -85,6 +86,34 @@ def test_an_approval_starts_the_robot_once_and_the_page_follows_it(
     assert "seen on camera" in page
     assert "dispatched" in page
     assert "Hold to approve" not in page
+
+
+def test_a_start_that_only_a_rule_asks_about_is_one_yes_without_a_text_and_no_trouble(stand: Stand) -> None:
+    runtime, operator = stand.harness.runtime, stand.operator()
+    visit = LimitAutonomy(autonomy="approve_each_motion", actor=Actor(name="ada", role="operator"), reason="a visit")
+    runtime.decide([(CONTROL, visit)])
+    mission = stand.run()
+    handoff_id = mission.handoff_id
+    assert handoff_id is not None
+    page = operator.get(f"/handoffs/{handoff_id}").text
+    assert "vbot-1 waits for your yes before" in page and "cannot finish" not in page
+    assert "waits for your yes" in operator.get("/handoffs").text
+    operator.post(f"/handoffs/{handoff_id}/look")
+    unsaid = {"reason": "", "unsaid": "approved before it starts"}
+    reject = {**shown(operator, handoff_id), "decision": "reject", **unsaid}
+    assert operator.post(f"/handoffs/{handoff_id}/decision", data=reject).status_code == 422, "a no says why"
+    before = starts(stand, mission)
+    approve = {
+        **shown(operator, handoff_id),
+        "decision": "approve",
+        "reason": "",
+        "unsaid": "approved before it starts",
+    }
+    assert operator.post(f"/handoffs/{handoff_id}/decision", data=approve).status_code == 303
+    stand.harness.supervisor.step(mission.mission_id)
+    assert starts(stand, mission) == before + 1
+    answer = runtime.handoff(handoff_id).answer
+    assert answer is not None and answer.reason == "approved before it starts"
 
 
 def test_the_same_answer_again_is_the_same_receipt_and_starts_nothing(

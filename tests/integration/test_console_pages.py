@@ -17,7 +17,7 @@ from tests.builders.consoles import FOREIGN, OWN, Stand, console_stand
 
 REGIONS = (
     "head", "robot", "stages", "graph", "view", "timeline", "plots", "frames", "events", "evidence", "contexts",
-    "contract", "facts", "budget",
+    "contract", "facts", "budget", "proposers",
 )  # fmt: skip
 OPEN = {"/healthz", "/readyz", "/account/sign-in"}
 
@@ -91,6 +91,12 @@ def test_receipts_and_declared_distances_are_labelled_as_somebodys_word(operator
     assert delivery.count("<td>delivery<") == 5
     go = operator.get(f"/missions/{mission.mission_id}/evidence?node=go").text
     assert go.index("Declared by the provider") < go.index("remaining")
+
+
+def test_the_page_and_the_report_say_who_proposed(operator: TestClient, mission: Mission) -> None:
+    for path in (f"/missions/{mission.mission_id}/proposers", f"/missions/{mission.mission_id}/report"):
+        text = " ".join(operator.get(path).text.split())
+        assert "graph-order-1 proposed" in text and "every role was deterministic" in text
 
 
 @pytest.mark.parametrize("part", REGIONS)

@@ -39,6 +39,7 @@ OWN_BUSINESS = {
     "/account/terminal",
     "/missions/{mission_id}/scene/{view}/instant",
     "/candidates/check",
+    "/candidates/knobs",
     "/audit/anchors",
 }
 ROBOT_TURNS: dict[str, Permission] = {"autonomy": "drive", "pause": "stop", "resume": "drive", "safe": "stop"}
@@ -48,6 +49,9 @@ TELEOPERATION = ("teleoperation", "wheel")
 CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/missions"): "drive",
     ("POST", "/missions/{mission_id}/stop"): "stop",
+    ("POST", "/queue/goals/{proposal_id}/dismiss"): "drive",
+    ("POST", "/api/v1/goal-proposals"): "suggest",
+    ("POST", "/api/v1/goal-proposals/{proposal_id}/dismiss"): "drive",
     ("POST", "/handoffs/{handoff_id}/look"): "observe",
     ("POST", "/handoffs/{handoff_id}/decision"): "decide",
     **{("POST", f"{door}/handoffs/{{handoff_id}}/{turn}"): "decide" for door in ("", "/api/v1") for turn in TURNS},
@@ -96,6 +100,7 @@ CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/api/v1/missions/{mission_id}/facts/{condition_id}/dispute"): "dispute",
     ("POST", "/missions/{mission_id}/case"): "dispute",
     ("POST", "/api/v1/maps/{map_version}/cloud"): "drive",
+    **{("POST", f"/api/v1/speech{rest}"): "drive" for rest in ("", "/{stream}", "/{stream}/end")},
     ("POST", "/api/v1/missions/{mission_id}/case"): "dispute",
     ("POST", "/api/v1/handoffs/{handoff_id}/look"): "observe",
     ("POST", "/api/v1/handoffs/{handoff_id}/decision"): "decide",
@@ -122,8 +127,13 @@ CHANGE: dict[tuple[str, str], Permission] = {
     **{("POST", f"{door}/evidence/{{digest}}/erase"): "erase" for door in ("", "/api/v1")},
 }
 """What every changing route needs. A route that is not here fails the test: say who may use it."""
-ELSEWHERE = {"/robots/{robot_id}/simulation/clear-way": 404, "/api/v1/recordings": 422}
-"""Where whoever may is answered, but not served here: no simulated world is connected, and no body is a recording."""
+ELSEWHERE = {
+    "/robots/{robot_id}/simulation/clear-way": 404,
+    "/api/v1/recordings": 422,
+    **dict.fromkeys(("/api/v1/speech/{stream}", "/api/v1/speech/{stream}/end"), 404),
+}
+"""Where whoever may is answered, but not served here: no simulated world is connected, no body is a recording, and
+nobody is speaking."""
 
 
 @pytest.fixture(scope="module")

@@ -248,6 +248,8 @@ TWINS = {
     "/robots/{robot_id}/pause": "/missions/{mission_id}/pause",
     "/robots/{robot_id}/resume": "/missions/{mission_id}/resume",
     "/robots/{robot_id}/stand": "/robots/{robot_id}/posture",
+    "/candidates/knobs": "/candidates",
+    "/queue/goals/{proposal_id}/dismiss": "/goal-proposals/{proposal_id}/dismiss",
 }
 """Where the API says it otherwise than the page does."""
 OWN = {

@@ -26,6 +26,7 @@ from tests.builders.releases import (
     CASES,
     PREDICATE,
     RELEASER,
+    REVIEWER,
     Bench,
     candidate,
     evaluation,
@@ -113,7 +114,7 @@ def test_the_review_page_tells_what_got_worse_first_and_everything_a_reviewer_ne
     assert text.count('data-verdict="satisfied"') >= 4
     assert "10.0" in text and "recovery.wait_s" in text
     assert text.index("The change<") < text.index("Why:") < text.index("Paired differences"), "in words, before numbers"
-    assert re.search(r"How long a free rung waits[^<]*</span>\s*<del>20\.0 s</del> → <ins>10\.0 s</ins>", text)
+    assert re.search(r"How long a free step waits[^<]*</span>\s*<del>20\.0 s</del> → <ins>10\.0 s</ins>", text)
     assert text.count('class="tick-label"') >= 4, "an axis with ticks and its name"
     chinese = console.people["viewer"].get(f"/candidates/{name}?lang=zh-Hans").text
     assert "1970" not in chinese
@@ -294,6 +295,52 @@ def test_whoever_released_does_not_adjudicate(console: ReleaseConsole) -> None:
     assert status == 409 and "sam released it" in told
 
 
+def test_two_candidates_stand_side_by_side_with_both_changes_and_both_results(console: ReleaseConsole) -> None:
+    waits, draft = console.bench.in_review(candidate()), console.bench.proposed(routed())
+    alone = console.page("viewer", f"/candidates/compare?a={waits}")
+    assert f'value="{draft}"' in alone and f'value="{waits}" selected' not in alone
+    assert f"/candidates/compare?a={waits}" in console.page("viewer", f"/candidates/{waits}")
+    text = console.page("viewer", f"/candidates/compare?a={waits}&b={draft}")
+    shows(text, f"/candidates/{waits}", f"/candidates/{draft}", "How long a free step waits", "better by, all",
+          "not measured", "The declared metric is better", "pass", "open")  # fmt: skip
+    assert console.people["viewer"].get("/candidates/compare?a=none").status_code == 404
+
+
+def test_the_releases_page_plots_the_metric_of_each_canary_mission_and_how_the_canary_ended(
+    console: ReleaseConsole,
+) -> None:
+    assert "nothing to plot yet" in console.page("viewer", "/releases")
+    name = console.bench.in_canary(routed())
+    sound, harmful = console.bench.mission(), None
+    expect(console.bench.releases.adjudicate(name, sound, "sound", say(REVIEWER)))
+    harmful = console.bench.mission()
+    running = console.page("viewer", "/releases")
+    shows(running, "The metric over releases", 'class="tick"', sound, harmful, "runs")
+    expect(console.bench.releases.adjudicate(name, harmful, "safety_violation", say(REVIEWER)))
+    ended = console.page("viewer", "/releases")
+    shows(ended, "The metric over releases", 'data-tone="bad"', harmful, "rolled back", f"/candidates/{name}")
+
+
+def test_a_disputed_mission_becomes_a_case_and_a_draft_in_one_walk(console: ReleaseConsole) -> None:
+    lea, mission = console.people["author"], console.bench.mission()
+    report = f"/missions/{mission}/report"
+    assert "Make it a regression case" not in console.page("author", report), "nothing is wrong with it"
+    fact = console.bench.harness.runtime.mission(mission).facts[0]
+    said = {"reason": "it stood elsewhere", "from": "report"}
+    assert lea.post(f"/missions/{mission}/facts/{fact.packet_id}/{fact.condition_id}/dispute", data=said).is_redirect
+    assert "Make it a regression case and propose a change" in console.page("author", report)
+    made = lea.post(f"/missions/{mission}/case")
+    assert made.status_code == 303 and made.headers["location"] == f"/candidates/new?mission={mission}"
+    walk = console.page("author", made.headers["location"])
+    shows(walk, mission, "the regression suite holds it as a case", f"&amp;mission={mission}")
+    typed = {"knobs": "recovery.wait_s", "recovery.wait_s": "10", "mission": mission, "reason": "it waited in vain",
+             "intended_effect": "Wait less", "metric": "recovery_cost", "smallest_effect": "0.1"}  # fmt: skip
+    proposed = lea.post("/candidates", data=typed)
+    assert proposed.status_code == 303
+    manifest = console.bench.releases.review(proposed.headers["location"].rpartition("/")[2]).manifest
+    assert manifest is not None and manifest.motives[0].mission_id == mission
+
+
 def test_what_was_current_at_an_instant_is_told_for_every_robot(console: ReleaseConsole) -> None:
     name = console.bench.in_canary(routed())
     own, shipped = console.bench.releases.review(name).configuration, console.bench.releases.current()
@@ -325,13 +372,28 @@ def test_a_single_operator_decides_alone_only_by_a_policy_and_after_cooling_off(
     assert "by the single-operator policy" in console.page("viewer", f"/candidates/{name}")
 
 
-def test_a_person_proposes_by_fields_and_what_loosens_is_refused_beside_its_field(console: ReleaseConsole) -> None:
+def test_a_person_turns_a_knob_and_what_loosens_is_refused_beside_it_and_kept(console: ReleaseConsole) -> None:
     author = console.people["author"]
-    typed = {"by": "fields", "reason": "waiting never helped", "intended_effect": "Ask sooner", "metric": "handoffs",
+    listed = console.page("author", "/candidates/new")
+    assert "above 0, at most 20" in listed and "from 0 to 10" in listed and "a whole number from 2 to 48" in listed
+    assert "<textarea" not in listed and "unsafe_action" not in listed, (
+        "a list; what no candidate may change is not in it"
+    )
+    one = console.page("author", "/candidates/new?knobs=recovery.wait_s")
+    assert one.count('inputmode="decimal"') == 2 and "How long a free step waits" in one, (
+        "the knob and its smallest effect"
+    )
+    typed = {"by": "knobs", "reason": "waiting never helped", "intended_effect": "Ask sooner", "metric": "handoffs",
              "smallest_effect": "0.1"}  # fmt: skip
     wrong = author.post("/candidates", data=typed | {"recovery.wait_s": "1000"})
     assert wrong.status_code == 422 and "wait bounds" in wrong.text and 'id="wrong-recovery.wait_s"' in wrong.text
     assert 'value="1000"' in wrong.text and "waiting never helped" in wrong.text
+    kept = re.findall(r"/candidates/refused/([0-9a-f]{64})", wrong.text)[0]
+    assert "wait bounds" in console.page("viewer", f"/candidates/refused/{kept}")
+    shows(console.page("viewer", "/candidates?status=refused"), "Ask sooner", "waiting never helped", "lea")
+    again = console.page("author", f"/candidates/new?draft={kept}")
+    assert 'value="1000"' in again and "waiting never helped" in again and "Ask sooner" in again
+    assert author.get("/candidates/refused/none").status_code == 404
     older = author.post("/candidates/check", data=typed | {"context_rules.pose_age_s": "5"})
     assert older.status_code == 422 and "freshness" in older.text
     assert author.post("/candidates", data=typed | {"recovery.wait_s": "soon"}).status_code == 422
@@ -339,6 +401,13 @@ def test_a_person_proposes_by_fields_and_what_loosens_is_refused_beside_its_fiel
     fine = author.post("/candidates/check", data=typed | {"recovery.wait_s": "12"})
     assert fine.status_code == 200 and "No rule is broken" in fine.text
     assert console.bench.releases.reviews() == []
+    assert len(console.bench.releases.refused_proposals()) == 1, (
+        "a check and an edit that changes nothing are no proposals"
+    )
+    two = author.post("/candidates/knobs", data=typed | {"knobs": "recovery.wait_s", "recovery.wait_s": "12",
+                      "another": "recovery.ladders.violated", "add": "1"}).text  # fmt: skip
+    shows(two, "after: violated", "re perceive → retry → switch skill → human")
+    assert 'value="12"' in two and 'value="re_perceive &gt; switch_skill &gt; human"' in two
     made = author.post("/candidates", data=typed | {"recovery.wait_s": "12"})
     assert made.status_code == 303
     review = console.bench.releases.review(made.headers["location"].rpartition("/")[2])

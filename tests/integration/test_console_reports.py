@@ -1,5 +1,6 @@
 """Reports of missions: PDF, signed dossier, and the dispute of an acceptance."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -94,6 +95,20 @@ def test_the_same_report_gives_the_same_bytes(page: ReportPage) -> None:
     assert report_pdf(bare, {}, fonts=FONTS, made_s=7.0) == report_pdf(bare, {}, fonts=FONTS, made_s=7.0)
 
 
+def test_a_report_opens_with_what_was_found_and_its_measurements_are_drawn(
+    page: ReportPage, operator: TestClient, ran: Mission
+) -> None:
+    text = operator.get(f"/missions/{page.mission_id}/report").text
+    assert "obstructed" in page.findings[0].text
+    assert text.index(page.findings[0].text) < text.index("Facts about this report")
+    evidence = operator.get("/evidence?kind=trajectory").text
+    blob = re.findall(r"/evidence/([0-9a-f]{64})/about", evidence)[0]
+    drawn = operator.get(f"/evidence/{blob}/about").text
+    assert 'class="trail" points="' in drawn and "speed by odometry" in drawn and 'class="hits"' in drawn
+    pictures = operator.get("/evidence?kind=image").text
+    assert re.search(r'<img\s+class="mini"\s+src="/evidence/[0-9a-f]{64}"', pictures)
+
+
 def test_the_dossier_that_is_downloaded_verifies_offline(stand: Stand, ran: Mission, tmp_path: Path) -> None:
     data = tmp_path / "data"
     data.mkdir()
@@ -147,5 +162,25 @@ def test_a_dispute_is_one_form_and_stands_everywhere() -> None:
         assert "nobody heard it" in sentence(operator.get(f"/missions/{mission.mission_id}/{href}").text)
         assert "1 disputed" in sentence(operator.get(f"/missions/{mission.mission_id}/head").text)
         assert f'action="{address}"' not in operator.get(report).text
+        assert sentence(operator.get(report).text).count("do not rely on it") == 1, "it succeeded, and is disputed"
+        (row,) = re.findall(rf'/missions/{mission.mission_id}">.*?</tr>', operator.get("/missions").text, re.DOTALL)
+        assert "succeeded" in row and "disputed" in row
         untouched = f"/missions/{mission.mission_id}/facts/{other.packet_id}/{other.condition_id}"
         assert "Disputed" not in operator.get(untouched).text
+
+
+def test_what_the_analysis_found_is_drawn_over_its_picture_on_the_report_in_the_pdf_and_beside_the_evidence(
+    page: ReportPage, operator: TestClient, stand: Stand
+) -> None:
+    marked = {one.blob: one.marked for one in page.pictures if one.marked}
+    assert marked and all(found.boxes and found.source == "opencv-analysis" for found in marked.values())
+    report = operator.get(f"/missions/{page.mission_id}/report").text
+    assert report.count('<svg class="boxes" viewBox="0 0 1280 720"') == sum(bool(one.marked) for one in page.pictures)
+    blob, found = next(iter(marked.items()))
+    box = found.boxes[0]
+    drawn = f'<rect x="{box.x}" y="{box.y}" width="{box.width}" height="{box.height}"'
+    assert drawn in report and drawn in operator.get(f"/evidence/{blob}/about").text
+    bodies = {one.blob: stand.harness.runtime.blob(one.blob) for one in page.pictures}  # type: ignore[arg-type]
+    bare = replace(page, pictures=tuple(replace(one, marked=None) for one in page.pictures))
+    with_boxes, without = (report_pdf(one, bodies, fonts=FONTS, made_s=0.0) for one in (page, bare))
+    assert len(with_boxes.body) > len(without.body)

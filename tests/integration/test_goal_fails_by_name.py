@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli.main import app
-from harness import assembly
+from harness.adapters.providers.messaging import channels
 from harness.adapters.providers.messaging.read_back import FolderReader
 from harness.contracts.measurements import StoredMessage
 
@@ -71,7 +71,7 @@ def fails_by_name(code: int, found: dict[str, Any], clause: str, condition: str)
 
 
 def test_a_message_that_is_deleted_once_is_delivered_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(assembly, "FolderReader", DeletingOnce)
+    monkeypatch.setattr(channels, "FolderReader", DeletingOnce)
     code, found, events = run(INSPECTION, tmp_path)
     assert (code, found["status"]) == (0, "succeeded"), found["reason"]
     (revised,) = bodies(events, "GraphRevised")
@@ -82,7 +82,7 @@ def test_a_message_that_is_deleted_once_is_delivered_again(tmp_path: Path, monke
 
 
 def test_messages_that_are_deleted_each_time_fail_the_clause(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(assembly, "FolderReader", Deleting)
+    monkeypatch.setattr(channels, "FolderReader", Deleting)
     code, found, events = run(INSPECTION, tmp_path)
     fails_by_name(code, found, "inspect Office storage area", "goal.delivered")
     assert len(bodies(events, "GraphRevised")) == 2, "as often as the stage's budget allows"

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from app.cli.main import app
 from harness import assembly
+from harness.adapters.providers.messaging import channels
 from harness.adapters.providers.messaging.folder import FolderOutbox
 from harness.adapters.providers.models.analysis import OpenCvAnalysis
 from harness.adapters.providers.speech.voice import EspeakVoice
@@ -43,7 +44,7 @@ def contrary(*given: Any, **named: Any) -> lying.Misspeaking:
 def test_a_mission_with_a_lying_part_does_not_end_as_goal_met(
     part: str, liar: Callable[..., object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(assembly, part, liar)
+    monkeypatch.setattr(channels if part == "FolderOutbox" else assembly, part, liar)
     words = ["mission", "run", "warehouse-inspection", "--data", str(tmp_path), "--speed", "0", "--json"]
     answer = CliRunner().invoke(app, [*words, "--fidelity", "kinematic", "--seed", "3"])
     assert answer.exit_code not in (0, 4), answer.output

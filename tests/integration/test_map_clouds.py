@@ -75,9 +75,19 @@ def test_a_chunk_whose_bytes_are_gone_is_left_out_and_counted(tmp_path: Path) ->
 
 def test_the_command_line_imports_a_cloud_and_lists_it(tmp_path: Path) -> None:
     PointCloud.from_xyz_points(np.eye(3, dtype=np.float32)).save(tmp_path / "three.pcd")
-    done = regen("map", "import", tmp_path / "three.pcd", "--data", tmp_path / "data", "--json")
+    data, said = ("--data", tmp_path / "data"), ("--frame", "map", "--metres-per-unit", "1")
+    unsaid = regen("map", "import", tmp_path / "three.pcd", *data)
+    assert unsaid.returncode == 2 and "does not say its frame" in unsaid.stderr
+    unsaid = regen("map", "import", tmp_path / "three.pcd", "--frame", "map", *data)
+    assert unsaid.returncode == 2 and "does not say its metres-per-unit" in unsaid.stderr
+    done = regen("map", "import", tmp_path / "three.pcd", *said, *data, "--json")
     assert answer(done)["points"] == 3
+    PointCloud.from_xyz_points(2 * np.eye(3, dtype=np.float32)).save(tmp_path / "other.pcd")
+    kept = regen("map", "import", tmp_path / "other.pcd", *said, *data)
+    assert kept.returncode == 2 and "is shown with three.pcd already" in kept.stderr
     assert answer(regen("map", "list", "--data", tmp_path / "data", "--json"))["maps"][0]["source"] == "three.pcd"
+    assert regen("map", "import", tmp_path / "other.pcd", *said, *data, "--replace").returncode == 0
+    assert answer(regen("map", "list", "--data", tmp_path / "data", "--json"))["maps"][0]["source"] == "other.pcd"
     assert regen("audit", "verify", "--data", tmp_path / "data").returncode == 0
 
 
@@ -86,6 +96,7 @@ def test_the_command_line_imports_a_cloud_and_lists_it(tmp_path: Path) -> None:
     [("nothing.pcd", "The point cloud cannot be read: No such file"), ("words.txt", "read as PCD or PLY, not .txt")],
 )
 def test_the_command_line_says_what_is_wrong_with_a_file(tmp_path: Path, name: str, says: str) -> None:
-    refused = regen("map", "import", tmp_path / name, "--data", tmp_path / "data")
+    said = ("--frame", "map", "--metres-per-unit", "1")
+    refused = regen("map", "import", tmp_path / name, *said, "--data", tmp_path / "data")
     assert refused.returncode == 1
     assert says in refused.stderr

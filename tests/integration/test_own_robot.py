@@ -4,6 +4,7 @@ The robot is docs/examples/robot.py, as a stranger would start it; its simulated
 """
 
 import json
+import shutil
 import socket
 import subprocess
 import sys
@@ -19,7 +20,7 @@ from typer.testing import CliRunner
 from app.cli.main import app
 from app.cli.output import complain
 from app.i18n.reasons.rendering import explained
-from harness.adapters.providers.http.addressed import AddressedRobot
+from harness.adapters.providers.http.addressed import addressed_over_http
 from harness.adapters.providers.http.robot import HttpRobot
 from harness.bootstrap import read_harness
 from harness.contracts.errors import HarnessError, ProviderFailed
@@ -125,7 +126,7 @@ def test_a_changed_card_asks_for_a_new_check_and_starts_nothing(shop: Shop) -> N
 
 def test_a_card_that_changes_under_way_gets_no_further_start(shop: Shop) -> None:
     with closing(HttpRobot(shop.address, TOKEN)) as client, running(shop.port):
-        robot = AddressedRobot(client, name="robot-1", refusal=lambda card: None, speed_limit_mps=0.3)
+        robot = addressed_over_http(client, name="robot-1", refusal=lambda card: None, speed_limit_mps=0.3)
         (provider,) = robot.providers()
         cap = next(one for one in provider.card.parameters if one.name == "speed_cap_mps")
         assert cap.maximum == 0.3, "the site's limit is lower than the robot's"
@@ -134,6 +135,36 @@ def test_a_card_that_changes_under_way_gets_no_further_start(shop: Shop) -> None
         with changed:
             provider.start(request())
         assert not shop.starts()
+
+
+def test_evidence_comes_from_the_second_program_alone_and_it_must_be_at_the_same_robot(shop: Shop) -> None:
+    """spot_ros#53: what executes is not what is looked at. Here the second program sees another body, which stands."""
+    port = free_port()
+    here, there = (HttpRobot(f"http://127.0.0.1:{one}", TOKEN) for one in (shop.port, port))
+    with closing(here), closing(there), running(shop.port):
+        with running(port):
+            robot = addressed_over_http(here, name="robot-1", refusal=lambda card: None, witness=there)
+            here.advance(here.clock().at_s + 2.0)
+            there.advance(there.clock().at_s + 1.0)
+            assert robot.observations(0) == there.observations(0) != here.observations(0)
+            assert robot.status().at_s == there.status().at_s
+            assert [one.card.provider_id for one in robot.providers()] == ["driver"]
+        another = raises_saying(ProviderFailed, match="robot-9 answers at the address of robot-1")
+        with running(port, "--name", "robot-9"), another:
+            addressed_over_http(here, name="robot-1", refusal=lambda card: None, witness=there)
+
+
+def test_a_body_that_the_second_program_does_not_see_arrive_has_not_arrived(shop: Shop, tmp_path: Path) -> None:
+    folder, port = shutil.copytree(shop.folder, tmp_path / "shop"), free_port()
+    with (folder / "robots.yaml").open("a") as file:
+        file.write(f"    evidence: {{address: http://127.0.0.1:{port}, token: {{environment: ROBOT_TOKEN}}}}\n")
+    words = ("mission", "run", "go-to-place", "--site", str(folder), "--speed", "0")
+    with running(shop.port):
+        code, _, told = regen(*words)
+        assert code == 1 and "did not answer" in told, "without its evidence the robot is not connected"
+        with running(port):
+            code, outcome, told = regen(*words)
+    assert code != 0 and outcome["status"] != "succeeded", told
 
 
 def request() -> StartRequest:

@@ -66,7 +66,7 @@ def judged_under(stage: Stage, mission: Mission) -> float:
     shown = decode(stage.runtime.record(mission.goal_verdict.context).body, Context)
     policy = shown.one("policy")
     assert policy is not None
-    age_s: float = policy.value["evidence"]["pose_age_s"]
+    age_s: float = policy.content["evidence"]["pose_age_s"]
     return age_s
 
 

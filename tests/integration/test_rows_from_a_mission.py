@@ -53,7 +53,7 @@ def test_the_planner_was_shown_what_failed_before(inspected: Inspected) -> None:
     plans = {one.node_id: one for one in inspected.told(events.NodePlanned)}
     assert not inspected.context(plans["go"].context).all("failures")
     (coarse,) = inspected.context(plans["panorama"].context).all("failures")
-    assert coarse.value == {"node_id": "go", "failures": {"interrupted": 1}}
+    assert coarse.content == {"node_id": "go", "failures": {"interrupted": 1}}
     shown = {record.kind for plan in plans.values() for record in inspected.context(plan.context).records}
     assert {"goal", "frontier", "facts", "place", "map", "failures"} <= shown
 
@@ -79,7 +79,7 @@ def test_what_may_start_next_was_decided_by_the_missions_own_graph_and_control_s
             then = eligible(DECIDER.fold(DECIDER.initial, inspected.events[:index]))
             assert event.node_id in then
             (frontier,) = inspected.context(event.context).all("frontier")
-            assert [one["node_id"] for one in frontier.value] == list(then)
+            assert [one["node_id"] for one in frontier.content] == list(then)
 
 
 @pytest.mark.ledger("R203", entry="command line", symbol="harness.verification.predicates.facing:facing")

@@ -9,6 +9,7 @@ from harness.contracts.revision_commands import DisputeCompletion
 from rsi_reviews.regression.cases import cases_of
 from rsi_reviews.regression.grown_suite import with_growth
 from rsi_reviews.regression.suite import shipped
+from rsi_reviews.suite_growth import AddedCase, case_of
 from rsi_reviews.trial import prepared
 from simulator.in_process import SIMULATOR
 from tests.builders.releases import REVIEWER, Bench, bench, candidate, expect, rule_of, say
@@ -43,6 +44,15 @@ def test_what_nobody_disputed_and_what_no_person_asks_for_becomes_no_case() -> N
         machine = replace(EVE, channel="policy")
         assert rule_of(on.releases.add_case(disputed(on), say(machine))) == "not_a_person"
         assert on.releases.growth().added == ()
+
+
+def test_a_mission_that_failed_is_a_case_without_a_dispute_and_one_that_was_called_off_is_none() -> None:
+    with bench() as on:
+        ended = on.harness.runtime.mission(on.mission("blocked-passage:persistent"))
+        for status in ("failed", "safe_stopped", "handed_off"):
+            case = case_of(replace(ended, status=status))
+            assert isinstance(case, AddedCase) and case.faults == ("blocked-passage:persistent",)
+        assert rule_of(case_of(replace(ended, status="cancelled"))) == "not_disputed"
 
 
 def test_who_grew_the_suite_is_an_author_of_what_is_evaluated_on_it() -> None:

@@ -24,7 +24,7 @@ from harness.contracts import commands, person_commands
 from harness.contracts.actors import Actor, Command
 from harness.contracts.decisions import Refused
 from rsi_reviews import commands as review_commands
-from rsi_reviews import suite_growth
+from rsi_reviews import refused_proposals, suite_growth
 from tests.saying import raises_saying
 
 ADMIN = Principal(name="setup", roles=("admin",), source="test")
@@ -48,6 +48,7 @@ EVERY = classes(
     review_commands.CandidateCommand,
     review_commands.PointerCommand,
     suite_growth.AddCase,
+    refused_proposals.KeepRefusal,
 )
 
 

@@ -30,6 +30,11 @@ def test_a_command_that_shows_no_page_loads_no_viewer_no_mesh_reader_and_no_pdf_
     assert loaded.isdisjoint(HEAVY), loaded.intersection(HEAVY)
 
 
+def test_a_command_that_asks_a_running_console_loads_neither_its_application_nor_the_simulator() -> None:
+    loaded = _loaded_by("import app.cli.missions, app.cli.handoffs, app.cli.alerts, app.cli.robots, app.cli.leases")
+    assert loaded.isdisjoint({"fastapi", "app.main", "simulator.in_process", *HEAVY})
+
+
 def test_every_word_of_the_help_says_what_it_is_for() -> None:
     lines = CliRunner().invoke(app, ["--help"]).output.partition("Commands:")[2].splitlines()
     summaries = {line.split()[0]: line.split()[1:] for line in lines if line.startswith("  ") and line[2] != " "}

@@ -16,6 +16,7 @@ from harness.contracts.evidence import CommittedFact, EvidenceReference
 from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.protocol import RobotStatus
 from harness.contracts.tasks import Goal
+from harness.contracts.values import raw
 from harness.planning.planner import plan
 from harness.planning.skill import propose_skill
 from harness.projections.mission import Failure, Mission, NodeState, Spend
@@ -54,7 +55,7 @@ def status(**changes: Any) -> RobotStatus:
 def held(context: Context, kind: str) -> Any:
     """The value of the one record of this kind."""
     (record,) = context.all(kind)
-    return record.value
+    return record.content
 
 
 def mandatory(context: Context) -> set[str]:
@@ -130,7 +131,9 @@ def reasons(context: Context) -> set[tuple[str, str]]:
 
 
 def example(at_s: float) -> ContextRecord:
-    return ContextRecord(kind="example", origin="verifier", source=f"mission at {at_s}", at_s=at_s, value={"ok": True})
+    return ContextRecord(
+        kind="example", origin="verifier", source=f"mission at {at_s}", at_s=at_s, value=raw({"ok": True})
+    )
 
 
 @pytest.mark.ledger("R71", symbol="harness.contexts.skill:skill_context")
@@ -160,10 +163,10 @@ def test_another_nodes_context_makes_another_proposal() -> None:
 def test_what_the_planner_said_is_usable_in_c2_and_never_evidence_in_c3() -> None:
     bench = Bench()
     said = ContextRecord(
-        kind="intention", origin="planner", source="planner", at_s=BEGAN_S, value={"text": "cup grasped"}
+        kind="intention", origin="planner", source="planner", at_s=BEGAN_S, value=raw({"text": "cup grasped"})
     )
     c2 = skill_context(view(three(), proposals=(said,)), NodeId("go"), card())
-    assert [one.value for one in c2.records if one.origin == "planner"] == [{"text": "cup grasped"}]
+    assert [one.content for one in c2.records if one.origin == "planner"] == [{"text": "cup grasped"}]
     c3 = bench.c3(bench.driven(Drive()), three(), proposals=(said,))
     assert not [one for one in c3.records if one.origin == "planner"]
     assert ("planner", "origin") in reasons(c3)

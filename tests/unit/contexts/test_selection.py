@@ -8,6 +8,7 @@ from harness.contexts.selection import Selection, SelectionItem, budgeted, compi
 from harness.contracts.contexts import Context, ContextRecord, Role
 from harness.contracts.errors import ContextOverflow
 from harness.contracts.ids import NodeId
+from harness.contracts.values import raw
 from tests.saying import raises_saying
 from tests.unit.verification.building import mission, view
 
@@ -15,7 +16,9 @@ COMPILE = "harness.contexts.selection:compile_context"
 
 
 def record(kind: str = "observed", source: str = "lidar", at_s: float = 1000.0, **changes: Any) -> ContextRecord:
-    return ContextRecord(**{"kind": kind, "origin": "sensor", "source": source, "at_s": at_s, "value": {}} | changes)
+    return ContextRecord(
+        **{"kind": kind, "origin": "sensor", "source": source, "at_s": at_s, "value": raw({})} | changes
+    )
 
 
 def compiled(

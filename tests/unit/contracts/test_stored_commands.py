@@ -23,6 +23,7 @@ from harness.contracts.values import decode, digest, encode
 from harness.gate.decide import DECIDER
 from harness.projections.mission import Mission
 from rsi_reviews.events import CandidateEvent, PointerEvent
+from rsi_reviews.refused_proposals import ProposalRefused
 from rsi_reviews.suite_growth import CaseAdded
 from tests.builders.gate import NOW, creation
 
@@ -90,5 +91,5 @@ def test_an_event_is_the_same_with_and_without_the_digest_of_its_command() -> No
 
 
 def test_no_event_has_a_member_of_that_name_itself() -> None:
-    kinds = (*get_args(AnyEvent), *get_args(CandidateEvent), *get_args(PointerEvent), CaseAdded)
+    kinds = (*get_args(AnyEvent), *get_args(CandidateEvent), *get_args(PointerEvent), CaseAdded, ProposalRefused)
     assert [kind.__name__ for kind in kinds if "command" in kind.__struct_fields__] == []

@@ -13,7 +13,7 @@ from harness.contracts.effects import AnyEffect, Condition
 from harness.contracts.errors import ContractInvalid, HarnessError, StoreNewer, StoreUnavailable
 from harness.contracts.ids import MissionId, NodeId, invocation_id, packet_id, request_id, sha256
 from harness.contracts.tasks import Goal, TaskContract
-from harness.contracts.values import decode, digest, encode
+from harness.contracts.values import Value, decode, digest, encode, raw
 from tests.unit.planning.building import card, contract
 
 TWELVE = {
@@ -143,3 +143,27 @@ def test_an_error_says_what_where_and_what_to_do() -> None:
     assert (error.code, error.what) == ("contract_invalid", "The graph has a cycle.")
     assert issubclass(StoreNewer, StoreUnavailable)
     assert issubclass(StoreUnavailable, HarnessError)
+
+
+class Inner(Value, tag="inner"):
+    beta: float
+    alpha: tuple[int, ...]
+
+
+class Unsorted(Value):
+    zeta: Any
+    alpha: Inner
+
+
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.integers(-(2**53), 2**53) | st.floats(allow_nan=False, allow_infinity=False)
+        | st.text(max_size=8),
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
+        max_leaves=12,
+    )
+)  # fmt: skip
+def test_raw_json_is_what_reading_back_and_encoding_again_gives(value: object) -> None:
+    stored = Unsorted(zeta=value, alpha=Inner(beta=1.0, alpha=()))
+    assert bytes(raw(stored)) == encode(decode(encode(stored), object))
+    assert encode({"value": raw(stored)}) == encode({"value": decode(encode(stored), object)})

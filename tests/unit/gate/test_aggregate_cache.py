@@ -113,7 +113,7 @@ def test_a_mission_that_was_given_up_comes_back_from_its_snapshot_and_tail_as_it
     ):
         mission = harness.supervisor.run(begin(harness, "warehouse-inspection"))
         stream = mission_stream(mission.mission_id)
-        with closing(StoredSnapshots(log, KEY)) as keeper:
+        with closing(StoredSnapshots(log, KEY, every=32)) as keeper:
             assert encode(gate_on(log, snapshots=keeper).state(stream)) == encode(mission)
         assert log.snapshot(stream) is not None
         gate = gate_on(log, AggregateCache(missions=1), StoredSnapshots(log, KEY, keeping=False))

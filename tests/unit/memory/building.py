@@ -26,7 +26,7 @@ from harness.contracts.memory import FloorBox, MemoryEntry, MemoryQuery
 from harness.contracts.places import Passage, Place
 from harness.contracts.ports import Record
 from harness.contracts.tasks import EvidencePolicy, Node, TaskContract
-from harness.contracts.values import Moment, decode, encode
+from harness.contracts.values import Moment, decode, encode, raw
 from harness.contracts.verdicts import ConditionResult, Verdict
 from harness.gate.commit import CommandEnvelope, Gate
 from harness.gate.decide import DECIDER
@@ -125,9 +125,7 @@ class Log:
     def shown(self, mission_id: MissionId, card: CapabilityCard) -> Mission:
         """A dispatch whose skill role was shown this card in C2."""
         mission = self.mission(mission_id)
-        item = ContextRecord(
-            kind="card", origin="configuration", source=card.provider_id, at_s=0.0, value=decode(encode(card), dict)
-        )
+        item = ContextRecord(kind="card", origin="configuration", source=card.provider_id, at_s=0.0, value=raw(card))
         context = Context(
             role="skill",
             mission_id=mission_id,

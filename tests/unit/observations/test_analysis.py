@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from experiments.benchmarks.scenes import Scene, random_scene
+from harness.adapters.providers.messaging.channels import MessageChannel, SiteChannels
 from harness.adapters.providers.messaging.delivery import CARD as DELIVERY
 from harness.adapters.providers.messaging.delivery import OutboxDelivery
 from harness.adapters.providers.messaging.memory import MemoryOutbox
@@ -74,7 +75,9 @@ def test_boxes_in_the_passage_become_a_saved_report_that_the_delivery_uses(boxed
     assert report.findings[0].floor_point_m == pytest.approx((2.3, 0.1), abs=0.1)
     assert receipt.text == report.text
 
-    delivery = OutboxDelivery(MemoryOutbox(), clock=StillClock(), blobs=boxed.blobs, journal=None)
+    delivery = OutboxDelivery(
+        SiteChannels(MessageChannel(MemoryOutbox(), None)), clock=StillClock(), blobs=boxed.blobs, journal=None
+    )
     parameters = {"text": receipt.text, "images": boxed.images[::-1], "analysis": receipt.blob}
     sent = delivery.report(delivery.start(request_to(DELIVERY, parameters=parameters)).handle)
     assert sent.receipts[0].blob == boxed.images[0]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from harness.adapters.providers.messaging.channels import MessageChannel, SiteChannels
 from harness.adapters.providers.messaging.delivery import CARD, OutboxDelivery
 from harness.adapters.providers.messaging.folder import FolderOutbox
 from harness.adapters.providers.messaging.memory import MemoryOutbox
@@ -21,7 +22,9 @@ FRAMES = tuple(Digest(letter * 64) for letter in "01234567")
 
 def delivery(blobs: Blobs, folder: Path) -> OutboxDelivery:
     outbox = FolderOutbox(folder / "outbox", blobs=blobs)
-    return OutboxDelivery(outbox, clock=StillClock(), blobs=blobs, journal=folder / "journal.jsonl")
+    return OutboxDelivery(
+        SiteChannels(MessageChannel(outbox, None)), clock=StillClock(), blobs=blobs, journal=folder / "journal.jsonl"
+    )
 
 
 def test_cited_frames_come_first_and_the_rest_is_evenly_spaced() -> None:

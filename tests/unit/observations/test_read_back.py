@@ -32,7 +32,7 @@ def read(source: MessageReadBack, blobs: MemoryBlobStore, text: str = "The passa
 def test_a_stored_message_is_read_back_with_the_checksums_of_its_files(tmp_path: Path, blobs: MemoryBlobStore) -> None:
     image = blobs.put(PICTURE)
     FolderOutbox(tmp_path, blobs=blobs).send(KEY, "The passage is clear.", [image])
-    found = read(MessageReadBack(FolderReader(tmp_path), keep=blobs.put), blobs)
+    found = read(MessageReadBack(lambda _: FolderReader(tmp_path), keep=blobs.put), blobs)
     assert (
         found.found and found.images == (image,) and found.text == found.asked_text == sha256(b"The passage is clear.")
     )
@@ -41,14 +41,14 @@ def test_a_stored_message_is_read_back_with_the_checksums_of_its_files(tmp_path:
 def test_a_message_that_was_deleted_is_not_found(tmp_path: Path, blobs: MemoryBlobStore) -> None:
     FolderOutbox(tmp_path, blobs=blobs).send(KEY, "The passage is clear.", [blobs.put(PICTURE)])
     (tmp_path / KEY / "image-1.jpg").unlink()
-    assert not read(MessageReadBack(FolderReader(tmp_path), keep=blobs.put), blobs).found
+    assert not read(MessageReadBack(lambda _: FolderReader(tmp_path), keep=blobs.put), blobs).found
 
 
 def test_a_picture_that_was_exchanged_on_the_disk_has_another_checksum(tmp_path: Path, blobs: MemoryBlobStore) -> None:
     image = blobs.put(PICTURE)
     FolderOutbox(tmp_path, blobs=blobs).send(KEY, "The passage is clear.", [image])
     (tmp_path / KEY / "image-1.jpg").write_bytes(b"\xff\xd8\xffanother")
-    assert read(MessageReadBack(FolderReader(tmp_path), keep=blobs.put), blobs).images != (image,)
+    assert read(MessageReadBack(lambda _: FolderReader(tmp_path), keep=blobs.put), blobs).images != (image,)
 
 
 def test_a_read_path_that_fails_is_told_apart_from_a_message_that_is_not_there(
@@ -58,7 +58,7 @@ def test_a_read_path_that_fails_is_told_apart_from_a_message_that_is_not_there(
     (tmp_path / KEY / "message.json").write_bytes(b"{")
     with pytest.raises(StoreUnavailable):
         FolderReader(tmp_path).find(KEY)
-    found = read(MessageReadBack(FolderReader(tmp_path), keep=blobs.put), blobs)
+    found = read(MessageReadBack(lambda _: FolderReader(tmp_path), keep=blobs.put), blobs)
     assert not found.found and "cannot be read back" in sentence(found.problem)
 
 
@@ -70,7 +70,7 @@ def test_a_head_that_names_files_elsewhere_is_no_message(tmp_path: Path, blobs: 
 
 def test_a_channel_in_memory_is_read_back_too(blobs: MemoryBlobStore) -> None:
     outbox = MemoryOutbox()
-    source = MessageReadBack(MemoryReader(outbox), keep=blobs.put)
+    source = MessageReadBack(lambda _: MemoryReader(outbox), keep=blobs.put)
     assert not read(source, blobs).found
     outbox.send(KEY, "The passage is clear.", [sha256(PICTURE)])
     assert read(source, blobs).images == (sha256(PICTURE),)

@@ -196,7 +196,7 @@ def test_a_target_without_frame_position_or_tolerance_is_refused_with_its_path(f
         ({"timeout_s": -1.0}, "> 0"),
         ({"timeout_s": float("inf")}, "inf is not a finite number"),
         ({"risk": "daring"}, "“daring” is none of high, low, medium"),
-        ({"capabilities": ["levitate"]}, "“levitate” is none of analyse_passage, capture_panorama"),
+        ({"capabilities": ["levitate now"]}, "Expected `str` matching regex"),
         ({"parameters": {"target": {"about": "there"}}}, "got `object`"),
         (
             {"preconditions": [{"predicate": "in the mood"}]},

@@ -141,7 +141,7 @@ def test_the_model_is_shown_counts_and_knobs_and_no_words_of_a_mission(endpoint:
         ({**GOOD, "change": {"kind": "predicate", "name": "arrival"}}, "wrong_type"),
         ({**GOOD, "change": {"kind": "ladder", "failure": "stale_evidence", "ladder": ["teleport"]}}, "wrong_type"),
         ({**GOOD, "change": {"kind": "timeout", "template": "x", "node_id": "y", "timeout_s": 9}}, "unknown_name"),
-        (json.dumps({**GOOD, "reason": "x" * 30_000}), "too_large"),
+        (json.dumps({**GOOD, "reason": "x" * 70_000}), "too_large"),
     ],
     ids=["prose", "fence", "cut", "list", "empty", "gate", "negative", "predicate", "action", "stage", "long"],
 )

@@ -152,14 +152,22 @@ def test_opening_a_stream_again_costs_its_tail(log: SqlEventStore) -> None:
 
 
 def test_a_stream_is_kept_again_only_after_an_eighth_of_its_length(log: SqlEventStore) -> None:
+    length, seen = 16 * EVERY, []
     with closing(StoredSnapshots(log, KEY)) as snapshots:
         watched = gate(log, snapshots)
-        for token in range(1, 400):
-            lease_events(log, acquired(token))
-            watched.state(BASE)
+        lease_events(log, *(acquired(token) for token in range(1, length + 1)))
+        watched.state(BASE)
+        for token in (length + 1, length + length // 8):
+            lease_events(log, *(acquired(one) for one in range(watched.state(BASE).token + 1, token + 1)))
+            seen.append(watched.state(BASE).token)
     kept = log.snapshot(BASE)
-    assert kept is not None and 340 <= kept.version < 400
+    assert seen == [length + 1, length + length // 8]
+    assert kept is not None and kept.version == length + length // 8
     assert decode(kept.body, Lease).token == kept.version
+    with closing(StoredSnapshots(log, KEY)) as snapshots:
+        lease_events(log, acquired(kept.version + 1))
+        assert gate(log, snapshots).state(BASE).token == kept.version + 1
+    assert log.snapshot(BASE) == kept
 
 
 def planted(log: SqlEventStore) -> StateSnapshot:

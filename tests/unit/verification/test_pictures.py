@@ -25,7 +25,7 @@ from harness.contracts.ids import (
 from harness.contracts.observations import Odometry, Trajectory
 from harness.contracts.protocol import Receipt
 from harness.contracts.tasks import EvidencePolicy
-from harness.contracts.values import Point, encode
+from harness.contracts.values import Point, encode, raw
 from harness.contracts.verifier_inputs import CommittedNode, VerificationPolicy
 from harness.verification.finding import Undecidable
 from harness.verification.predicates.explored import explored
@@ -71,9 +71,7 @@ def evidence(facts: Sequence[CommittedFact], *, nodes: Sequence[str] = ()) -> Ev
 
 
 def _record(kind: str, value: Any) -> ContextRecord:
-    return ContextRecord(
-        kind=kind, origin="verifier", source="mission", at_s=1000.0, value=msgspec.to_builtins(value), mandatory=True
-    )
+    return ContextRecord(kind=kind, origin="verifier", source="mission", at_s=1000.0, value=raw(value), mandatory=True)
 
 
 def _committed(name: str) -> CommittedNode:

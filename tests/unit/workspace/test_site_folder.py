@@ -91,7 +91,7 @@ def test_what_ships_is_such_a_folder() -> None:
     shipped = shipped_workspace()
     found, problems = examined(shipped.folder, reserved=SHIPPED)
     assert not problems and found is not None
-    missions = ["camera-report", "exploration", "explore-place", "go-to-place", "wait-at-place"]
+    missions = ["camera-report", "exploration", "explore-place", "go-to-place", "photograph-subject", "wait-at-place"]
     assert [one.name for one in found.missions] == missions
     assert [one.name for one in found.robots] == ["vbot-1"]
 
@@ -290,3 +290,18 @@ def test_a_map_outside_of_the_folder_is_not_read(shop: Path, tmp_path: Path) -> 
     (shop / "site.yaml").write_text(text)
     _, problems = examined(shop, reserved=SHIPPED)
     assert [one.reason.code for one in problems] == ["workspace_path_outside"]
+
+
+def test_evidence_of_a_robot_has_an_address_and_a_token_of_its_own(shop: Path) -> None:
+    robots = shop / "robots.yaml"
+    text = robots.read_text()
+    evidence = "    evidence:\n      address: {}\n      token: {}\n"
+    robots.write_text(text + evidence.format("http://127.0.0.1:8766", "{environment: ITS_TOKEN}"))
+    code, found = regen("check", str(shop))
+    assert code == 0 and [one["code"] for one in found["notes"]] == ["token_not_there", "token_not_there"]
+    robots.write_text(text + evidence.format("http://127.0.0.1:8765/", "{}"))
+    code, found = regen("check", str(shop))
+    problems = {one["code"]: one["where"] for one in found["problems"]}
+    line = len(text.splitlines()) + 2
+    assert code == 2 and problems["evidence_not_apart"].endswith(f"robots.yaml:{line}")
+    assert problems["secret_needs_one_place"].endswith(f"robots.yaml:{line + 1}")
