@@ -7,11 +7,11 @@ MAKEFLAGS += --no-print-directory
 unexport PYTHONDONTWRITEBYTECODE
 
 BIN := .venv/bin
-WORKERS ?= 2
+WORKERS ?= 3
 MUTANTS ?= 20
 SEED ?= 1
 
-.PHONY: targets install install-test run test check lint format types architecture ledger ledger-mutants bench campaign goals howto lock sbom clean
+.PHONY: targets install install-test run test test-peers check lint format types architecture ledger ledger-mutants bench campaign goals howto lock sbom clean
 
 targets: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -26,8 +26,12 @@ install-test: ## the same with what the tests need, a Chromium included
 run: install ## start the console, the runtime and two simulated robots, with an inspection under way and a second robot that waits for a person
 	@$(BIN)/regen up --robots vbot-1,vbot-2 --start warehouse-inspection --fault vbot-2=blocked-passage:persistent
 
-test: install-test ## all tests (WORKERS=2 processes)
-	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --maxschedchunk 1
+test: install-test ## all tests (WORKERS=3 processes: many tests wait more than they compute)
+	@$(BIN)/python -m pytest -n $(WORKERS)
+
+test-peers: install-test ## tests against foreign programs (brokers, robots, models), which it installs into .peers; counts what it skipped
+	@tools/peers.sh
+	@$(BIN)/python -m pytest tests/peers -m peers -rs
 
 check: lint types architecture test ## what CI runs
 
