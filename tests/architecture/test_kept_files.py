@@ -14,7 +14,7 @@ from tests.architecture.sources import ROOT, kept_files
 MACHINE_PATH = re.compile(r"(?<![\w.~])/(?:work|farm|root|home/\w+|Users/\w+)/[\w.-]+")
 LOCKS = ("requirements.lock", "requirements-test.lock")
 LARGEST_BYTES = 4 * 2**20
-PUBLIC = frozenset({"localhost", "127.0.0.1", "pypi.org", "github.com", "registry.npmjs.org"})
+PUBLIC = frozenset({"localhost", "127.0.0.1", "pypi.org", "github.com"})
 
 
 def texts() -> Iterator[tuple[str, str]]:
