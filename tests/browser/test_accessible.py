@@ -23,7 +23,7 @@ DECIDING = (
 
 
 def broken(page: Page, rules: dict[str, object]) -> list[str]:
-    """What axe finds in the page itself; the 3D frame is viser's own. What passes is not counted: it is most of a page."""
+    """What axe finds in the page itself; the 3D frame is viser's own. What passes is not listed."""
     options = {"runOnly": rules, "iframes": False, "resultTypes": ["violations"]}
     found = Axe().run(page, options=options).response["violations"]
     return [f"{one['id']}: {node['html'][:160]}" for one in found for node in one["nodes"]]
