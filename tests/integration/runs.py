@@ -64,7 +64,8 @@ class RunningCommand:
 @cache
 def _forks() -> ForkServerContext:
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([f"app.cli.{file.stem}" for file in (ROOT / "app" / "cli").glob("[a-z]*.py")])
+    commands = [f"app.cli.{file.stem}" for file in (ROOT / "app" / "cli").glob("[a-z]*.py")]
+    context.set_forkserver_preload([*commands, "tests.integration.preloaded"])
     return context
 
 
