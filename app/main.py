@@ -273,10 +273,12 @@ def _dossiers(runtime: Runtime, folder: Path | None) -> Dossier | None:
     return export
 
 
-def open_accounts(settings: ConsoleSettings, folder: Path | None = None) -> Accounts:
-    """The accounts of the console, stored in `folder`, or in memory without one."""
+def open_accounts(
+    settings: ConsoleSettings, folder: Path | None = None, *, hasher: PasswordHasher | None = None
+) -> Accounts:
+    """The accounts of the console, stored in `folder`, or in memory without one; without a hasher, that of settings."""
     store = SqlAccounts(folder / "accounts.db" if folder else None)
-    hasher = PasswordHasher(memory_cost=settings.password_memory_kib)
+    hasher = hasher or PasswordHasher(memory_cost=settings.password_memory_kib)
     return Accounts(store, clock=time.time, fresh=_fresh, hasher=hasher)
 
 

@@ -17,11 +17,12 @@ from pydantic import SecretStr
 
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
-from app.main import bind, create_app, open_accounts
+from app.main import bind, create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.browser.test_accessible import CONTRAST, LEVELS, broken
+from tests.builders.accounts import quick_accounts
 from tests.builders.serving import hold
 from tests.builders.timeouts import TIMEOUT_S
 from tests.builders.waiting import BOB, Waiting, waiting
@@ -62,7 +63,7 @@ def served() -> Iterator[Served]:
             settings,
             broker,
             Scenes(made.runtime),
-            accounts=open_accounts(settings),
+            accounts=quick_accounts(settings),
             answer=made.supervisor.answer,
             starts=made.harness.starts,
             fleet=fleet,

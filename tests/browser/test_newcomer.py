@@ -14,11 +14,12 @@ from pydantic import SecretStr
 
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
-from app.main import bind, create_app, open_accounts
+from app.main import bind, create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from tests.browser.conftest import OpenPage, TakePicture
 from tests.browser.test_handoffs import Served
+from tests.builders.accounts import quick_accounts
 from tests.builders.timeouts import TIMEOUT_S, wait_until
 from tests.builders.waiting import Waiting, waiting
 
@@ -39,7 +40,7 @@ def served() -> Iterator[Served]:
             settings,
             broker,
             Scenes(made.runtime),
-            accounts=open_accounts(settings),
+            accounts=quick_accounts(settings),
             answer=made.supervisor.answer,
             fleet=fleet,
             teleoperation=made.harness.teleoperation,

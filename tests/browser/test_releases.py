@@ -16,13 +16,14 @@ from pydantic import SecretStr
 
 from app.auth.permissions import Principal
 from app.background.signals import SignalBroker
-from app.main import bind, create_app, open_accounts
+from app.main import bind, create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from rsi_reviews.acceptance import accepted
 from rsi_reviews.release_service import ReleaseService
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.browser.test_accessible import CONTRAST, LEVELS, broken
+from tests.builders.accounts import quick_accounts
 from tests.builders.harness_with_signals import harness_with_signals
 from tests.builders.releases import LAUNCHER, PREDICATE, Bench, candidate, evaluation, routed, say, terms_of
 from tests.builders.releases import expect as taken
@@ -71,7 +72,7 @@ def served(open_page: OpenPage) -> Iterator[Served]:
             console,
             broker,
             Scenes(harness.runtime),
-            accounts=open_accounts(console),
+            accounts=quick_accounts(console),
             answer=harness.supervisor.answer,
             starts=harness.starts,
         )

@@ -17,7 +17,7 @@ from playwright.sync_api import Page, expect
 from pydantic import SecretStr
 
 from app.background.signals import SignalBroker
-from app.main import bind, create_app, open_accounts
+from app.main import bind, create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.bootstrap import simulated
@@ -31,6 +31,7 @@ from rsi_reviews.candidate_queries import selected
 from rsi_reviews.deciders import DECIDERS
 from simulator.in_process import SIMULATOR
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
+from tests.builders.accounts import quick_accounts
 from tests.builders.serving import VIEWER
 from tests.builders.timeouts import TIMEOUT_S, wait_until
 
@@ -72,7 +73,7 @@ def served() -> Iterator[Served]:
             settings,
             broker,
             Scenes(harness.runtime),
-            accounts=open_accounts(settings),
+            accounts=quick_accounts(settings),
             answer=harness.supervisor.answer,
             starts=harness.starts,
         )

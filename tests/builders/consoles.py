@@ -12,7 +12,7 @@ from app.auth.commit_authority import authority
 from app.auth.sessions import LOGIN_PREFIX
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
-from app.main import create_app, open_accounts
+from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.bootstrap import Harness, simulated
@@ -28,6 +28,7 @@ from harness.settings import HarnessSettings
 from rsi_reviews.candidate_queries import selected
 from rsi_reviews.deciders import DECIDERS
 from simulator.in_process import SIMULATOR
+from tests.builders.accounts import quick_accounts
 
 BASE = "http://127.0.0.1:8000"
 OWN = {"Origin": BASE, "Sec-Fetch-Site": "same-origin"}
@@ -109,7 +110,7 @@ def console_stand(
     settings = settings or ConsoleSettings(
         port=8000, robots=("vbot-1",), owner_token=SecretStr(OWNER), password_memory_kib=19456
     )
-    accounts = open_accounts(settings)
+    accounts = quick_accounts(settings)
     with simulated(
         HarnessSettings(fidelity="kinematic", speed=0),
         simulator=SIMULATOR,

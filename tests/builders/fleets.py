@@ -10,7 +10,7 @@ from pydantic import SecretStr
 from app.auth.commit_authority import authority
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
-from app.main import create_app, open_accounts
+from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.bootstrap import Harness, simulated
@@ -23,6 +23,7 @@ from harness.settings import HarnessSettings
 from rsi_reviews.candidate_queries import selected
 from rsi_reviews.deciders import DECIDERS
 from simulator.in_process import SIMULATOR
+from tests.builders.accounts import quick_accounts
 from tests.builders.consoles import OWNER, Stand
 
 ONE, TWO = RobotId("vbot-1"), RobotId("vbot-2")
@@ -43,7 +44,7 @@ def two_robots(seed: int = 3, *, authority: Authority = unquestioned) -> Iterato
 def fleet_stand(seed: int = 3, *, port: int = 8000) -> Iterator[Stand]:
     """A console over two robots, whose own address is at this port."""
     settings = ConsoleSettings(port=port, robots=(ONE, TWO), owner_token=SecretStr(OWNER), password_memory_kib=19456)
-    accounts = open_accounts(settings)
+    accounts = quick_accounts(settings)
     with two_robots(seed, authority=authority(accounts)) as harness:
         scenes = Scenes(harness.runtime)
         fleet = Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s)

@@ -13,13 +13,14 @@ from pydantic import SecretStr
 
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
-from app.main import bind, create_app, open_accounts
+from app.main import bind, create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import MissionId
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.runtime import Start
+from tests.builders.accounts import quick_accounts
 from tests.builders.missions_run import ROBOT
 from tests.builders.timeouts import TIMEOUT_S
 from tests.builders.waiting import ADA, Waiting, waiting
@@ -103,7 +104,7 @@ def serving(
             settings,
             broker,
             Scenes(made.runtime),
-            accounts=open_accounts(settings),
+            accounts=quick_accounts(settings),
             answer=made.supervisor.answer,
             free=made.supervisor.free,
             halt=made.supervisor.halt,

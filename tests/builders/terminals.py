@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from argon2 import PasswordHasher
 from typer.testing import CliRunner, Result
 
 from app.auth.permissions import Principal
@@ -13,10 +12,10 @@ from app.cli.data_folder import opened
 from app.cli.main import app
 from app.i18n.reasons.rendering import explained
 from harness.contracts.errors import HarnessError
+from tests.builders.accounts import LITTLE_WORK
 
 SETTING_UP = Principal(name="setup", roles=("admin",), source="test")
 PASSWORD = "seven green bottles"
-CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
 
 
 class Terminals:
@@ -28,7 +27,7 @@ class Terminals:
     def add(self, name: str, *roles: str) -> None:
         """Somebody with an account, signed in at their own terminal."""
         with opened(self.data) as accounts:
-            accounts._hasher = CHEAP
+            accounts._hasher = LITTLE_WORK
             accounts.add(name, roles=roles, password=PASSWORD, by=SETTING_UP)
         self.login(name)
 

@@ -10,13 +10,14 @@ from app.background.mission_history import Histories
 from app.background.signals import SignalBroker
 from app.cli.missions import RoutingRecords
 from app.i18n.reasons.rendering import sentence
-from app.main import create_app, open_accounts
+from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.views.contexts import ranked
 from harness.contracts.ids import MissionId, NodeId, ProviderId
 from harness.contracts.proposals import RoutingExplanation
 from harness.contracts.reasons import Reason
+from tests.builders.accounts import quick_accounts
 from tests.builders.connections import Stage, staged
 from tests.builders.consoles import Stand
 
@@ -81,7 +82,7 @@ def test_a_person_sees_on_the_page_why_a_provider_was_chosen_term_by_term(walked
     settings = ConsoleSettings(port=8000)
     stage = walked.stage
     app = create_app(
-        stage.runtime, settings, SignalBroker(), Scenes(stage.runtime), accounts=open_accounts(settings),
+        stage.runtime, settings, SignalBroker(), Scenes(stage.runtime), accounts=quick_accounts(settings),
         answer=stage.supervisor.answer,
     )  # fmt: skip
     client = Stand(stage.harness, app).operator()

@@ -9,7 +9,7 @@ from fastapi.testclient import TestClient
 
 from app.background.signals import SignalBroker
 from app.i18n.reasons.rendering import sentence
-from app.main import create_app, open_accounts
+from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.views.exploration import ChoiceRecords, choices_region
@@ -24,6 +24,7 @@ from harness.projections.exploration import decisions, updates
 from harness.projections.mission import Mission
 from rsi_reviews.candidate_queries import selected
 from rsi_reviews.deciders import DECIDERS
+from tests.builders.accounts import quick_accounts
 from tests.builders.connections import Stage, staged
 from tests.builders.consoles import Stand, console_stand
 
@@ -51,7 +52,7 @@ class Explored:
             ConsoleSettings(port=8000),
             SignalBroker(),
             Scenes(stage.runtime),
-            accounts=open_accounts(ConsoleSettings(port=8000)),
+            accounts=quick_accounts(ConsoleSettings(port=8000)),
             answer=stage.supervisor.answer,
         )
         self.client: TestClient = Stand(stage.harness, app).operator()

@@ -17,7 +17,7 @@ from starlette.types import Receive, Scope, Send
 from app.auth.commit_authority import authority
 from app.auth.permissions import Principal
 from app.background.signals import WRITES, SignalBroker
-from app.main import create_app, open_accounts
+from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.web.idempotency import Idempotency
@@ -27,6 +27,7 @@ from harness.runtime import Runtime
 from harness.settings import HarnessSettings
 from rsi_reviews.candidate_queries import selected
 from rsi_reviews.deciders import DECIDERS
+from tests.builders.accounts import quick_accounts
 from tests.builders.consoles import BASE, OWNER
 
 PLACE = {"name": "Bay", "x_m": 1.0, "y_m": 1.0, "reason": "a new bay"}
@@ -59,7 +60,7 @@ class OnDisk:
 @pytest.fixture
 def here(tmp_path: Path) -> Iterator[OnDisk]:
     settings = ConsoleSettings(port=8000, owner_token=SecretStr(OWNER), password_memory_kib=19456)
-    accounts = open_accounts(settings, tmp_path)
+    accounts = quick_accounts(settings, tmp_path)
     harness = HarnessSettings(data_folder=tmp_path)
     with edit_harness(harness, deciders=DECIDERS, select=selected, authority=authority(accounts)) as runtime:
         scenes = Scenes(runtime)

@@ -14,11 +14,12 @@ from app.auth.permissions import ROLES
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
 from app.i18n.reasons.rendering import sentence
-from app.main import create_app, open_accounts
+from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.contracts.ids import HandoffId, MissionId
 from harness.projections.handoffs import Handoff
+from tests.builders.accounts import quick_accounts
 from tests.builders.consoles import OWNER, Stand, console_stand
 from tests.builders.fleets import ONE, TWO, fleet_stand, moving, run_together, started
 from tests.builders.people import everybody
@@ -39,7 +40,7 @@ def console_over(made: Waiting) -> FastAPI:
         settings,
         SignalBroker(),
         Scenes(harness.runtime),
-        accounts=open_accounts(settings),
+        accounts=quick_accounts(settings),
         answer=harness.supervisor.answer,
         fleet=fleet,
     )

@@ -11,7 +11,7 @@ from fastapi.testclient import TestClient
 
 from app.background.signals import SignalBroker
 from app.i18n.reasons.rendering import sentence
-from app.main import create_app, open_accounts
+from app.main import create_app
 from app.routes.report import page_of
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
@@ -20,6 +20,7 @@ from app.web.report_pdf import PictureUnreadable, report_pdf
 from harness.contracts.actors import Actor
 from harness.dossiers import verify_dossier
 from harness.projections.mission import Mission
+from tests.builders.accounts import quick_accounts
 from tests.builders.consoles import BASE, OWN, Stand, console_stand
 from tests.saying import raises_saying
 
@@ -118,7 +119,7 @@ def test_the_dossier_that_is_downloaded_verifies_offline(stand: Stand, ran: Miss
         ConsoleSettings(port=8000, password_memory_kib=19456),
         SignalBroker(),
         scenes,
-        accounts=open_accounts(ConsoleSettings(port=8000, password_memory_kib=19456)),
+        accounts=quick_accounts(ConsoleSettings(port=8000, password_memory_kib=19456)),
         answer=stand.harness.supervisor.answer,
         folder=data,
     )

@@ -7,9 +7,10 @@ from fastapi.testclient import TestClient
 from pydantic import SecretStr
 
 from app.background.signals import SignalBroker
-from app.main import create_app, open_accounts
+from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
+from tests.builders.accounts import quick_accounts
 from tests.builders.consoles import OWNER, Stand, console_stand
 from tests.builders.retreating import ASKS, LATE_S, from_dock_m, heal, newest, sent, step, unanswered
 from tests.builders.waiting import Waiting
@@ -25,7 +26,7 @@ def asked() -> Iterator[tuple[Waiting, TestClient]]:
             settings,
             SignalBroker(),
             Scenes(made.harness.runtime),
-            accounts=open_accounts(settings),
+            accounts=quick_accounts(settings),
             answer=made.harness.supervisor.answer,
         )
         yield made, Stand(made.harness, app).operator()

@@ -12,7 +12,7 @@ from pydantic import SecretStr
 
 from app.background.evaluation_jobs import EvaluationJobs
 from app.background.signals import SignalBroker
-from app.main import create_app, open_accounts
+from app.main import create_app
 from app.scene.port import NoSceneViews
 from app.settings import ConsoleSettings
 from harness.bootstrap import Harness, simulated
@@ -24,6 +24,7 @@ from rsi_reviews.evaluation_jobs import EvaluationJob
 from rsi_reviews.regression.cases import CaseGroup, Situation, Suite
 from rsi_reviews.release_service import ReleaseService
 from simulator.in_process import SIMULATOR
+from tests.builders.accounts import quick_accounts
 from tests.builders.consoles import OWNER, Stand
 from tests.builders.releases import LAUNCHER, candidate, expect, routed, say
 
@@ -88,7 +89,7 @@ class Evaluator:
             settings,
             SignalBroker(),
             NoSceneViews(),
-            accounts=open_accounts(settings),
+            accounts=quick_accounts(settings),
             evaluations=self.jobs,
         )
         return Stand(self.harness, app).operator()

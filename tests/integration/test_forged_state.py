@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from app.background.signals import SignalBroker
 from app.cli.main import app
-from app.main import create_app, open_accounts
+from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.adapters.stores.chain import event_digest
@@ -30,6 +30,7 @@ from harness.contracts.values import encode
 from harness.projections.mission import Mission
 from harness.settings import HarnessSettings
 from rsi_reviews.deciders import DECIDERS
+from tests.builders.accounts import quick_accounts
 from tests.builders.consoles import BASE, OWN
 from tests.saying import said
 
@@ -91,7 +92,7 @@ def audit_page(data: Path) -> str:
     """The audit page of a console on this folder, asked to verify."""
     settings = ConsoleSettings(port=8000, password_memory_kib=19456)
     with read_harness(HarnessSettings(data_folder=data), deciders=DECIDERS) as runtime:
-        console = create_app(runtime, settings, SignalBroker(), Scenes(runtime), accounts=open_accounts(settings))
+        console = create_app(runtime, settings, SignalBroker(), Scenes(runtime), accounts=quick_accounts(settings))
         client = TestClient(console, base_url=BASE, headers=OWN)
         client.get(console.state.sessions.invite())
         shown = client.get("/audit?verify=true")

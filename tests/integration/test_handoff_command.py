@@ -17,10 +17,11 @@ from typer.testing import CliRunner
 from app.auth.sessions import Origin
 from app.background.signals import SignalBroker
 from app.cli.main import app as regen
-from app.main import bind, create_app, open_accounts
+from app.main import bind, create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.adapters.stores.owner import OwnerLock
+from tests.builders.accounts import quick_accounts
 from tests.builders.terminals import PASSWORD, Terminals
 from tests.builders.waiting import Waiting, waiting
 
@@ -63,7 +64,7 @@ def terminal(tmp_path: Path) -> Iterator[Terminal]:
             settings,
             broker,
             Scenes(made.runtime),
-            accounts=open_accounts(settings, data),
+            accounts=quick_accounts(settings, data),
             answer=made.supervisor.answer,
             starts=made.harness.starts,
         )

@@ -9,12 +9,13 @@ from typer.testing import CliRunner
 
 from app.background.signals import SignalBroker
 from app.cli.main import app
-from app.main import create_app, open_accounts
+from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.auditing.replay import RECONSTRUCTED
 from harness.bootstrap import read_harness
 from harness.settings import HarnessSettings
+from tests.builders.accounts import quick_accounts
 from tests.builders.consoles import BASE, OWN
 
 LOG = Path(__file__).parents[1] / "fixtures" / "logs" / "schema-1.db.gz"
@@ -48,7 +49,7 @@ def test_a_dossier_of_an_old_mission_says_it_too(old: Path, tmp_path: Path) -> N
 def test_the_audit_page_says_how_many_events_are_from_before(old: Path) -> None:
     settings = ConsoleSettings(port=8000, password_memory_kib=19456)
     with read_harness(HarnessSettings(data_folder=old)) as runtime:
-        console = create_app(runtime, settings, SignalBroker(), Scenes(runtime), accounts=open_accounts(settings))
+        console = create_app(runtime, settings, SignalBroker(), Scenes(runtime), accounts=quick_accounts(settings))
         client = TestClient(console, base_url=BASE, follow_redirects=False, headers=OWN)
         client.get(console.state.sessions.invite())
         page = client.get("/audit?verify=true").text

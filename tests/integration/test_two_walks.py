@@ -11,7 +11,7 @@ from pydantic import SecretStr
 
 from app.auth.commit_authority import authority
 from app.background.signals import SignalBroker
-from app.main import create_app, open_accounts
+from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.bootstrap import open_harness
@@ -23,6 +23,7 @@ from harness.settings import HarnessSettings
 from rsi_reviews.candidate_queries import selected
 from rsi_reviews.deciders import DECIDERS
 from tests.architecture.sources import ROOT
+from tests.builders.accounts import quick_accounts
 from tests.builders.consoles import OWNER, Stand
 from tests.builders.entered import entered
 from tests.builders.missions_run import OPERATOR, ROBOT
@@ -86,7 +87,7 @@ def unentered(mentioned: set[str], calls: Sequence[str]) -> set[str]:
 def console(folder: Path) -> Iterator[Stand]:
     """A console over a data folder, with the robot as a process of its own, in virtual time."""
     settings = ConsoleSettings(port=8000, robots=("vbot-1",), owner_token=SecretStr(OWNER), password_memory_kib=19456)
-    accounts = open_accounts(settings)
+    accounts = quick_accounts(settings)
     chosen = HarnessSettings(data_folder=folder, speed=0, fidelity="kinematic")
     with open_harness(chosen, deciders=DECIDERS, authority=authority(accounts), select=selected) as harness:
         scenes = Scenes(harness.runtime)

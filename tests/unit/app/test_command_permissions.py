@@ -18,13 +18,13 @@ from app.auth.command_permissions import (
 )
 from app.auth.commit_authority import authority
 from app.auth.permissions import NotPermitted, Principal
-from app.main import open_accounts
 from app.settings import ConsoleSettings
 from harness.contracts import commands, person_commands
 from harness.contracts.actors import Actor, Command
 from harness.contracts.decisions import Refused
 from rsi_reviews import commands as review_commands
 from rsi_reviews import refused_proposals, suite_growth
+from tests.builders.accounts import quick_accounts
 from tests.saying import raises_saying
 
 ADMIN = Principal(name="setup", roles=("admin",), source="test")
@@ -54,7 +54,7 @@ EVERY = classes(
 
 @pytest.fixture
 def accounts() -> Iterator[Accounts]:
-    kept = open_accounts(ConsoleSettings(port=8000, password_memory_kib=19456))
+    kept = quick_accounts(ConsoleSettings(port=8000, password_memory_kib=19456))
     kept.add("root", roles=["admin"], password=PASSWORD, by=ADMIN)
     kept.add("ada", roles=["operator"], password=PASSWORD, by=ADMIN)
     yield kept

@@ -7,7 +7,6 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
 import pytest
-from argon2 import PasswordHasher
 from sqlalchemy import create_engine, text
 
 from app.auth.accounts import Accounts
@@ -20,9 +19,9 @@ from harness.adapters.identity.wire import LARGEST_ANSWER, HttpTransport, secure
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, UnknownName
 from harness.contracts.identity import Claims, IssuerUnreachable, IssuerWrong, RoleMissing
+from tests.builders.accounts import LITTLE_WORK
 from tests.saying import raises_saying
 
-CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
 ADMIN = Principal(name="root", roles=("admin",), source="10.0.0.9")
 PASSWORD = "seven green bottles"
 ISSUER = "https://id.example"
@@ -34,7 +33,7 @@ def now() -> float:
 
 @pytest.fixture
 def accounts() -> Accounts:
-    made = Accounts(SqlAccounts(), clock=now, fresh=lambda: "fresh", hasher=CHEAP)
+    made = Accounts(SqlAccounts(), clock=now, fresh=lambda: "fresh", hasher=LITTLE_WORK)
     made.add("root", roles=["admin"], password=PASSWORD, by=ADMIN)
     return made
 

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import pytest
-from argon2 import PasswordHasher
 
 from app.auth.accounts import Accounts, TooManyAttempts
 from app.auth.identities import Identities
@@ -14,8 +13,8 @@ from app.auth.permissions import Principal
 from app.auth.sessions import Origin, SessionService
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.contracts.identity import Claims, IssuerUnreachable, SignInAttempt, StateMismatch
+from tests.builders.accounts import LITTLE_WORK
 
-CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
 ADMIN = Principal(name="root", roles=("admin",), source="10.0.0.9")
 HERE = Origin("10.0.0.1", "a browser")
 
@@ -70,7 +69,7 @@ def provider() -> Believing:
 @pytest.fixture
 def door(watch: Watch, provider: Believing) -> OidcLogin:
     fresh = numbered()
-    accounts = Accounts(SqlAccounts(), clock=watch, fresh=fresh, hasher=CHEAP)
+    accounts = Accounts(SqlAccounts(), clock=watch, fresh=fresh, hasher=LITTLE_WORK)
     accounts.add("root", roles=["admin"], password="seven green bottles", by=ADMIN)
     sessions = SessionService(accounts, owner_token="", operator="o", limits=(9e9, 9e9), clock=watch, fresh=fresh)
     identities = Identities(accounts, roles={"operators": ("operator",)}, clock=watch)

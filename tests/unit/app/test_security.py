@@ -4,7 +4,6 @@ import re
 from dataclasses import dataclass, field
 
 import pytest
-from argon2 import PasswordHasher
 from starlette.datastructures import Headers
 
 from app.auth.accounts import Accounts
@@ -12,8 +11,8 @@ from app.auth.permissions import Principal
 from app.auth.sessions import GRACE_S, ROTATE_S, Origin, SessionService
 from app.web.security import cookie_line, same_origin
 from harness.adapters.stores.accounts import SqlAccounts
+from tests.builders.accounts import LITTLE_WORK
 
-CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
 ADMIN = Principal(name="root", roles=("admin",))
 PASSWORD = "seven green bottles"
 
@@ -47,7 +46,7 @@ def watch() -> Watch:
 @pytest.fixture
 def sessions(watch: Watch) -> SessionService:
     fresh = Counter()
-    accounts = Accounts(SqlAccounts(), clock=watch, fresh=fresh, hasher=CHEAP)
+    accounts = Accounts(SqlAccounts(), clock=watch, fresh=fresh, hasher=LITTLE_WORK)
     return SessionService(
         accounts, owner_token="secret", operator="ada", limits=(60.0, 600.0), clock=watch, fresh=fresh
     )
@@ -57,7 +56,7 @@ def sessions(watch: Watch) -> SessionService:
 def patient(watch: Watch) -> SessionService:
     """Doors whose sessions last for hours, with one admin, root."""
     fresh = Counter()
-    accounts = Accounts(SqlAccounts(), clock=watch, fresh=fresh, hasher=CHEAP)
+    accounts = Accounts(SqlAccounts(), clock=watch, fresh=fresh, hasher=LITTLE_WORK)
     accounts.add("root", roles=["admin"], password=PASSWORD, by=ADMIN)
     return SessionService(accounts, owner_token="", operator="ada", limits=(36000.0, 72000.0), clock=watch, fresh=fresh)
 

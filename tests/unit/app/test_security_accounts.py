@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from argon2 import PasswordHasher
 from argon2.profiles import RFC_9106_LOW_MEMORY
 from sqlalchemy import create_engine, text
 
@@ -13,12 +12,13 @@ from app.auth.accounts import ADDRESS_TRIES, FREE_TRIES, LONGEST_WAIT_S, Account
 from app.auth.exposure import ExposureRefused, check_exposure
 from app.auth.permissions import GRANTS, ROLES, SCOPES, NotPermitted, Principal
 from app.auth.rate_limits import Buckets
+from app.main import open_accounts
 from app.settings import ConsoleSettings
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, LogDamaged, StoreNewer
+from tests.builders.accounts import LITTLE_WORK
 from tests.saying import raises_saying
 
-CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
 ADMIN = Principal(name="root", roles=("admin",), source="10.0.0.9")
 PASSWORD = "seven green bottles"
 
@@ -44,7 +44,7 @@ def watch() -> Watch:
 
 @pytest.fixture
 def accounts(watch: Watch) -> Accounts:
-    made = Accounts(SqlAccounts(), clock=watch, fresh=numbered(), hasher=CHEAP)
+    made = Accounts(SqlAccounts(), clock=watch, fresh=numbered(), hasher=LITTLE_WORK)
     made.add("root", roles=["admin"], password=PASSWORD, by=ADMIN)
     return made
 
@@ -60,6 +60,11 @@ def test_a_password_is_kept_as_argon2id_with_the_memory_that_rfc_9106_asks_for(w
     assert PASSWORD not in repr(real.store.accounts())
     assert real.check("root", PASSWORD, source="") is not None
     assert real.check("root", PASSWORD + " ", source="") is None
+
+
+def test_a_console_keeps_passwords_with_the_memory_of_its_settings() -> None:
+    accounts = open_accounts(ConsoleSettings(port=8000, password_memory_kib=20000))
+    assert "$m=20000,t=3,p=4$" in accounts.add("root", roles=["admin"], password=PASSWORD, by=ADMIN).secret
 
 
 @pytest.mark.parametrize("password", ["short", "aaaaaaaaaaaaaaaa", "my name is root!", "x" * 257, ""])
@@ -84,7 +89,7 @@ def test_a_name_is_given_once(accounts: Accounts) -> None:
 
 
 def test_there_is_always_an_admin(accounts: Accounts, watch: Watch) -> None:
-    empty = Accounts(SqlAccounts(), clock=watch, fresh=numbered(), hasher=CHEAP)
+    empty = Accounts(SqlAccounts(), clock=watch, fresh=numbered(), hasher=LITTLE_WORK)
     with raises_saying(ContractInvalid, match="must be an admin"):
         empty.add("eve", roles=["viewer"], password=PASSWORD, by=ADMIN)
     for change in ({"disabled": True}, {"roles": ["operator"]}):
@@ -189,7 +194,7 @@ def test_a_person_acts_in_the_one_role_that_allows_it() -> None:
 
 def test_the_trail_is_a_chain_that_shows_a_change(tmp_path: Path, watch: Watch) -> None:
     store = SqlAccounts(tmp_path / "accounts.db")
-    kept = Accounts(store, clock=watch, fresh=numbered(), hasher=CHEAP)
+    kept = Accounts(store, clock=watch, fresh=numbered(), hasher=LITTLE_WORK)
     kept.add("root", roles=["admin"], password=PASSWORD, by=ADMIN)
     guess(kept)
     assert store.verify_trail() == 2
@@ -260,8 +265,8 @@ def file_store(tmp_path: Path) -> Iterator[SqlAccounts]:
 
 
 def test_the_command_line_and_the_console_share_one_file(file_store: SqlAccounts, tmp_path: Path, watch: Watch) -> None:
-    console = Accounts(file_store, clock=watch, fresh=numbered(), hasher=CHEAP)
-    terminal = Accounts(SqlAccounts(tmp_path / "accounts.db"), clock=watch, fresh=numbered(), hasher=CHEAP)
+    console = Accounts(file_store, clock=watch, fresh=numbered(), hasher=LITTLE_WORK)
+    terminal = Accounts(SqlAccounts(tmp_path / "accounts.db"), clock=watch, fresh=numbered(), hasher=LITTLE_WORK)
     terminal.add("root", roles=["admin"], password=PASSWORD, by=ADMIN)
     assert console.check("root", PASSWORD, source="") is not None
     terminal.note(ADMIN, "test", subject="x")
