@@ -26,14 +26,14 @@ install-test: ## the same with what the tests need, a Chromium included
 run: install ## start the console, the runtime and two simulated robots, with an inspection under way and a second robot that waits for a person
 	@$(BIN)/regen up --robots vbot-1,vbot-2 --start warehouse-inspection --fault vbot-2=blocked-passage:persistent
 
-test: install-test ## all tests (WORKERS=3 processes: many tests wait more than they compute)
-	@$(BIN)/python -m pytest -n $(WORKERS)
+test: install-test ## all tests, their duration and the slowest (WORKERS=3 processes: many tests wait more than they compute)
+	@$(BIN)/python -m pytest -n $(WORKERS) --durations=15
 
 test-peers: install-test ## tests against foreign programs (brokers, robots, models), which it installs into .peers; counts what it skipped
 	@tools/peers.sh
 	@$(BIN)/python -m pytest tests/peers -m peers -rs
 
-check: lint types architecture test ## what CI runs
+check: lint types test ## what CI runs; the tests include those of `make architecture`
 
 lint: install-test ## ruff: rules and format; djangofmt: format of the templates
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/djangofmt --check templates

@@ -94,8 +94,10 @@ def room(item: pytest.Item) -> str:
 
 
 def cost(item: pytest.Item) -> tuple[int, int]:
-    """The order of running: whole missions on physics last, and rooms from the cheapest on."""
-    return (mujoco_missions(item), COST.get(room(item), 3))
+    """The order of running: folders from the cheapest on, in each the missions on physics first: none is left to
+    the end, for one worker alone.
+    """
+    return (COST.get(room(item), 3), -mujoco_missions(item))
 
 
 def mujoco_missions(item: pytest.Item) -> int:

@@ -40,12 +40,12 @@ def in_folder(folder: str, *marks: pytest.MarkDecorator, fixtures: tuple[str, ..
     return cast(pytest.Item, Collected(ROOT / "tests" / folder / "test_x.py", found, fixtures))
 
 
-def test_cheap_folders_run_first_and_missions_on_physics_last() -> None:
-    browser, unit = in_folder("browser"), in_folder("unit")
-    mission, architecture = in_folder("integration", pytest.mark.mujoco), in_folder("architecture")
-    items = [mission, browser, unit, architecture]
+def test_cheap_folders_run_first_and_in_a_folder_missions_on_physics() -> None:
+    browser, unit, architecture = in_folder("browser"), in_folder("unit"), in_folder("architecture")
+    plain, mission = in_folder("integration"), in_folder("integration", pytest.mark.mujoco)
+    items = [browser, plain, mission, unit, architecture]
     pytest_collection_modifyitems(items)
-    assert items == [architecture, unit, browser, mission]
+    assert items == [architecture, unit, mission, plain, browser]
 
 
 def test_a_seventh_mission_on_real_physics_is_refused() -> None:
