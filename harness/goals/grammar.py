@@ -233,7 +233,7 @@ def _sentence(sentence: Sequence[Item], state: Parse) -> None:
 def _orders(found: Sequence[Item]) -> list[Item]:
     """ "检查了储物区" says that it was done: 了 is left unread, but under a "do not", and before what comes after it.
 
-    "When you are done walking the circuit" is after the circuit; with nothing behind it, it is after what stands before.
+    "When you are done walking the circuit" is after the circuit; with nothing behind, it is after what stands before.
     """
     made: list[Item] = []
     for index, item in enumerate(found):
