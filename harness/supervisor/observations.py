@@ -135,8 +135,8 @@ class ObservationBuffer:
             self._recent.popleft()
 
     def _take(self, batch: Observations, spooling: InvocationId | None) -> None:
-        """Keep what is new. A robot that ran for hours gives out all that it holds: no sweep or image of then is fetched,
-        unless it belongs to an open invocation."""
+        """Keep what is new. A robot that ran for hours gives out all that it holds: no sweep or image of then is
+        fetched, unless it belongs to an open invocation."""
         until_s = self._connection.clock.now().mission_s + AHEAD_S
         fresh = [sample for sample in batch.samples if sample.seq > self._after]
         self._after = max((sample.seq for sample in fresh), default=self._after)
