@@ -23,7 +23,7 @@ from harness.adapters.providers.vda5050.connection import BrokerAccess, connecte
 from harness.adapters.providers.vda5050.robot import VehicleRobot, VehicleSettings
 from harness.adapters.secret_values import secret
 from harness.adapters.stores.anchors import anchor_key, anchoring
-from harness.adapters.stores.blobs import FileBlobStore, owned_blobs
+from harness.adapters.stores.blob_address import open_blobs, open_owned_blobs
 from harness.adapters.stores.folder import DataFolder, existing, prepare
 from harness.adapters.stores.installation_key import installation_key
 from harness.adapters.stores.log_address import is_server, open_log
@@ -156,7 +156,8 @@ def open_harness(
         if not clocks:
             name, why = next(iter(absent.items()))
             raise ProviderUnreachable(because("no_robot_connects", robot_id=name, reason=why))
-        blobs = owned_blobs(folder.blobs, copies=partial(erase_from_outbox, folder.outbox))
+        copies = partial(erase_from_outbox, folder.outbox)
+        blobs = open_owned_blobs(settings.blobs, folder.blobs, copies=copies)
         parts = Parts(
             store=store,
             blobs=blobs,
@@ -209,7 +210,7 @@ def edit_harness(
     folder = prepare(settings.data_folder)
     with OwnerLock(folder.root) as lock:
         lock.take(token=SystemIds().token(), url="")
-        owned_blobs(folder.blobs)
+        open_owned_blobs(settings.blobs, folder.blobs)
         with (
             _without_robots(settings, folder, deciders=deciders, select=select, authority=authority) as runtime,
             _anchored(runtime, folder, settings),
@@ -232,7 +233,7 @@ def _without_robots(
         key = installation_key(settings.snapshot_key_file, data=folder.root, make=False)
         parts = Parts(
             store=log,
-            blobs=FileBlobStore(folder.blobs, copies=partial(erase_from_outbox, folder.outbox)),
+            blobs=open_blobs(settings.blobs, folder.blobs, copies=partial(erase_from_outbox, folder.outbox)),
             spool=MemorySpool(),
             ids=SystemIds(),
             clock=SystemClock(),
