@@ -26,6 +26,6 @@ def open_owned_blobs(address: str, folder: Path, *, copies: EraseCopies = no_cop
 def _bucket(address: str, copies: EraseCopies) -> BlobStore:
     if find_spec("obstore") is None:
         raise ContractInvalid(because("blob_library_missing"))
-    from harness.adapters.stores.bucket_blobs import BucketBlobStore  # noqa: PLC0415  S3 loads for those who use it
+    from harness.adapters.stores.bucket_blobs import BucketBlobStore  # noqa: PLC0415  loaded by those who use it
 
     return BucketBlobStore(address, copies=copies)
