@@ -28,7 +28,7 @@ def regions(console: Console) -> OverviewRegions:
         (*running, *ended),
         console.lists.open_handoffs(),
         [strip for strip in strips if strip is not None],
-        robots=console.settings.robots,
+        robots=console.robots,
         site=console.runtime.site,
         marks=(
             *_marks(running, observations, {one.robot_id: one.handoff_id for one in console.lists.open_handoffs()}),
