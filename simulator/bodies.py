@@ -85,6 +85,13 @@ class SimulatedBody(Protocol):
     def stance(self) -> tuple[float, ...]:
         """What a restart needs beside the planar pose; empty for a body without legs."""
 
+    @property
+    def can_fall(self) -> bool:
+        """Whether it has legs to fall from."""
+
+    def push_over(self) -> None:
+        """Somebody pushes it hard from its side."""
+
     def stand_up(self) -> bool:
         """Begin to rise after a fall; whether the body can try."""
 
@@ -96,6 +103,10 @@ class UprightBody:
     """What bodies without legs share: they cannot fall."""
 
     stance: tuple[float, ...] = ()
+    can_fall = False
+
+    def push_over(self) -> None:
+        """It stays where it is."""
 
     def stand_up(self) -> bool:
         return True

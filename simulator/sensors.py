@@ -72,6 +72,12 @@ class Sensors:
             self._ring.add(observations.Battery(seq=self._ring.next(), at_s=at_s, source="battery", charge=self.charge))
 
     @property
+    def still(self) -> bool:
+        """Whether odometry shows that the robot stands still."""
+        v, w = self._twist
+        return abs(v) < 0.01 and abs(w) < 0.02
+
+    @property
     def localised(self) -> bool:
         """Whether the localiser knows where the robot is."""
         return self.mode != "lost"

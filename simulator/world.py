@@ -89,9 +89,8 @@ class World:
 
     @property
     def still(self) -> bool:
-        """Whether odometry shows that the robot stands still."""
-        v, w = self.sensors.twist
-        return abs(v) < 0.01 and abs(w) < 0.02
+        """Whether the robot's own sensors show that it stands still."""
+        return self.sensors.still
 
     @property
     def believed(self) -> Point:
@@ -234,6 +233,8 @@ class World:
         whole_m = max(skill.route.length_m - skill.begin_m, 1e-6)
         share, remaining_m = (skill.at_m - skill.begin_m) / whole_m, skill.remaining_m
         self.faults.navigation_moves(share=share, remaining_m=remaining_m)
+        if self.body.can_fall and self.faults.pushes(share):
+            self.body.push_over()
         if self.faults.ends_early(remaining_m):
             invocation.brake_for(skill.claim(self.at_s, distance_m=EARLY_CLAIM_M))
         elif self.faults.interrupts(share, invocation.card.provider_id):

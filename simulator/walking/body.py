@@ -19,6 +19,7 @@ from simulator.walking.proprioception import HELPLESS_RAD, Proprioception
 
 MOTOR_LAG_S = 0.0151
 SUBSTEPS, CONTROL_STEPS = round(TICK_S / TIMESTEP_S), round(CONTROL_S / TIMESTEP_S)
+PUSH_MPS, PUSH_RADPS = np.array([0.0, -3.0, 2.0]), np.array([6.0, 0.0, 0.0])
 BEAMS, RINGS = 90, (3, 6, 9, 11, 13)
 Floats = NDArray[np.float64]
 _LAG = TIMESTEP_S / (MOTOR_LAG_S + TIMESTEP_S)
@@ -29,6 +30,8 @@ _FEW: Floats = np.concatenate([SWEEP.reshape(16, 360, 3)[ring, :: 360 // BEAMS] 
 
 class WalkingBody:
     """Implements `bodies.SimulatedBody`. `stance` is what `stance` gave before a restart: it lies as it lay."""
+
+    can_fall = True
 
     def __init__(self, site: SiteModel, state: BodyState, *, stance: tuple[float, ...] = ()) -> None:
         self.state = state
@@ -83,6 +86,17 @@ class WalkingBody:
         """Some beams of the same lidar, for the localiser, shape (n, 3)."""
         return self._hits(_FEW)
 
+    @property
+    def steps(self) -> bool:
+        """Whether the legs are stepping, as their controller knows."""
+        return self._gait.mode == "walking"
+
+    def push_over(self) -> None:
+        """Somebody pushes it hard from its left side, and it rolls over."""
+        turn = self._world.data.xmat[self._world.trunk].reshape(3, 3)
+        self._world.data.qvel[:3] += turn @ PUSH_MPS
+        self._world.data.qvel[3:6] += PUSH_RADPS
+
     def stand_up(self) -> bool:
         """Try to rise from where it fell; whether the legs can reach the floor for that."""
         if self.own.tilt_rad > HELPLESS_RAD:
@@ -102,7 +116,7 @@ class WalkingBody:
 
     def _control(self, wanted: Floats) -> None:
         state, own, gait = self.state, self.own, self._gait
-        sense = own.sense(self._world, gait.mode)
+        sense = own.sense(self._world, gait.mode, rising=not gait.risen)
         if self._rising:
             if gait.risen:
                 self._rising = False

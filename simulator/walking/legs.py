@@ -35,13 +35,12 @@ class FootMotion:
         self.points_m: Floats = _HIPS + centres + FOOT_M * down
         self.velocities_mps: Floats = moving + np.cross(rolling, FOOT_M * down)
 
-    def trunk_velocity(self, turning: Floats, loads: Floats) -> Floats | None:
-        """Velocity of the trunk in its own frame if loaded feet do not slip, by their loads; None where none is."""
-        whole = float(loads.sum())
-        if whole <= 0.0:
+    def trunk_velocity(self, turning: Floats, standing: NDArray[np.bool_]) -> Floats | None:
+        """Velocity of the trunk in its own frame if the standing feet do not slip; None where none stands."""
+        if not standing.any():
             return None
         velocities = -(self.velocities_mps + np.cross(turning, self.points_m))
-        mean: Floats = (loads / whole) @ velocities
+        mean: Floats = velocities[standing].mean(axis=0)
         return mean
 
     def height_m(self, down: Floats, standing: NDArray[np.bool_]) -> float | None:

@@ -18,6 +18,8 @@ from simulator.walking.model import WalkingModel
 STANCE_N = 12.0
 LEG_SCALE, TURN_BIAS_RADPS, TILT_BIAS_RAD = 0.008, 0.0015, 0.004
 TURN_NOISE_RADPS, TILT_NOISE_RAD, JOINT_NOISE_RAD, JOINT_SPEED_NOISE_RADPS = 0.004, 0.001, 0.0003, 0.01
+SLIP, TURNING_SLIP = 1.05, 0.15
+"""By how much the feet slip on the average, by calibration on a flat floor: straight ahead, and for each rad/s."""
 GRAVITY_MPS2 = 9.81
 TIPPED_RAD, LOW_M, FALLEN_S = 0.8, 0.17, 0.2
 HELPLESS_RAD = 1.0
@@ -59,8 +61,8 @@ class Proprioception:
         """Turns trunk coordinates upright by the IMU's roll and pitch; ahead stays ahead."""
         return levelling(self.roll_rad, self.pitch_rad)
 
-    def sense(self, world: WalkingModel, mode: Mode) -> BodySense:
-        """Read all sensors once; CONTROL_S has passed since the last time."""
+    def sense(self, world: WalkingModel, mode: Mode, *, rising: bool = False) -> BodySense:
+        """Read all sensors once; CONTROL_S has passed since the last time. One that is `rising` may still be low."""
         self._tick += 1
         data = world.data
         draws = self._streams.normals(DRAWS, self._tick)
@@ -74,21 +76,21 @@ class Proprioception:
         angles = data.qpos[world.joints] + JOINT_NOISE_RAD * self._joints.standard_normal(12)
         rates = data.qvel[world.speeds] + JOINT_SPEED_NOISE_RADPS * self._joints.standard_normal(12)
         self.turning = turning
-        loads = np.asarray(data.sensordata[world.touches])
-        self._move(FootMotion(angles, rates, self._down), turning, np.where(loads > STANCE_N, loads, 0.0), mode)
+        self._move(FootMotion(angles, rates, self._down), turning, data.sensordata[world.touches] > STANCE_N, mode)
+        self._watch(upright=mode in ("walking", "standing") and not rising)
         specific = np.asarray(data.sensordata[world.accelerometer : world.accelerometer + 3])
         self.acceleration = self.level() @ specific - np.array([0.0, 0.0, GRAVITY_MPS2])
         return BodySense(turning=turning, down=self._down, angles=angles, rates=rates, velocity=self.twist)
 
-    def _move(self, feet: FootMotion, turning: Floats, loads: Floats, mode: Mode) -> None:
+    def _move(self, feet: FootMotion, turning: Floats, standing: NDArray[np.bool_], mode: Mode) -> None:
         level = self.level()
-        velocity = feet.trunk_velocity(turning, loads)
+        velocity = feet.trunk_velocity(turning, standing)
         turn = float((level @ turning)[2])
         if velocity is None or mode == "limp":
             ahead, aside = (0.0, 0.0) if mode == "limp" else (float(self.twist[0]), float(self.twist[1]))
         else:
-            ahead, aside, _ = (self._scale * (level @ velocity)).tolist()
-        height_m = feet.height_m(self._down, loads > 0.0)
+            ahead, aside, _ = (self._scale / (SLIP + TURNING_SLIP * abs(turn)) * (level @ velocity)).tolist()
+        height_m = feet.height_m(self._down, standing)
         if height_m is not None:
             self.height_m += SMOOTH * (height_m - self.height_m)
         x, y, yaw = self.odometer
@@ -98,11 +100,10 @@ class Proprioception:
         y += (ahead * sin + aside * cos) * CONTROL_S
         self.odometer = (x, y, math.remainder(yaw + turn * CONTROL_S, math.tau))
         self.twist = self.twist + SMOOTH * (np.array([ahead, aside, turn]) - self.twist)
-        self._watch(mode)
 
-    def _watch(self, mode: Mode) -> None:
+    def _watch(self, *, upright: bool) -> None:
         tipped = self.tilt_rad > TIPPED_RAD
-        collapsed = mode in ("walking", "standing") and self.height_m < LOW_M
+        collapsed = upright and self.height_m < LOW_M
         self._bad_s = self._bad_s + CONTROL_S if tipped or collapsed else 0.0
         if self._bad_s >= FALLEN_S:
             self.fallen = "tipped" if tipped else "collapsed"

@@ -45,6 +45,11 @@ class WalkingSensors(sensors.Sensors):
         self.localiser.forget()
 
     @property
+    def still(self) -> bool:
+        """Only while it takes no steps: the trunk's speed passes through zero in every one of them."""
+        return super().still and not self._body.steps
+
+    @property
     def localised(self) -> bool:
         return self.localiser.state == "tracking"
 
