@@ -135,7 +135,7 @@ def test_a_spoken_wish_is_inspected_described_delivered_and_spoken_back(chain: C
     assert {one["condition_id"] for one in outcome["declared_conditions"]} >= {"goal.delivered"}
     texts = [one["text"] for one in chain.group.messages if "text" in one]
     pictures = [one["picture"] for one in chain.group.messages if "picture" in one]
-    assert len(texts) == 1 and "storage area" in texts[0] and len(pictures) == 4
+    assert len(texts) == 1 and "obstructed" in texts[0] and len(pictures) == 4
 
     page.goto(f"{mission}/report")
     expect(page.locator(".finding").first).to_contain_text("obstructed")
