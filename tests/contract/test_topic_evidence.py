@@ -210,7 +210,7 @@ def test_nonsense_is_passed_over_and_the_next_message_is_read(bridge: Site, text
 def test_positions_in_another_frame_are_not_connected(bridge: Site) -> None:
     frames = TopicFrames(frame="hall", map_version="hall-1")
     with (
-        raises_saying(ProviderUnreachable, "The pose messages are in map, not in hall"),
+        raises_saying(ProviderUnreachable, match="The pose messages are in map, not in hall"),
         bridge.witness(frames),
     ):
         raise AssertionError("it is not connected")
@@ -218,7 +218,7 @@ def test_positions_in_another_frame_are_not_connected(bridge: Site) -> None:
 
 def test_topics_on_which_nothing_comes_are_named(bridge: Site) -> None:
     with (
-        raises_saying(ProviderUnreachable, "Nothing came on the robot's topics"),
+        raises_saying(ProviderUnreachable, match="Nothing came on the robot's topics"),
         topic_witness(
             bridge.robot, transport="rosbridge", address=bridge.server.address, token="",
             topics={"pose": "/elsewhere", "odometry": "/odom2"}, frames=FRAMES, now_s=lambda: NOW_S,
@@ -235,7 +235,7 @@ def test_a_type_and_an_encoding_that_cannot_be_read_are_named() -> None:
         with closing(FoxgloveServer("json", kinds={"/amcl_pose": (kind, encoding)})) as server:
             site = Site("foxglove", server)
             with (
-                raises_saying(ProviderUnreachable, said),
+                raises_saying(ProviderUnreachable, match=said),
                 topic_witness(
                     site.robot, transport="foxglove", address=server.address, token="",
                     topics={"pose": "/amcl_pose", "odometry": "/odom"}, frames=FRAMES, now_s=lambda: NOW_S,
