@@ -171,6 +171,7 @@ def test_an_order_that_the_vehicle_takes_by_half_is_cancelled_and_failed(site: V
     assert site.vehicle.v == 0.0 and "cancelOrder" in site.instant()
 
 
+@pytest.mark.ask("VDA5050#511")
 def test_an_order_that_the_vehicle_drops_under_way_is_failed(site: VirtualSite) -> None:
     report = begun(site)
     site.vehicle.nodes, site.vehicle.edges = [], []

@@ -95,6 +95,7 @@ def test_evidence_comes_from_the_second_program_alone_and_it_must_be_at_the_same
             addressed_over_http(here, name="robot-1", refusal=lambda card: None, witness=lambda robot, clock: there)
 
 
+@pytest.mark.ask("spot_ros#53")
 def test_a_body_that_the_second_program_does_not_see_arrive_has_not_arrived(shop: Shop, tmp_path: Path) -> None:
     folder, port = shutil.copytree(shop.folder, tmp_path / "shop"), free_port()
     with (folder / "robots.yaml").open("a") as file:
