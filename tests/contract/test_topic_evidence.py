@@ -3,7 +3,7 @@
 import base64
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from typing import Any
 
@@ -18,12 +18,11 @@ from harness.contracts import protocol
 from harness.contracts.errors import BlobDamaged, ProviderUnreachable
 from harness.contracts.ids import Digest
 from harness.contracts.observations import AnySample, Battery, Image, LaserMount, Odometry, Pose, Scan
-from harness.contracts.ports import Provider
 from tests.builders import ros_json
+from tests.builders.declaring_robot import NOW_S, DeclaringRobot
 from tests.builders.topic_servers import TOPICS, DdsWriter, FoxgloveServer, Rosbridge, TopicServer, eventually
 from tests.saying import raises_saying
 
-NOW_S = 1_700_000_000.0
 FRAMES = TopicFrames(frame="map", map_version="hall-1")
 SERVERS: dict[str, Callable[[], Any]] = {
     "rosbridge": Rosbridge,
@@ -31,31 +30,6 @@ SERVERS: dict[str, Callable[[], Any]] = {
     "foxglove in cdr": lambda: FoxgloveServer("cdr"),
     "dds": DdsWriter,
 }
-
-
-class DeclaringRobot:
-    """What the robot's own program says of it: localised, standing, full."""
-
-    def __init__(self) -> None:
-        self.condition = protocol.RobotStatus(
-            robot_id="robot-1", at_s=NOW_S, posture="standing", armed=False, hardware_stop=False, charge=1.0,
-            localised=True, map_version="hall-1", pose_age_s=0.0,
-        )  # fmt: skip
-
-    def providers(self) -> Sequence[Provider]:
-        return ()
-
-    def status(self) -> protocol.RobotStatus:
-        return self.condition
-
-    def observations(self, after: int, limit: int = 5000) -> protocol.Observations:
-        raise AssertionError("samples come from the topics alone")
-
-    def blob(self, digest: Digest) -> bytes:
-        raise AssertionError("bytes come from the topics alone")
-
-    def starts(self) -> Sequence[protocol.PhysicalStart]:
-        return ()
 
 
 class Site:

@@ -134,6 +134,7 @@ def test_an_order_that_arrives_after_it_was_given_up_is_cancelled(site: VirtualS
     assert site.provider.report(report.handle) == report, "and the result stays what it was"
 
 
+@pytest.mark.ask("VDA5050#511")
 def test_a_refused_order_is_a_result_with_the_vehicles_own_reason_as_vda5050_511_asks(site: VirtualSite) -> None:
     site.vehicle.wrong_order = lambda order: ("noRouteError", "the gate is shut")
     report = site.run(site.provider.start(site.request()).handle)
@@ -171,7 +172,6 @@ def test_an_order_that_the_vehicle_takes_by_half_is_cancelled_and_failed(site: V
     assert site.vehicle.v == 0.0 and "cancelOrder" in site.instant()
 
 
-@pytest.mark.ask("VDA5050#511")
 def test_an_order_that_the_vehicle_drops_under_way_is_failed(site: VirtualSite) -> None:
     report = begun(site)
     site.vehicle.nodes, site.vehicle.edges = [], []
