@@ -84,7 +84,7 @@ class FoxgloveFeed:
 
     def step(self) -> None:
         """Publish what is new. Raises HarnessError if the log cannot be read."""
-        for robot_id in self._fleet.names:
+        for robot_id in self._fleet.own:
             after = self._newest.get(robot_id, 0)
             fresh = sorted((one for one in self._seen(robot_id) if one.seq > after), key=lambda one: one.seq)
             for sample in fresh:

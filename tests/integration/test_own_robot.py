@@ -109,6 +109,21 @@ def test_a_body_that_the_second_program_does_not_see_arrive_has_not_arrived(shop
     assert code != 0 and outcome["status"] != "succeeded", told
 
 
+def test_a_robot_that_restarts_with_an_old_clock_is_judged_on_that_clock_and_the_next_mission_runs(
+    shop: Shop, tmp_path: Path
+) -> None:
+    """Its clock fell back by a day: a mission and its evidence are of one clock, the robot's own."""
+    folder = shutil.copytree(shop.folder, tmp_path / "shop")
+    words = ("mission", "run", "go-to-place", "--site", str(folder), "--speed", "0")
+    outcomes = []
+    for options in ((), ("--clock", str(time.time() - 86_400.0)), ()):
+        with running(shop.port, *options):
+            code, outcome, told = regen(*words)
+            moved = len(shop.starts())
+        outcomes.append((code, outcome["status"] if outcome else told, moved))
+    assert outcomes == [(0, "succeeded", 1), (0, "succeeded", 1), (0, "succeeded", 1)]
+
+
 def request() -> StartRequest:
     identity = InvocationIdentity(
         mission_id=MissionId("m"),
