@@ -71,6 +71,10 @@ def up(
         list[str] | None, typer.Option(help="ROBOT=NAME[:persistent], for the missions that --start begins.")
     ] = None,
     start_now: Annotated[bool, typer.Option("--start-now", help="Begin at once, not at the first sign-in.")] = False,
+    foxglove: Annotated[
+        int | None,
+        typer.Option(help="Loopback port where Foxglove and Lichtblick may watch the evidence.", min=0, max=65535),
+    ] = None,
 ) -> None:
     """Start the console and everything behind it; prints one sign-in link.
 
@@ -166,6 +170,8 @@ def up(
             retention.watch()
             stack.callback(retention.close)
         app.state.notices.watch()
+        if foxglove is not None:
+            _show_evidence(stack, harness, fleet, foxglove)
         steps.end()
         sessions = app.state.sessions
         if start is not None and harness.runtime.head().position and harness.runtime.missions():
@@ -185,6 +191,18 @@ def up(
         if link:
             sys.stderr.write(f"A lost link: regen account link --data {chosen.data_folder} prints a new one.\n")
         serve(app, listener)
+
+
+def _show_evidence(stack: ExitStack, harness: Harness, fleet: Fleet, port: int) -> None:
+    """Whoever is on this machine may watch, as there are no accounts in that protocol; nobody can send anything."""
+    from app.background.foxglove_feed import FoxgloveFeed, FoxgloveServer  # noqa: PLC0415  it loads the ROS types
+
+    server = FoxgloveServer(port)
+    stack.callback(server.close)
+    feed = FoxgloveFeed(harness.runtime, fleet, server.publish, after=harness.runtime.head().position)
+    feed.watch()
+    stack.callback(feed.close)
+    sys.stderr.write(f"Foxglove and Lichtblick may open {server.address}\n")
 
 
 def reported_fleet(

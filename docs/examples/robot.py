@@ -396,10 +396,11 @@ def main():
     options.add_argument("--map-version", default="site-1", help="the map its poses are in, as in site.yaml")
     options.add_argument("--version", default="1.0", help="what its card says: a new one asks for a new check")
     options.add_argument("--lockstep", action="store_true", help="time passes only on request: for quick tests")
+    options.add_argument("--clock", type=float, help="with --lockstep: the instant that its clock shows at first")
     given = options.parse_args()
     Handler.navigator, Handler.token = Navigator(Body(given.map_version), given.name), given.token
     CARD["version"] = given.version
-    Handler.lockstep_s = time.time() if given.lockstep else None
+    Handler.lockstep_s = (given.clock or time.time()) if given.lockstep else None
     if not given.lockstep:
         threading.Thread(target=control, args=(Handler.navigator,), daemon=True).start()
     server = ThreadingHTTPServer(("127.0.0.1", given.port), Handler)

@@ -151,8 +151,8 @@ def robot_problems(robots: RobotsFile, file: Path, lines: Lines) -> Iterator[Har
                 yield problem(because("secret_needs_one_place"), "robots", index, *path)
         if one.evidence is not None:
             own = f"{one.name}/evidence"
-            shared = one.evidence.kind == "http" and addresses.setdefault(one.evidence.address.rstrip("/"), own) != own
-            if shared:
+            double = one.evidence.kind == "http" and addresses.setdefault(one.evidence.address.rstrip("/"), own) != own
+            if double:
                 yield problem(because("evidence_not_apart", name=one.name), "robots", index, "evidence", "address")
             for reason, key in _evidence_problems(one.name, one.evidence):
                 yield problem(reason, "robots", index, "evidence", key)
@@ -164,8 +164,8 @@ def _evidence_problems(name: str, evidence: EvidencePath) -> Iterator[tuple[Reas
     """What a path for evidence of this kind lacks or has too much, and at which key."""
     scheme = urlsplit(evidence.address).scheme
     if scheme not in SCHEMES[evidence.kind]:
-        wanted = tuple(f"{one}://" for one in SCHEMES[evidence.kind])
-        yield because("evidence_address_of_other_kind", name=name, kind=evidence.kind, schemes=wanted), "address"
+        schemes = tuple(f"{one}://" for one in SCHEMES[evidence.kind])
+        yield because("evidence_address_of_other_kind", name=name, kind=evidence.kind, schemes=schemes), "address"
     if evidence.kind == "http":
         if evidence.token is None:
             yield because("evidence_token_missing", name=name), "address"

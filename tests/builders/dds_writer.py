@@ -33,18 +33,20 @@ def filled(kind: Any, found: Any) -> Any:
     return kind(**values)
 
 
-def main(domain_id: int) -> None:
+def main(domain_id: int, kinds: dict[str, str]) -> None:
     domain = Domain(domain_id, settings_of("127.0.0.1"))
     participant = DomainParticipant(domain_id)
     writers: dict[str, DataWriter[Any]] = {}
+    for topic, kind in kinds.items():
+        made = Topic(participant, f"rt/{topic.lstrip('/')}", DDS_TYPES[kind])
+        writers[topic] = DataWriter(participant, made, qos=WRITERS)
+    sys.stdout.write("ready\n")
+    sys.stdout.flush()
     for line in sys.stdin:
         topic, kind, message = json.loads(line)
-        if topic not in writers:
-            made = Topic(participant, f"rt/{topic.lstrip('/')}", DDS_TYPES[kind])
-            writers[topic] = DataWriter(participant, made, qos=WRITERS)
         writers[topic].write(filled(DDS_TYPES[kind], message))
     del writers, participant, domain
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]))
+    main(int(sys.argv[1]), json.loads(sys.argv[2]))

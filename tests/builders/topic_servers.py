@@ -175,8 +175,9 @@ class DdsWriter(Repeating):
     def __init__(self) -> None:
         domain = 100 + time.time_ns() // 1000 % 120
         self.address = f"dds://127.0.0.1/{domain}"
-        words = [sys.executable, "-m", "tests.builders.dds_writer", str(domain)]
-        self._process = subprocess.Popen(words, cwd=ROOT, stdin=subprocess.PIPE, text=True)
+        words = [sys.executable, "-m", "tests.builders.dds_writer", str(domain), json.dumps(KINDS)]
+        self._process = subprocess.Popen(words, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        assert self._process.stdout is not None and self._process.stdout.readline() == "ready\n"
 
     def publish(self, topic: str, message: dict[str, Any]) -> None:
         assert self._process.stdin is not None
@@ -184,9 +185,7 @@ class DdsWriter(Repeating):
         self._process.stdin.flush()
 
     def close(self) -> None:
-        assert self._process.stdin is not None
-        self._process.stdin.close()
-        self._process.wait()
+        self._process.communicate()
 
 
 class Bridge:

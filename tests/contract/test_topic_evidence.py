@@ -3,7 +3,7 @@
 import base64
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from typing import Any
 
@@ -18,12 +18,11 @@ from harness.contracts import protocol
 from harness.contracts.errors import BlobDamaged, ProviderUnreachable
 from harness.contracts.ids import Digest
 from harness.contracts.observations import AnySample, Battery, Image, LaserMount, Odometry, Pose, Scan
-from harness.contracts.ports import Provider
 from tests.builders import ros_json
+from tests.builders.declaring_robot import NOW_S, DeclaringRobot
 from tests.builders.topic_servers import TOPICS, DdsWriter, FoxgloveServer, Rosbridge, TopicServer, eventually
 from tests.saying import raises_saying
 
-NOW_S = 1_700_000_000.0
 FRAMES = TopicFrames(frame="map", map_version="hall-1")
 SERVERS: dict[str, Callable[[], Any]] = {
     "rosbridge": Rosbridge,
@@ -31,31 +30,6 @@ SERVERS: dict[str, Callable[[], Any]] = {
     "foxglove in cdr": lambda: FoxgloveServer("cdr"),
     "dds": DdsWriter,
 }
-
-
-class DeclaringRobot:
-    """What the robot's own program says of it: localised, standing, full."""
-
-    def __init__(self) -> None:
-        self.condition = protocol.RobotStatus(
-            robot_id="robot-1", at_s=NOW_S, posture="standing", armed=False, hardware_stop=False, charge=1.0,
-            localised=True, map_version="hall-1", pose_age_s=0.0,
-        )  # fmt: skip
-
-    def providers(self) -> Sequence[Provider]:
-        return ()
-
-    def status(self) -> protocol.RobotStatus:
-        return self.condition
-
-    def observations(self, after: int, limit: int = 5000) -> protocol.Observations:
-        raise AssertionError("samples come from the topics alone")
-
-    def blob(self, digest: Digest) -> bytes:
-        raise AssertionError("bytes come from the topics alone")
-
-    def starts(self) -> Sequence[protocol.PhysicalStart]:
-        return ()
 
 
 class Site:
@@ -210,7 +184,7 @@ def test_nonsense_is_passed_over_and_the_next_message_is_read(bridge: Site, text
 def test_positions_in_another_frame_are_not_connected(bridge: Site) -> None:
     frames = TopicFrames(frame="hall", map_version="hall-1")
     with (
-        raises_saying(ProviderUnreachable, "The pose messages are in map, not in hall"),
+        raises_saying(ProviderUnreachable, match="The pose messages are in map, not in hall"),
         bridge.witness(frames),
     ):
         raise AssertionError("it is not connected")
@@ -218,7 +192,7 @@ def test_positions_in_another_frame_are_not_connected(bridge: Site) -> None:
 
 def test_topics_on_which_nothing_comes_are_named(bridge: Site) -> None:
     with (
-        raises_saying(ProviderUnreachable, "Nothing came on the robot's topics"),
+        raises_saying(ProviderUnreachable, match="Nothing came on the robot's topics"),
         topic_witness(
             bridge.robot, transport="rosbridge", address=bridge.server.address, token="",
             topics={"pose": "/elsewhere", "odometry": "/odom2"}, frames=FRAMES, now_s=lambda: NOW_S,
@@ -235,7 +209,7 @@ def test_a_type_and_an_encoding_that_cannot_be_read_are_named() -> None:
         with closing(FoxgloveServer("json", kinds={"/amcl_pose": (kind, encoding)})) as server:
             site = Site("foxglove", server)
             with (
-                raises_saying(ProviderUnreachable, said),
+                raises_saying(ProviderUnreachable, match=said),
                 topic_witness(
                     site.robot, transport="foxglove", address=server.address, token="",
                     topics={"pose": "/amcl_pose", "odometry": "/odom"}, frames=FRAMES, now_s=lambda: NOW_S,

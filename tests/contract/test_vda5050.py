@@ -134,6 +134,7 @@ def test_an_order_that_arrives_after_it_was_given_up_is_cancelled(site: VirtualS
     assert site.provider.report(report.handle) == report, "and the result stays what it was"
 
 
+@pytest.mark.ask("VDA5050#511")
 def test_a_refused_order_is_a_result_with_the_vehicles_own_reason_as_vda5050_511_asks(site: VirtualSite) -> None:
     site.vehicle.wrong_order = lambda order: ("noRouteError", "the gate is shut")
     report = site.run(site.provider.start(site.request()).handle)

@@ -68,6 +68,7 @@ def test_a_request_that_arrives_twice_starts_once(fault: str) -> None:
         assert mission.actions == []
 
 
+@pytest.mark.ask("flotilla#1349")
 @pytest.mark.ledger("R18", "R173", symbol="harness.supervisor.dispatch:Dispatcher.blocked")
 def test_lost_localisation_refuses_the_dispatch_until_it_is_back() -> None:
     with ran("circuit", "lost-localisation") as mission:

@@ -259,6 +259,7 @@ def test_what_was_on_the_screen_is_kept_and_another_screen_is_refused(
         assert part in seen
 
 
+@pytest.mark.ask("langgraph#8039")
 def test_every_language_carries_the_same_digest_of_what_was_shown_and_another_proposal_another(
     stand: Stand, waiting: tuple[Mission, HandoffId]
 ) -> None:
@@ -280,6 +281,7 @@ def test_every_language_carries_the_same_digest_of_what_was_shown_and_another_pr
     assert taken.status_code == 303
 
 
+@pytest.mark.ask("langgraph#8026")
 def test_an_answer_to_an_older_question_is_shown_what_changed(stand: Stand, waiting: tuple[Mission, HandoffId]) -> None:
     _, handoff_id = waiting
     operator = stand.operator()
@@ -300,6 +302,7 @@ def test_an_answer_to_an_older_question_is_shown_what_changed(stand: Stand, wait
     assert {"name": "action: action", "was": "retry", "now": "verify_again"} in problem.json()["changes"]
 
 
+@pytest.mark.ask("flotilla#889")
 def test_a_claim_names_its_holder_to_others_and_follows_through_to_the_end(
     stand: Stand, waiting: tuple[Mission, HandoffId]
 ) -> None:

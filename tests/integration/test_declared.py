@@ -82,6 +82,7 @@ def test_the_api_and_the_report_name_the_conditions(operator: TestClient, ran: M
         assert stages["describe"] == ("declared", None)
 
 
+@pytest.mark.ask("flotilla#562")
 @pytest.mark.ledger("R108", entry="command line", symbol="harness.gate.completion:declarable")
 @pytest.mark.ledger("R108", entry="command line", symbol="harness.verification.independence:derived_independence")
 def test_a_providers_word_is_never_satisfied_from_the_command_line(tmp_path: Path) -> None:

@@ -68,7 +68,7 @@ def predicates(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 def admitted(tmp_path_factory: pytest.TempPathFactory, predicates: Path) -> dict[str, ExampleWorkspace]:
     """Each example with its folder checked and its providers admitted by the kit."""
     found: dict[str, ExampleWorkspace] = {}
-    for name, providers in (("grasp", 1), ("tamp", 1), ("world-model", 2)):
+    for name, providers in (("grasp", 1), ("tamp", 1), ("world-model", 2), ("dock", 1)):
         site = ExampleWorkspace(tmp_path_factory.mktemp("sites") / name, name)
         code, answer, said = regen("check", str(site.folder))
         assert (code, answer["problems"]) == (0, []), said
@@ -135,6 +135,21 @@ def test_a_provider_that_claims_what_no_instrument_shows_is_not_believed(
     assert (code, outcome["status"]) == (3, "awaiting_human"), said
     verdicts = [one.verdict for one in events(site, outcome["mission_id"]) if isinstance(one, VerdictRecorded)]
     assert [one.verdict for one in verdicts] == ["violated"]
+
+
+@pytest.mark.ask("navigation2#5567", "mowglinext#486")
+@pytest.mark.parametrize(("options", "code", "verdict"), [((), 0, "satisfied"), (("--no-contact",), 3, "violated")])
+def test_docked_is_not_charging_only_the_current_completes_the_mission(
+    admitted: dict[str, ExampleWorkspace], options: tuple[str, ...], code: int, verdict: str
+) -> None:
+    site = admitted["dock"]
+    with site.robot(*options):
+        found, outcome, said = ran(site, "charge")
+    assert found == code, said
+    verdicts = [one.verdict for one in events(site, outcome["mission_id"]) if isinstance(one, VerdictRecorded)]
+    assert {one.verdict for one in verdicts} == {verdict}
+    (charging,) = verdicts[0].results
+    assert charging.sources == ("charge current",) and (charging.measured["current_a"] > 0.3) == (code == 0)
 
 
 @pytest.mark.ledger("R23", "R187", symbol="harness.supervisor.estimates:TargetScores.records", entry="command line")

@@ -88,6 +88,7 @@ def test_messages_that_are_deleted_each_time_fail_the_clause(tmp_path: Path, mon
     assert len(bodies(events, "GraphRevised")) == 2, "as often as the stage's budget allows"
 
 
+@pytest.mark.ask("rmf#520")
 def test_a_robot_that_is_carried_away_before_the_check_fails_the_return(tmp_path: Path) -> None:
     code, found, events = run(INSPECTION, tmp_path, robot="carried:return")
     fails_by_name(code, found, "return (by default)", "goal.home")

@@ -285,6 +285,7 @@ def test_closing_without_handing_back_ends_handed_off(asked: Waiting) -> None:
 # what voids an approval ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.ask("langgraph#7895")
 @pytest.mark.ledger("R171", symbol="harness.supervisor.approvals:clear_to_send")
 @pytest.mark.parametrize("change", ["pause", "veto", "late", "stop", "role"])
 def test_an_approval_is_void_once_what_it_was_bound_to_changes_and_nothing_is_sent(asked: Waiting, change: str) -> None:

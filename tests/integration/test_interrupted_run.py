@@ -56,6 +56,7 @@ def test_ctrl_c_ends_the_run_only_when_odometry_shows_the_robot_at_rest(tmp_path
     assert answer(again)["duplicate_starts"] == 0
 
 
+@pytest.mark.ask("isar#730")
 def test_a_robot_that_nothing_keeps_going_is_measured_at_rest_and_its_mission_goes_on_later() -> None:
     with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=3) as harness:
         robot, supervisor = harness.robots[ROBOT], harness.supervisor

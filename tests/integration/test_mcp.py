@@ -65,6 +65,7 @@ async def spoken(url: str, token: str, calls: list[tuple[str, dict[str, Any]]]) 
         return tools, [await client.call_tool(name, arguments) for name, arguments in calls]
 
 
+@pytest.mark.ask("ros-mcp-server#283")
 def test_an_agent_reads_the_site_and_its_proposed_goal_waits_for_a_person() -> None:
     with listening() as (stand, url):
         calls = [

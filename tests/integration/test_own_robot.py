@@ -5,91 +5,30 @@ The robot is docs/examples/robot.py, as a stranger would start it; its simulated
 
 import json
 import shutil
-import socket
-import subprocess
-import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from app.cli.main import app
-from app.cli.output import complain
-from app.i18n.reasons.rendering import explained
 from harness.adapters.providers.http.addressed import addressed_over_http
 from harness.adapters.providers.http.robot import HttpRobot
 from harness.bootstrap import read_harness
-from harness.contracts.errors import HarnessError, ProviderFailed
-from harness.contracts.ids import MissionId, ProviderId, RequestId, RobotId
-from harness.contracts.protocol import InvocationIdentity, PhysicalStart, StartRequest
+from harness.contracts.errors import ProviderFailed
+from harness.contracts.ids import MissionId, ProviderId, RequestId
+from harness.contracts.protocol import InvocationIdentity, StartRequest
 from harness.settings import HarnessSettings
-from harness.workspace.new_folder import write_folder
+from tests.builders.shops import ROBOT, TOKEN, Shop, free_port, regen, running
 from tests.saying import raises_saying
-
-ROOT = Path(__file__).resolve().parents[2]
-TOKEN = "a secret of this test"
-ROBOT = RobotId("robot-1")
-
-
-def regen(*words: str) -> tuple[int, Any, str]:
-    """Exit code, the JSON answer, and what stood on standard error."""
-    done = CliRunner(env={"ROBOT_TOKEN": TOKEN}).invoke(app, [*words, "--json"])
-    if isinstance(done.exception, HarnessError):
-        return complain(done.exception), None, explained(done.exception)
-    return done.exit_code, json.loads(done.stdout) if done.stdout else None, done.stderr
-
-
-def free_port() -> int:
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
-
-
-@contextmanager
-def running(port: int, *options: str) -> Iterator[None]:
-    words = [sys.executable, "docs/examples/robot.py", "--port", str(port), "--token", TOKEN, "--map-version", "shop-1"]
-    with subprocess.Popen([*words, "--lockstep", *options], cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None and process.stdout.readline()
-        try:
-            yield
-        finally:
-            process.kill()
-
-
-class Shop:
-    """A site of one's own with the example robot."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder, self.port = folder, free_port()
-        self.address = f"http://127.0.0.1:{self.port}"
-        write_folder(folder, address=self.address)
-        (folder / "conformance").mkdir()
-        (folder / "conformance" / "drive.yaml").write_text((ROOT / "docs/examples/drive.yaml").read_text())
-
-    def check(self, *options: str) -> tuple[int, Any, str]:
-        return regen("provider", "check", "robot-1", "--site", str(self.folder), *options)
-
-    def starts(self) -> Sequence[PhysicalStart]:
-        """The robot's own journal."""
-        with closing(HttpRobot(self.address, TOKEN)) as client:
-            return client.starts()
-
-    def go(self, *words: str) -> tuple[int, Any, str]:
-        return regen("mission", "run", *words, "--site", str(self.folder), "--speed", "0")
 
 
 @pytest.fixture(scope="module")
 def shop(tmp_path_factory: pytest.TempPathFactory) -> Shop:
     """The shop, with its robot checked and admitted."""
     made = Shop(tmp_path_factory.mktemp("sites") / "shop")
-    with running(made.port):
-        code, answer, said = made.check("--allow-motion", "--stands-clear", "robot-1")
-        assert code == 0, (answer, said)
-        assert len([row for row in answer["providers"][0]["rows"] if row["outcome"] == "met"]) == 22
+    code, answer, said = made.admit()
+    assert code == 0, (answer, said)
+    assert len([row for row in answer["providers"][0]["rows"] if row["outcome"] == "met"]) == 22
     return made
 
 
@@ -143,7 +82,9 @@ def test_evidence_comes_from_the_second_program_alone_and_it_must_be_at_the_same
     here, there = (HttpRobot(f"http://127.0.0.1:{one}", TOKEN) for one in (shop.port, port))
     with closing(here), closing(there), running(shop.port):
         with running(port):
-            robot = addressed_over_http(here, name="robot-1", refusal=lambda card: None, witness=there)
+            robot = addressed_over_http(
+                here, name="robot-1", refusal=lambda card: None, witness=lambda robot, clock: there
+            )
             here.advance(here.clock().at_s + 2.0)
             there.advance(there.clock().at_s + 1.0)
             assert robot.observations(0) == there.observations(0) != here.observations(0)
@@ -151,9 +92,10 @@ def test_evidence_comes_from_the_second_program_alone_and_it_must_be_at_the_same
             assert [one.card.provider_id for one in robot.providers()] == ["driver"]
         another = raises_saying(ProviderFailed, match="robot-9 answers at the address of robot-1")
         with running(port, "--name", "robot-9"), another:
-            addressed_over_http(here, name="robot-1", refusal=lambda card: None, witness=there)
+            addressed_over_http(here, name="robot-1", refusal=lambda card: None, witness=lambda robot, clock: there)
 
 
+@pytest.mark.ask("spot_ros#53")
 def test_a_body_that_the_second_program_does_not_see_arrive_has_not_arrived(shop: Shop, tmp_path: Path) -> None:
     folder, port = shutil.copytree(shop.folder, tmp_path / "shop"), free_port()
     with (folder / "robots.yaml").open("a") as file:
@@ -165,6 +107,21 @@ def test_a_body_that_the_second_program_does_not_see_arrive_has_not_arrived(shop
         with running(port):
             code, outcome, told = regen(*words)
     assert code != 0 and outcome["status"] != "succeeded", told
+
+
+def test_a_robot_that_restarts_with_an_old_clock_is_judged_on_that_clock_and_the_next_mission_runs(
+    shop: Shop, tmp_path: Path
+) -> None:
+    """Its clock fell back by a day: a mission and its evidence are of one clock, the robot's own."""
+    folder = shutil.copytree(shop.folder, tmp_path / "shop")
+    words = ("mission", "run", "go-to-place", "--site", str(folder), "--speed", "0")
+    outcomes = []
+    for options in ((), ("--clock", str(time.time() - 86_400.0)), ()):
+        with running(shop.port, *options):
+            code, outcome, told = regen(*words)
+            moved = len(shop.starts())
+        outcomes.append((code, outcome["status"] if outcome else told, moved))
+    assert outcomes == [(0, "succeeded", 1), (0, "succeeded", 1), (0, "succeeded", 1)]
 
 
 def request() -> StartRequest:

@@ -91,6 +91,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return Run(data, outcomes, events)
 
 
+@pytest.mark.ask("navigation2#3257")
 @pytest.mark.ledger("R199", entry="command line", symbol="harness.verification.predicates.arrival:arrival")
 @pytest.mark.parametrize("node_id", PAPER)
 def test_arrival_is_where_an_independent_reference_says_the_body_was(run: Run, node_id: str) -> None:

@@ -91,6 +91,7 @@ def test_a_restarted_supervisor_goes_on_by_the_handle_it_kept(durable: Durable) 
         assert kept.handle.startswith("route-follower:")
 
 
+@pytest.mark.ask("flotilla#1943")
 @pytest.mark.ledger("R88", symbol="harness.supervisor.invocation_monitor:InvocationMonitor._lost")
 def test_a_restarted_supervisor_asks_a_person_about_a_provider_that_cannot_be_asked(durable: Durable) -> None:
     mission_id = died_under_way(durable, remote(Line(), [], reattach="none"))

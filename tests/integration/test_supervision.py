@@ -44,6 +44,7 @@ def test_a_second_reply_after_the_commit_changes_nothing() -> None:
         assert not [event for event in ran.events if isinstance(event, CommitRejected)]
 
 
+@pytest.mark.ask("isar#926")
 @pytest.mark.ledger("R44", "R91", symbol="harness.supervisor.invocation_monitor:InvocationMonitor._supervise")
 def test_a_stop_that_nobody_acknowledges_leaves_the_base_in_quarantine() -> None:
     with staged(wrap=only("navigate", Deaf)) as stage:
@@ -96,6 +97,7 @@ def test_a_second_timeout_stops_the_body_before_a_person_is_asked() -> None:
         assert len(starts(ran)) == 2
 
 
+@pytest.mark.ask("flotilla#2613")
 @pytest.mark.ledger("R44", symbol="harness.supervisor.invocation_monitor:InvocationMonitor._silence")
 def test_a_line_that_stays_cut_ends_as_outcome_unknown_and_a_person_decides() -> None:
     line = Line()

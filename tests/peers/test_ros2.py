@@ -23,11 +23,15 @@ from app.cli.main import app
 from app.cli.output import complain
 from app.i18n.reasons.rendering import explained
 from harness.adapters.providers.http.robot import HttpProvider, HttpRobot
+from harness.adapters.providers.topics.connection import topic_witness
+from harness.adapters.providers.topics.samples import TopicFrames
+from harness.adapters.providers.topics.witness import Topics
 from harness.contracts.errors import FencingRefused, HarnessError, ProviderFailed, UnknownName
 from harness.contracts.ids import MissionId, NodeId, ProviderId, RequestId
-from harness.contracts.observations import Battery, Odometry, Pose, Scan
+from harness.contracts.observations import Battery, LaserMount, Odometry, Pose, Scan
 from harness.contracts.protocol import TERMINAL, InvocationIdentity, InvocationReport, StartRequest
 from harness.workspace.new_folder import write_folder
+from tests.builders.declaring_robot import DeclaringRobot
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "docs" / "examples"
@@ -55,7 +59,7 @@ class Ros:
     """One robot of its own ROS domain: its processes, each started and killed by name."""
 
     def __init__(self, stack: ExitStack, peer: Path, folder: Path, domain: int) -> None:
-        self._stack, self._peer, self.folder = stack, peer, folder
+        self._stack, self._peer, self.folder, self.domain = stack, peer, folder, domain
         self._environment = os.environ | {
             "LD_LIBRARY_PATH": str(peer / "lib"), "AMENT_PREFIX_PATH": str(peer), "ROS_DOMAIN_ID": str(domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_LOG_DIR": str(folder / "log"), "ROBOT_TOKEN": TOKEN,
@@ -350,6 +354,29 @@ def test_a_sidecar_that_was_restarted_under_way_stops_the_goal_and_starts_nothin
     ros.kill("sidecar")
     ros.sidecar()
     assert provider.find(request().identity.request_id) == ended
+
+
+def test_topics_of_fast_dds_nodes_are_read_by_cyclone_dds_and_nothing_is_written(ros: Ros) -> None:
+    ros.base()
+    topics: Topics = {"pose": "/amcl_pose", "odometry": "/odom", "scan": "/scan", "battery": "/battery_state"}
+    frames = TopicFrames(frame="map", map_version=MAP, laser=LaserMount(x_m=0.2))
+    address = f"dds://127.0.0.1/{ros.domain}"
+    with topic_witness(
+        DeclaringRobot(), transport="dds", address=address, token="", topics=topics, frames=frames, now_s=time.time
+    ) as witness:
+        began_s = time.time()
+        kinds = {Pose, Odometry, Scan, Battery}
+        eventually(lambda: kinds <= {type(one) for one in witness.observations(0).samples}, "a sample of every topic")
+        found = witness.observations(0).samples
+        assert all(abs(one.at_s - began_s) < 60.0 for one in found)
+        seqs = [one.seq for one in found]
+        assert seqs == sorted(set(seqs))
+        odometry = [one.at_s for one in found if isinstance(one, Odometry)]
+        assert odometry == sorted(odometry)
+        (pose, *_) = [one for one in found if isinstance(one, Pose)]
+        assert (pose.frame, pose.map_version) == ("map", MAP) and abs(pose.x_m) < 0.1
+        (scan, *_) = [one for one in found if isinstance(one, Scan)]
+        assert len(witness.blob(scan.blob)) == scan.points * 12 > 0
 
 
 def test_the_process_that_observes_offers_no_provider_and_starts_nothing(ros: Ros) -> None:

@@ -69,7 +69,7 @@ SENTENCES: Mapping[str, str] = {
 REMEDIES: Mapping[str, str] = {
     "address_of_two": N_("give each robot its own address"),
     "evidence_address_of_other_kind": N_("correct `kind` or `address`"),
-    "evidence_token_missing": N_("add `token: {environment: NAME}` or `token: {file: PATH}`"),
+    "evidence_token_missing": N_("add `token`, by reference as the robot has one"),
     "evidence_token_unused": N_("remove `token`"),
     "evidence_topics_missing": N_("add `topics` with at least `pose` and `odometry`"),
     "evidence_topics_unused": N_("remove it, or name the kind: rosbridge, foxglove or dds"),

@@ -96,6 +96,8 @@ def test_what_ships_is_such_a_folder() -> None:
     assert [one.name for one in found.robots] == ["vbot-1"]
 
 
+LIMIT = "    speed_limit_mps: 0.5\n"
+EVIDENCE = LIMIT + "    evidence:\n      kind: {}\n      address: {}\n"
 BAD: list[tuple[str, str, str, str, str, str]] = [
     (
         "an unknown key",
@@ -157,6 +159,46 @@ BAD: list[tuple[str, str, str, str, str, str]] = [
         "hunter2",
         "Expected `object`",
         ":8",
+    ),
+    (
+        "evidence of a kind with an address of another",
+        "robots.yaml",
+        LIMIT,
+        EVIDENCE.format("rosbridge", "http://a"),
+        "begins with ws://",
+        ":13",
+    ),
+    (
+        "evidence by topics without topics",
+        "robots.yaml",
+        LIMIT,
+        EVIDENCE.format("foxglove", "ws://a"),
+        "names no topics",
+        ":12",
+    ),
+    (
+        "evidence by DDS in no domain",
+        "robots.yaml",
+        LIMIT,
+        EVIDENCE.format("dds", "dds://a/b"),
+        "matching regex",
+        ":13",
+    ),
+    (
+        "evidence of a program without a token",
+        "robots.yaml",
+        LIMIT,
+        EVIDENCE.format("http", "http://a"),
+        "names no token",
+        ":13",
+    ),
+    (
+        "evidence without odometry",
+        "robots.yaml",
+        LIMIT,
+        EVIDENCE.format("rosbridge", "ws://a") + "      topics: {pose: /pose}\n",
+        "odometry",
+        ":14",
     ),
     (
         "a token in two places",

@@ -1,4 +1,6 @@
-"""Two predicates about things in a gripper. Pure functions: the effect as the mission states it, and what is shown."""
+"""Predicates about things in a gripper and about a charger: pure functions of the effect, as the mission states it, and
+of what is shown.
+"""
 
 from statistics import fmean
 from typing import Any
@@ -8,6 +10,7 @@ from harness.contracts.predicates import EvidencePredicate, PredicateAnswer, Pre
 FINGERS_M = (0.02, 0.06)
 NOTHING_KG, LEAST_KG = 0.1, 0.2
 SETTLED_S = 0.5
+LEAST_A = 0.3
 
 
 def held(effect: dict[str, Any], evidence: PredicateEvidence) -> PredicateAnswer:
@@ -50,6 +53,20 @@ def moved(effect: dict[str, Any], evidence: PredicateEvidence) -> PredicateAnswe
     return PredicateAnswer(verdict="satisfied", why="it lies on the second scale", measured=measured, bounds=bounds)
 
 
+def charging(effect: dict[str, Any], evidence: PredicateEvidence) -> PredicateAnswer:
+    """Current flows into the battery. Where the robot stands, and what it says of itself, is not asked.
+
+    Positive is into the battery; an ammeter that counts the other way shows a drain here, and is never satisfied.
+    """
+    current_a = _newest(evidence, "charge current")
+    measured, bounds = {"current_a": current_a}, {"current_a": LEAST_A}
+    if current_a < LEAST_A:
+        return PredicateAnswer(
+            verdict="violated", why="no current flows into the battery", measured=measured, bounds=bounds
+        )
+    return PredicateAnswer(verdict="satisfied", why="current flows in", measured=measured, bounds=bounds)
+
+
 def _newest(evidence: PredicateEvidence, name: str) -> float:
     """The mean of the last half second of an instrument."""
     readings = evidence.instruments[name]
@@ -58,6 +75,9 @@ def _newest(evidence: PredicateEvidence, name: str) -> float:
 
 HELD = EvidencePredicate(
     name="acme.held", version="1", effect="symbolic", sources=("gripper width", "bench scale"), test=held
+)
+CHARGING = EvidencePredicate(
+    name="acme.charging", version="1", effect="symbolic", sources=("charge current",), test=charging
 )
 MOVED = EvidencePredicate(
     name="acme.moved", version="1", effect="symbolic", sources=("scale a", "scale b", "gripper width"), test=moved

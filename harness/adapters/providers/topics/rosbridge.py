@@ -19,7 +19,7 @@ ASK_S = 2.0
 THINNED: frozenset[Role] = frozenset({"scan", "image"})
 
 
-class Operation(msgspec.Struct, frozen=True):
+class BridgeOperation(msgspec.Struct, frozen=True):
     """What the server sends; `msg` stays as it came until its topic says its type."""
 
     op: str
@@ -57,7 +57,7 @@ class RosbridgeDialogue:
     def read(self, message: str | bytes, send: Send) -> None:
         """One operation of the server; anything but a message of a topic that was asked for is passed over."""
         try:
-            operation = msgspec.json.decode(message, type=Operation)
+            operation = msgspec.json.decode(message, type=BridgeOperation)
         except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
             return
         role = self._roles.get(operation.topic)
@@ -72,7 +72,7 @@ class RosbridgeDialogue:
         self._receive(role, kind, found)
 
 
-def _read(role: Role, operation: Operation) -> tuple[str, Any]:
+def _read(role: Role, operation: BridgeOperation) -> tuple[str, Any]:
     """The message by the first type of its role that it fits: the protocol does not name it."""
     trouble = ProviderFailed(because("topic_message_unusable", topic=operation.topic, error=""))
     kinds = ros_messages.TYPES[role]

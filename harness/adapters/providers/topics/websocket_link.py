@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Protocol
 
 from websockets.exceptions import WebSocketException
@@ -68,9 +69,6 @@ class WebSocketLink:
                 self._converse(self._dialogue(receive, leave_out))
             except (OSError, WebSocketException):
                 self._closing.wait(AGAIN_S)
-            finally:
-                with self._lock:
-                    self._socket = None
 
     def _converse(self, dialogue: Dialogue) -> None:
         """One connection, to its end."""
@@ -86,13 +84,15 @@ class WebSocketLink:
             proxy=None,
         ) as socket:
             dialogue.begin(socket.send)
-            with self._lock:
-                self._socket = socket
-            while not self._closing.is_set():
-                try:
-                    message = socket.recv(timeout=LOOK_S)
-                except TimeoutError:
+            self._set(socket)
+            try:
+                while not self._closing.is_set():
+                    with suppress(TimeoutError):
+                        dialogue.read(socket.recv(timeout=LOOK_S), socket.send)
                     dialogue.idle(socket.send)
-                    continue
-                dialogue.read(message, socket.send)
-                dialogue.idle(socket.send)
+            finally:
+                self._set(None)
+
+    def _set(self, socket: Connection | None) -> None:
+        with self._lock:
+            self._socket = socket

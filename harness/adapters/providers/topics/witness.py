@@ -16,7 +16,7 @@ from harness.contracts.observations import Battery, Odometry
 from harness.contracts.ports import Provider, Robot
 from harness.contracts.reasons import Reason, because
 
-FIRST_S, LOOK_S = 5.0, 0.05
+FIRST_S, LOOK_S = 8.0, 0.05
 FRESH_S = 2.0
 MOVING_MPS, MOVING_RADPS = 0.02, 0.05
 NEEDED: tuple[Role, ...] = ("pose", "odometry")
