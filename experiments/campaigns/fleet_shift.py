@@ -1,9 +1,10 @@
-"""`python -m experiments.campaigns.fleet_shift FILE`: one worker of the fleet campaign, a process that may be killed.
+"""Runs one worker of the fleet campaign, a process that may be killed at any moment.
 
 What it knows stands in the log, in its robots' folders and in two files: what was acknowledged, and what was judged.
 The next process with the same file goes on from there.
 """
 
+import os
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -261,13 +262,12 @@ def _plan_of(mission: Mission) -> MissionPlan:
     return as_errand(mission_plan(int(mission.labels["plan"])))
 
 
-def main() -> None:
-    worker = FleetWorker(msgspec.json.decode(Path(sys.argv[1]).read_bytes(), type=FleetShift))
+def work(file: Path) -> None:
+    """Run the shift that a file describes, in a process of its own; what goes wrong is written beside the file."""
+    with file.with_name("errors").open("a", encoding="utf-8") as errors:
+        os.dup2(errors.fileno(), sys.stderr.fileno())
+    worker = FleetWorker(msgspec.json.decode(file.read_bytes(), type=FleetShift))
     try:
         worker.run()
     finally:
         worker.close()
-
-
-if __name__ == "__main__":
-    main()
