@@ -195,6 +195,7 @@ class _Sitting:
 
     def _start(self, shift: FleetShift) -> None:
         shift.own.mkdir(parents=True, exist_ok=True)
+        (shift.own / "errors").touch()
         file = shift.own / "shift.json"
         file.write_bytes(msgspec.json.encode(shift))
         process = self._context.Process(target=work, args=(file,), daemon=True)
