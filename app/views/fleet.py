@@ -141,7 +141,7 @@ def fleet_page(region: FleetRegion, shell: Shell, chosen: FleetFilter, *, worker
         **vars(region),
         shell=shell,
         words=chosen.words,
-        modes=choices({**MODES}, chosen.mode),
+        modes=choices({str(one): title for one, title in MODES.items()}, chosen.mode),
         links=choices(LINKS, chosen.link),
         workers=choices({one: one for one in workers}, chosen.worker),
     )

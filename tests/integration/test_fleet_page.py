@@ -39,11 +39,17 @@ class Site:
         self.stand, self._reported = stand, reported
         self.browser: TestClient = stand.operator()
 
-    def report(self, *, age_s: float = 0.5, trouble: str = "") -> None:
+    def report(self, robot_id: RobotId = AWAY, *, age_s: float = 0.5, trouble: str = "") -> None:
         """The worker's newest word on its robot."""
         self._reported.receive(
             RobotReport(
-                worker="hall-b", robot_id=AWAY, status=STATUS, age_s=age_s, trouble=trouble, pose=POSE, pose_age_s=age_s
+                worker="hall-b",
+                robot_id=robot_id,
+                status=STATUS,
+                age_s=age_s,
+                trouble=trouble,
+                pose=POSE,
+                pose_age_s=age_s,
             )
         )
 
@@ -126,6 +132,14 @@ def test_a_mission_is_given_to_a_robot_of_another_process_and_its_question_comes
     page = site.browser.get("/fleet").text
     assert f'href="/handoffs/{asking["handoff_id"]}"' in page
     assert page.index(f'id="fleet-{TWO}"') < page.index(f'id="fleet-{ONE}"')
+
+
+def test_the_bar_of_a_large_fleet_stops_what_there_is_to_stop(site: Site) -> None:
+    for number in range(7, 12):
+        site.report(robot_id=RobotId(f"vbot-{number}"))
+    assert site.browser.post("/api/v1/missions", json={"robot_id": AWAY, "template": "circuit"}).status_code == 201
+    page = site.browser.get("/fleet").text
+    assert f'data-stop="{AWAY}"' in page and 'data-stop="vbot-8"' not in page and f'data-stop="{ONE}"' not in page
 
 
 def test_what_only_the_process_with_the_robot_can_do_is_refused_by_its_name(site: Site) -> None:
