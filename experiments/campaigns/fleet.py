@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 
 import msgspec
 
-from experiments.campaigns.fleet_shift import ENOUGH, FleetShift, JudgedMission, LinkCut, judged_missions, work
+from experiments.campaigns.fleet_shift import ENOUGH, AdjudicatedMission, FleetShift, LinkCut, judged_missions, work
 from experiments.campaigns.ledgers import exclusive_leases
 from experiments.campaigns.regen import ROOT
 from experiments.campaigns.simulate import CampaignWorkersLost, seeds_of
@@ -252,7 +252,7 @@ def _report(shifts: Sequence[FleetShift], sittings: Sittings, *, command: str) -
 
 
 def _wrong(
-    log: Sequence[StoredEvent], found: Sequence[JudgedMission], acknowledged: Sequence[tuple[int, str]]
+    log: Sequence[StoredEvent], found: Sequence[AdjudicatedMission], acknowledged: Sequence[tuple[int, str]]
 ) -> Iterator[str]:
     """Contradictions between the log, the robots and the workers, and what is in the log twice."""
     for one in found:

@@ -34,6 +34,7 @@ LATE = frozenset(
         "app.web.report_pdf",
         "apprise",
         "harness.adapters.providers.vda5050.broker",
+        "harness.adapters.stores.bucket_blobs",
         "mcp.server.mcpserver",
         "mcp.server.mcpserver.exceptions",
         "rapidocr",

@@ -13,7 +13,7 @@ from harness.adapters.stores.postgres import PostgresEventStore
 from harness.adapters.stores.postgres_reports import CHANNEL, ReportListener, ReportSender
 from harness.bootstrap import open_reports
 from harness.contracts.errors import StoreUnavailable
-from harness.contracts.fleet import RobotReport
+from harness.contracts.fleet import WorkerReport
 from harness.contracts.ids import RobotId
 from harness.contracts.observations import Pose
 from harness.contracts.protocol import RobotStatus
@@ -51,20 +51,20 @@ class OneRobot:
         return POSE, 0.25
 
 
-def reporter(send: Callable[[RobotReport], None], seen: RobotReportSeen) -> Reporter:
+def reporter(send: Callable[[WorkerReport], None], seen: RobotReportSeen) -> Reporter:
     return Reporter(OneRobot(seen), send, worker="w1", clock=lambda: 100.0)
 
 
 def test_a_report_reaches_the_other_processes_with_its_age_and_stores_nothing(postgres: PostgresServer) -> None:
     url = postgres.database()
     with closing(PostgresEventStore(url)) as store:
-        reports: SimpleQueue[RobotReport] = SimpleQueue()
+        reports: SimpleQueue[WorkerReport] = SimpleQueue()
         seen = RobotReportSeen(NAME, status=STATUS, heard_s=98.5, took_s=0.2, trouble="")
         with open_reports(url, reports.put) as send:
             assert send is not None
             reporter(send, seen).step()
             told = reports.get(timeout=60)
-        assert told == RobotReport(
+        assert told == WorkerReport(
             worker="w1", robot_id=NAME, status=STATUS, age_s=1.5, took_s=0.2, pose=POSE, pose_age_s=0.25
         )
         assert store.head().position == 0
@@ -78,12 +78,12 @@ def test_a_report_reaches_the_other_processes_with_its_age_and_stores_nothing(po
 
 def test_what_is_no_report_is_left_out_and_the_next_one_comes(postgres: PostgresServer) -> None:
     url = postgres.database()
-    reports: SimpleQueue[RobotReport] = SimpleQueue()
-    report = RobotReport(worker="w1", robot_id=NAME)
+    reports: SimpleQueue[WorkerReport] = SimpleQueue()
+    report = WorkerReport(worker="w1", robot_id=NAME)
     with closing(PostgresEventStore(url)), closing(ReportListener(url, reports.put)), closing(ReportSender(url)) as one:
         for payload in ("", "{}", '{"worker":1}', "null"):
             postgres.execute(f"SELECT pg_notify('{CHANNEL}', '{payload}')", url=url)
-        one.send(RobotReport(worker="w1", robot_id=NAME, trouble="x" * 9000))
+        one.send(WorkerReport(worker="w1", robot_id=NAME, trouble="x" * 9000))
         one.send(report)
         assert reports.get(timeout=60) == report
         with pytest.raises(Empty):
@@ -92,15 +92,15 @@ def test_what_is_no_report_is_left_out_and_the_next_one_comes(postgres: Postgres
 
 def test_reports_go_on_after_the_connections_were_cut(postgres: PostgresServer) -> None:
     url = postgres.database()
-    reports: SimpleQueue[RobotReport] = SimpleQueue()
+    reports: SimpleQueue[WorkerReport] = SimpleQueue()
     others = "datname = current_database() AND pid <> pg_backend_pid()"
     cut = f"SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE {others}"
     with closing(PostgresEventStore(url)), closing(ReportListener(url, reports.put)), closing(ReportSender(url)) as one:
-        one.send(RobotReport(worker="w1", robot_id=NAME, took_s=1.0))
+        one.send(WorkerReport(worker="w1", robot_id=NAME, took_s=1.0))
         assert reports.get(timeout=60).took_s == 1.0
         postgres.execute(cut, url=url)
         for number in range(2, 200):
-            one.send(RobotReport(worker="w1", robot_id=NAME, took_s=float(number)))
+            one.send(WorkerReport(worker="w1", robot_id=NAME, took_s=float(number)))
             try:
                 assert reports.get(timeout=0.5).took_s > 1.0
                 return
@@ -121,7 +121,7 @@ def test_a_database_that_is_not_there_is_said() -> None:
 
 def test_a_process_does_not_hear_itself_and_a_camera_does_not_travel() -> None:
     here = ReportedRobots(lambda: 0.0, worker="w1")
-    sent: list[RobotReport] = []
+    sent: list[WorkerReport] = []
     status = replace(STATUS, camera=CAMERA)
     reporter(sent.append, RobotReportSeen(NAME, status=status, trouble="x" * 2000)).step()
     (report,) = sent

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from experiments.campaigns.findings import Findings
 from experiments.campaigns.fleet import BEGIN, END, FleetReport, fleet_missions, with_figures
-from experiments.campaigns.fleet_shift import JudgedMission, judged_missions
+from experiments.campaigns.fleet_shift import AdjudicatedMission, judged_missions
 from harness.contracts.ids import MissionId
 from harness.contracts.values import encode
 
@@ -46,7 +46,7 @@ def test_a_killed_worker_and_a_link_that_is_down_lose_nothing_and_double_nothing
 
 
 def test_what_a_killed_worker_was_still_writing_is_not_read(tmp_path: Path) -> None:
-    judged = JudgedMission(
+    judged = AdjudicatedMission(
         seed=1, mission_id=MissionId("msn_1"), robot_id="vbot-1-1", findings=Findings(), struck={}, end="succeeded"
     )
     file = tmp_path / "judged.jsonl"

@@ -11,7 +11,7 @@ from app.views.fleet import operating_mode
 from harness.contracts.actors import Actor
 from harness.contracts.control import CONTROL, LimitAutonomy
 from harness.contracts.decisions import Accepted
-from harness.contracts.fleet import RobotReport
+from harness.contracts.fleet import WorkerReport
 from harness.contracts.ids import RobotId
 from harness.contracts.observations import Pose
 from harness.contracts.protocol import RobotStatus
@@ -42,7 +42,7 @@ class Site:
     def report(self, robot_id: RobotId = AWAY, *, age_s: float = 0.5, trouble: str = "") -> None:
         """The worker's newest word on its robot."""
         self._reported.receive(
-            RobotReport(
+            WorkerReport(
                 worker="hall-b",
                 robot_id=robot_id,
                 status=STATUS,
