@@ -19,6 +19,9 @@ from harness.adapters.providers.http.supervised_process import SupervisedProcess
 from harness.adapters.providers.messaging.folder import erase_from_outbox
 from harness.adapters.providers.speech.endpoint import EndpointDecoder
 from harness.adapters.providers.speech.transcriber import SphinxTranscriber
+from harness.adapters.providers.topics.connection import topic_witness
+from harness.adapters.providers.topics.ros_messages import ROLES
+from harness.adapters.providers.topics.samples import TopicFrames
 from harness.adapters.providers.vda5050.connection import BrokerAccess, connected_vehicle
 from harness.adapters.providers.vda5050.robot import VehicleRobot, VehicleSettings
 from harness.adapters.secret_values import secret
@@ -427,32 +430,65 @@ def _refusal(card: CapabilityCard, *, vocabulary: Vocabulary, admissions: Admiss
 def _addressed_over_http(
     stack: ExitStack, entry: HttpRobotEntry, workspace: Workspace, *, refusal: Refusal
 ) -> AddressedRobot:
-    """The robot of an entry, and the program that gives its evidence where the entry names one."""
-
-    def client(address: HttpRobotEntry | EvidencePath) -> HttpRobot:
-        opened = HttpRobot(address.address, token_of(address, workspace.folder), timeout_s=CONNECT_S)
-        stack.callback(opened.close)
-        return opened
-
+    """The robot of an entry, and what gives its evidence where the entry names that."""
     return addressed_over_http(
-        client(entry),
+        _client(stack, entry, workspace),
         name=entry.name,
         refusal=refusal,
         speed_limit_mps=entry.speed_limit_mps,
         camera=entry.camera,
-        witness=client(entry.evidence) if entry.evidence is not None else None,
+        witness=_witness(stack, entry.evidence, workspace) if entry.evidence is not None else None,
     )
+
+
+def _client(stack: ExitStack, address: HttpRobotEntry | EvidencePath, workspace: Workspace) -> HttpRobot:
+    opened = HttpRobot(address.address, token_of(address, workspace.folder), timeout_s=CONNECT_S)
+    stack.callback(opened.close)
+    return opened
+
+
+def _witness(
+    stack: ExitStack, path: EvidencePath, workspace: Workspace
+) -> Callable[[ports.Robot, ports.Clock], ports.Robot]:
+    """What gives the evidence of a robot apart from who executes: another program, or the robot's own topics."""
+    transport, topics = path.kind, path.topics
+    if transport == "http" or topics is None:
+        return lambda robot, clock: _client(stack, path, workspace)
+    named = {role: name for role in ROLES if (name := getattr(topics, role)) is not None}
+    frames = TopicFrames(
+        frame=workspace.site.frame,
+        map_version=workspace.site.map_version,
+        base_frame=path.base_frame,
+        laser=path.laser,
+    )
+
+    def opened(robot: ports.Robot, clock: ports.Clock) -> ports.Robot:
+        return stack.enter_context(
+            topic_witness(
+                robot,
+                transport=transport,
+                address=path.address,
+                token=token_of(path, workspace.folder),
+                topics=named,
+                frames=frames,
+                now_s=lambda: clock.now().mission_s,
+            )
+        )
+
+    return opened
 
 
 def _addressed_vehicle(
     stack: ExitStack, entry: VehicleEntry, workspace: Workspace, folder: DataFolder, *, refusal: Refusal
 ) -> AddressedRobot:
     vehicle = stack.enter_context(met_vehicle(entry, workspace, folder.root))
+    clock = RobotClock(vehicle.now_s, REAL_TIME)
     return AddressedRobot(
         vehicle,
         name=entry.name,
         refusal=refusal,
-        clock=RobotClock(vehicle.now_s, REAL_TIME),
+        clock=clock,
+        witness=_witness(stack, entry.evidence, workspace)(vehicle, clock) if entry.evidence is not None else None,
         speed_limit_mps=entry.speed_limit_mps,
         camera=entry.camera,
     )
@@ -500,7 +536,7 @@ def _addressed_member(parts: Parts, entry: AddressedEntry, robot: AddressedRobot
         camera=robot.live_camera,
         hand=robot.hand if isinstance(entry, HttpRobotEntry) and entry.teleoperation else None,
         origin=entry.identity,
-        evidence_origin=entry.evidence.address if isinstance(entry, HttpRobotEntry) and entry.evidence else "",
+        evidence_origin=entry.evidence.address if entry.evidence else "",
         embodiment=entry.embodiment or robot.embodiment,
     )
 

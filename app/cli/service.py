@@ -61,7 +61,7 @@ def up(
     speed: Annotated[float | None, typer.Option(help="Mission seconds per second.")] = None,
     start: Annotated[str | None, typer.Option(help="Begin with this task template.")] = None,
     seed: Annotated[int, typer.Option(min=0)] = 1,
-    fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
+    fidelity: Annotated[str | None, typer.Option(help="mujoco, kinematic or walking.")] = None,
     robots: Annotated[str | None, typer.Option(help="Names of the simulated robots: vbot-1,vbot-2.")] = None,
     no_robots: Annotated[
         bool,

@@ -17,6 +17,7 @@ import msgspec
 
 from experiments.campaigns import fleet, fuzz, hostile, models, recovery_steps, seeds
 from experiments.campaigns.adjudicate import judged
+from experiments.campaigns.code import code_digest
 from experiments.campaigns.damage import DamageReport, damages
 from experiments.campaigns.declared_effects import declared_offences
 from experiments.campaigns.hammer import HammerReport, hammer
@@ -28,7 +29,6 @@ from experiments.campaigns.planted_bugs import RED, Check, PlantedReport, plante
 from experiments.campaigns.publish import publish
 from experiments.campaigns.races import RaceReport, races
 from experiments.campaigns.random_kills import RandomKillReport, random_kills
-from experiments.campaigns.regen import ROOT
 from experiments.campaigns.release_races import release_races
 from experiments.campaigns.rivals import rival_rounds
 from experiments.campaigns.simulate import one_mission, seeds_of, simulated_campaign
@@ -36,7 +36,6 @@ from experiments.campaigns.suspended_holders import SuspensionReport, suspension
 from experiments.campaigns.tally import summary
 from experiments.campaigns.workers import WorkersReport, worked_missions
 from experiments.verifier import campaign as verifier
-from harness.contracts.ids import sha256
 
 MISSIONS, SEED = 100_000, 1
 MISSIONS_EACH, SEEDS_EACH = 20, 200
@@ -110,6 +109,7 @@ def main() -> None:
     steps = commands.add_parser("recovery", help="how often each recovery step helped")
     steps.add_argument("--missions", type=int, default=MISSIONS_EACH, help="missions for each fault and template")
     steps.add_argument("--seed", type=int, default=SEED)
+    steps.add_argument("--minutes", type=float, default=None, help="begin no further round after this")
     steps.add_argument("--publish", action="store_true", help="write docs/recovery.md")
     many = commands.add_parser("seeds", help="the shipped missions without a fault")
     many.add_argument("--missions", type=int, default=SEEDS_EACH, help="seeds of each mission")
@@ -180,7 +180,7 @@ def main() -> None:
 def _run(arguments: argparse.Namespace) -> None:
     share = min(1.0, arguments.missions / MISSIONS)
     full = arguments.missions >= MISSIONS and arguments.minutes is None
-    made = {"command": _command(arguments), "code": _code()}
+    made = {"command": _command(arguments), "code": code_digest()}
     found = _found(arguments, share=1.0 if full or arguments.publish else share)
     result: dict[str, Any] = {"seed": arguments.seed, "command": made["command"]}
     for figures, _ in found.values():
@@ -267,14 +267,6 @@ def _command(arguments: argparse.Namespace) -> str:
     words += ["--only", arguments.only] if arguments.only else []
     words += ["--minutes", f"{arguments.minutes:g}"] if arguments.minutes is not None else []
     return shlex.join([*words, *(["--publish"] if arguments.publish else [])])
-
-
-def _code() -> str:
-    """Which code was tried: the SHA-256 of the sources of harness, simulator and campaigns, in order of their paths."""
-    files = sorted(
-        path for folder in ("experiments/campaigns", "harness", "simulator") for path in (ROOT / folder).rglob("*.py")
-    )
-    return sha256(b"".join(path.read_bytes() for path in files))
 
 
 def _replay(seed: int) -> None:
