@@ -64,7 +64,7 @@ from harness.contracts.capabilities import CapabilityCard, Vocabulary
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.errors import ContractInvalid, ProviderFailed, ProviderUnreachable
-from harness.contracts.fleet import RobotReport
+from harness.contracts.fleet import WorkerReport
 from harness.contracts.ids import RobotId
 from harness.contracts.models import Models
 from harness.contracts.observations import Camera
@@ -571,8 +571,8 @@ def open_lists(folder: Path | None) -> ports.ReadModels:
 
 @contextmanager
 def open_reports(
-    database: str, received: Callable[[RobotReport], None]
-) -> Iterator[Callable[[RobotReport], None] | None]:
+    database: str, received: Callable[[WorkerReport], None]
+) -> Iterator[Callable[[WorkerReport], None] | None]:
     """What tells the other processes on a database how a robot is, while theirs are passed to `received`; None where
     the log is a file. Raises StoreUnavailable."""
     if not is_server(database):

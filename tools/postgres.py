@@ -3,6 +3,7 @@
 It listens on a socket in a folder of its own and never runs as root. It leaves nothing behind.
 """
 
+import fcntl
 import os
 import pwd
 import shutil
@@ -94,21 +95,26 @@ def running_server(*, fsync: bool = False) -> Iterator[PostgresServer]:
 
 @contextmanager
 def standing_server(folder: Path) -> Iterator[PostgresServer]:
-    """A server whose databases stay in `folder` and are there again at the next start."""
+    """A server whose databases stay in `folder` and are there again at the next start. One process at a time."""
     folder.mkdir(parents=True, exist_ok=True)
     folder.chmod(0o755)
     account = _account()
     if account is not None:
         shutil.chown(folder, account)
-    server = PostgresServer(folder, binaries=_binaries(folder))
-    if (folder / "data" / "postmaster.pid").exists():
-        with suppress(RuntimeError):
-            server.stop("immediate")
-    server.start()
-    try:
-        yield server
-    finally:
-        server.stop()
+    with (folder / "lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise RuntimeError(f"Another process uses the server in {folder}") from error
+        server = PostgresServer(folder, binaries=_binaries(folder))
+        if (folder / "data" / "postmaster.pid").exists():
+            with suppress(RuntimeError):
+                server.stop("immediate")
+        server.start()
+        try:
+            yield server
+        finally:
+            server.stop()
 
 
 def _binaries(folder: Path) -> Path:

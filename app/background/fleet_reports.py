@@ -12,7 +12,7 @@ from cachetools import LRUCache
 from msgspec.structs import replace
 
 from app.views.robots import RobotReportSeen
-from harness.contracts.fleet import RobotReport
+from harness.contracts.fleet import WorkerReport
 from harness.contracts.ids import RobotId
 from harness.contracts.observations import Pose
 from harness.contracts.ports import Signals
@@ -28,7 +28,7 @@ LONGEST_TROUBLE = 500
 class Arrived:
     """A report, and when it came."""
 
-    report: RobotReport
+    report: WorkerReport
     at_s: float
 
 
@@ -41,7 +41,7 @@ class ReportedRobots:
         self._newest: LRUCache[RobotId, Arrived] = LRUCache(MOST_ROBOTS)
         self._lock = Lock()
 
-    def receive(self, report: RobotReport) -> None:
+    def receive(self, report: WorkerReport) -> None:
         """From any thread."""
         if report.worker == self._worker:
             return
@@ -87,7 +87,7 @@ class Reporter:
     def __init__(
         self,
         robots: OwnRobots,
-        send: Callable[[RobotReport], None],
+        send: Callable[[WorkerReport], None],
         *,
         worker: str,
         clock: Callable[[], float],
@@ -107,10 +107,10 @@ class Reporter:
         for robot_id in self._robots.own:
             self._send(self._report(robot_id))
 
-    def _report(self, robot_id: RobotId) -> RobotReport:
+    def _report(self, robot_id: RobotId) -> WorkerReport:
         seen = self._robots.word(robot_id)
         pose, pose_age_s = self._robots.pose(robot_id)
-        return RobotReport(
+        return WorkerReport(
             worker=self._name,
             robot_id=robot_id,
             status=replace(seen.status, camera=None) if seen.status else None,

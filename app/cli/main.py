@@ -33,6 +33,7 @@ GROUPS = {
     "account": "accounts:account",
     "token": "accounts:token",
     "site": "site_export:app",
+    "spool": "spools:app",
 }
 COMMANDS = {
     "up": "service:up",

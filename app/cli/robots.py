@@ -34,7 +34,7 @@ Reason = Annotated[str, typer.Option(help="Why; it stands in the log.")]
 def list_robots(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Every robot of the site: the process that drives it, link, mode, posture, battery, mission, who drives it."""
     rows = _owner(data).get("/robots")
-    output.show({"robots": rows}, as_json=as_json, lines=output.table([HEAD, *map(_line, rows)]))
+    output.show({"robots": rows}, as_json=as_json, lines=output.table([HEAD, *map(line_of, rows)]))
 
 
 @app.command()
@@ -103,16 +103,16 @@ def _stopped(data: Path, act: StopRobotAct | StopRobotsAct, *, as_json: bool, ro
     api = _owner(data)
     outcome = api.post(f"/robots/{robot}/stop" if robot else "/robots/stop", act.body())
     lines = [f"asked to stop: {one}" for one in outcome["asked"]] + [f"not done: {one}" for one in outcome["refused"]]
-    rows = [_line(row) for row in ([api.get(f"/robots/{robot}")] if robot else api.get("/robots"))]
+    rows = [line_of(row) for row in ([api.get(f"/robots/{robot}")] if robot else api.get("/robots"))]
     output.show(outcome, as_json=as_json, lines=(lines or ["No mission was under way."]) + output.table([HEAD, *rows]))
     raise typer.Exit(1 if outcome["refused"] else 0)
 
 
 def _show(row: dict[str, Any], *, as_json: bool) -> None:
-    output.show(row, as_json=as_json, lines=output.table([_line(row)]))
+    output.show(row, as_json=as_json, lines=output.table([line_of(row)]))
 
 
-def _line(row: dict[str, Any]) -> list[str]:
+def line_of(row: dict[str, Any]) -> list[str]:
     status = row["status"]
     cells = (
         [

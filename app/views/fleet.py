@@ -119,9 +119,9 @@ def operating_mode(mission: Mission | None, *, driven: bool, autonomy: Autonomy)
 
 def fleet_region(rows: Sequence[FleetRow], site: Site, chosen: FleetFilter, *, query: str) -> FleetRegion:
     """The rows that the filter shows, those that ask a person first, then those with a lost link, then by name."""
-    shown = sorted(filter(chosen.shows, rows), key=lambda row: (not row.asks, row.word.link == "good", row.robot_id))
+    ordered = sorted(filter(chosen.shows, rows), key=lambda row: (not row.asks, row.word.link == "good", row.robot_id))
     return FleetRegion(
-        rows=tuple(shown),
+        rows=tuple(ordered),
         map=site_map(site),
         query=query,
         total=len(rows),
@@ -141,7 +141,7 @@ def fleet_page(region: FleetRegion, shell: Shell, chosen: FleetFilter, *, worker
         **vars(region),
         shell=shell,
         words=chosen.words,
-        modes=choices({**MODES}, chosen.mode),
+        modes=choices({str(one): title for one, title in MODES.items()}, chosen.mode),
         links=choices(LINKS, chosen.link),
         workers=choices({one: one for one in workers}, chosen.worker),
     )

@@ -14,6 +14,9 @@ from harness.projections.control import Retreating, SiteControl
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 
+MOST_IDLE = 6
+"""Robots up to which the bar has a button for one that does nothing, too."""
+
 
 @dataclass(frozen=True)
 class StopControl:
@@ -119,9 +122,11 @@ def _acknowledged(around: Surroundings) -> frozenset[str]:
 
 
 def stop_controls(missions: Sequence[Mission], robots: Sequence[str], control: SiteControl) -> tuple[StopControl, ...]:
-    """One per robot that is configured or runs something. `missions` are newest first."""
+    """One per robot that is configured or runs something; of a large fleet, only of those with something to stop.
+    `missions` are newest first."""
     names = dict.fromkeys((*robots, *(mission.robot_id for mission in missions if not mission.ended)))
-    return tuple(_stop_control(RobotId(one), missions, control, key=str(at)) for at, one in enumerate(names, start=1))
+    found = [_stop_control(RobotId(one), missions, control, key=str(at)) for at, one in enumerate(names, start=1)]
+    return tuple(one for one in found if one.state != "idle" or len(found) <= MOST_IDLE)
 
 
 def _stop_control(robot_id: RobotId, missions: Sequence[Mission], control: SiteControl, *, key: str) -> StopControl:

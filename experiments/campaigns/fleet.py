@@ -6,18 +6,19 @@ the log and from what the robots kept. Every mission is judged from outside, and
 """
 
 import argparse
+import multiprocessing
 import os
-import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import msgspec
 
-from experiments.campaigns.fleet_shift import ENOUGH, FleetShift, JudgedMission, LinkCut, judged_missions
+from experiments.campaigns.fleet_shift import ENOUGH, AdjudicatedMission, FleetShift, LinkCut, judged_missions, work
 from experiments.campaigns.ledgers import exclusive_leases
 from experiments.campaigns.regen import ROOT
 from experiments.campaigns.simulate import CampaignWorkersLost, seeds_of
@@ -93,8 +94,9 @@ def fleet_missions(
             server = stack.enter_context(running_server())
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="fleet-")))
         else:
+            folder.mkdir(parents=True, exist_ok=True)
+            folder.chmod(0o755)  # the server may run as another user
             server = stack.enter_context(standing_server(folder / "postgres"))
-        folder.mkdir(parents=True, exist_ok=True)
         (folder / ENOUGH).unlink(missing_ok=True)
         shifts = _shifts(folder, _url(folder, server), seed, missions_each, workers, robots_each)
         run = _Sitting(folder, shifts, missions=missions_each * robots_each * workers, minutes=minutes)
@@ -142,7 +144,9 @@ class _Sitting:
         before = msgspec.json.decode(self._file.read_bytes(), type=Sittings) if self._file.exists() else Sittings()
         self._before, self._kills = before, before.kills
         self._begun_s = self._told_s = time.monotonic()
-        self._running: dict[int, subprocess.Popen[bytes]] = {}
+        self._context = multiprocessing.get_context("forkserver")
+        self._context.set_forkserver_preload(["experiments.campaigns.fleet_shift"])
+        self._running: dict[int, ForkServerProcess] = {}
 
     def work(self) -> Sittings:
         """Raises CampaignWorkersLost where a worker ends badly that nobody killed."""
@@ -155,18 +159,18 @@ class _Sitting:
         finally:
             for one in self._running.values():
                 one.kill()
-                one.wait()
+                one.join()
             self._save()
         return self._sittings()
 
     def _look(self) -> None:
         for number, one in tuple(self._running.items()):
-            if one.poll() is not None:
+            if one.exitcode is not None:
                 del self._running[number]
-                if one.returncode:
+                if one.exitcode:
                     error = (self._shifts[number].own / "errors").read_text(encoding="utf-8")[-2000:]
                     raise CampaignWorkersLost(
-                        f"Worker {number} ended with {one.returncode}",
+                        f"Worker {number} ended with {one.exitcode}",
                         where="fleet",
                         do=f"look at what it said: {error}",
                     )
@@ -185,21 +189,18 @@ class _Sitting:
         """SIGKILL, in the middle of whatever it does, and another process in its place."""
         process = self._running.pop(victim.number)
         process.kill()
-        process.wait()
+        process.join()
         self._kills += 1
         self._start(victim)
 
     def _start(self, shift: FleetShift) -> None:
         shift.own.mkdir(parents=True, exist_ok=True)
+        (shift.own / "errors").touch()
         file = shift.own / "shift.json"
         file.write_bytes(msgspec.json.encode(shift))
-        with (shift.own / "errors").open("ab") as errors:
-            self._running[shift.number] = subprocess.Popen(
-                [sys.executable, "-m", "experiments.campaigns.fleet_shift", str(file)],
-                cwd=ROOT,
-                stderr=errors,
-                stdin=subprocess.DEVNULL,
-            )
+        process = self._context.Process(target=work, args=(file,), daemon=True)
+        process.start()
+        self._running[shift.number] = process
 
     def _sittings(self) -> Sittings:
         seconds = self._before.seconds + time.monotonic() - self._begun_s
@@ -251,7 +252,7 @@ def _report(shifts: Sequence[FleetShift], sittings: Sittings, *, command: str) -
 
 
 def _wrong(
-    log: Sequence[StoredEvent], found: Sequence[JudgedMission], acknowledged: Sequence[tuple[int, str]]
+    log: Sequence[StoredEvent], found: Sequence[AdjudicatedMission], acknowledged: Sequence[tuple[int, str]]
 ) -> Iterator[str]:
     """Contradictions between the log, the robots and the workers, and what is in the log twice."""
     for one in found:

@@ -30,7 +30,7 @@ Answer = TypeVar("Answer")
 
 
 class CutLink:
-    """The link to one robot: between two instants of its mission time nothing comes through. Implements Wire."""
+    """The link to one robot: between two instants of its mission time nothing comes through. Implements RobotLink."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock

@@ -1,9 +1,10 @@
-"""`python -m experiments.campaigns.fleet_shift FILE`: one worker of the fleet campaign, a process that may be killed.
+"""Runs one worker of the fleet campaign, a process that may be killed at any moment.
 
 What it knows stands in the log, in its robots' folders and in two files: what was acknowledged, and what was judged.
 The next process with the same file goes on from there.
 """
 
+import os
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -69,7 +70,7 @@ class FleetShift(Value):
         return self.own / "acknowledged"
 
 
-class JudgedMission(Value):
+class AdjudicatedMission(Value):
     """One mission that is over, and what the adjudicator found. `begun_before`: an earlier process began it.
 
     `cut`: how often its robot did not answer because the link was down.
@@ -146,10 +147,10 @@ class FleetWorker:
         for mission in self._harness.runtime.missions():
             if mission.robot_id in known and (plan := _plan_of(mission)).seed not in done:
                 known[mission.robot_id].append(self._begun_earlier(mission, plan))
-        begun = {one.plan.seed for some in known.values() for one in some}
+        in_log = {one.plan.seed for some in known.values() for one in some}
         self._waiting = {name: sorted(some, key=lambda one: one.begun_s) for name, some in known.items()}
         self._left = {
-            name: [seed for seed in seeds if seed not in done | begun] for name, seeds in self._shift.seeds.items()
+            name: [seed for seed in seeds if seed not in done | in_log] for name, seeds in self._shift.seeds.items()
         }
 
     def _begun_earlier(self, mission: Mission, plan: MissionPlan) -> _Underway:
@@ -227,7 +228,7 @@ class FleetWorker:
             course=errand.course,
             harness=self._harness,
         )
-        line = JudgedMission(
+        line = AdjudicatedMission(
             seed=errand.plan.seed,
             mission_id=errand.mission_id,
             robot_id=name,
@@ -250,24 +251,23 @@ def truth_of(folder: Path, mission_id: MissionId) -> Iterator[Truth]:
             yield decode(line, Truth)
 
 
-def judged_missions(file: Path) -> Iterator[JudgedMission]:
+def judged_missions(file: Path) -> Iterator[AdjudicatedMission]:
     """What a worker's file holds; whole lines only."""
     for line in file.read_bytes().splitlines(keepends=True) if file.exists() else ():
         if line.endswith(b"\n"):
-            yield decode(line, JudgedMission)
+            yield decode(line, AdjudicatedMission)
 
 
 def _plan_of(mission: Mission) -> MissionPlan:
     return as_errand(mission_plan(int(mission.labels["plan"])))
 
 
-def main() -> None:
-    worker = FleetWorker(msgspec.json.decode(Path(sys.argv[1]).read_bytes(), type=FleetShift))
+def work(file: Path) -> None:
+    """Run the shift that a file describes, in a process of its own; what goes wrong is written beside the file."""
+    with file.with_name("errors").open("a", encoding="utf-8") as errors:
+        os.dup2(errors.fileno(), sys.stderr.fileno())
+    worker = FleetWorker(msgspec.json.decode(file.read_bytes(), type=FleetShift))
     try:
         worker.run()
     finally:
         worker.close()
-
-
-if __name__ == "__main__":
-    main()

@@ -57,7 +57,7 @@ class SteppedClock:
         return offset_s
 
 
-class Wire(Protocol):
+class RobotLink(Protocol):
     """What carries the calls between harness and robot."""
 
     def carry(self, call: Callable[[], Answer], *, older: Answer | None = None, acts: bool = False) -> Answer: ...
@@ -107,7 +107,7 @@ class FaultyWire:
 class WiredProvider:
     """A provider at the other end of the wire. `local` providers may stop answering by themselves."""
 
-    def __init__(self, provider: Callable[[], Provider], wire: Wire, *, card: CapabilityCard, local: bool) -> None:
+    def __init__(self, provider: Callable[[], Provider], wire: RobotLink, *, card: CapabilityCard, local: bool) -> None:
         self._provider, self._wire, self._card, self._local = provider, wire, card, local
         self._before: dict[str, InvocationReport] = {}
 
@@ -154,7 +154,7 @@ class WiredProvider:
 class WiredRobot:
     """A robot at the other end of the wire. Its start journal is read beside the wire, for counting."""
 
-    def __init__(self, robot: Callable[[], Robot], wire: Wire) -> None:
+    def __init__(self, robot: Callable[[], Robot], wire: RobotLink) -> None:
         self._robot, self._wire = robot, wire
         self._batch: Observations | None = None
         self._providers = [

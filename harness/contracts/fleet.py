@@ -6,7 +6,7 @@ from harness.contracts.protocol import RobotStatus
 from harness.contracts.values import Name, Value
 
 
-class RobotReport(Value):
+class WorkerReport(Value):
     """A robot as the worker that drives it heard it last, `age_s` before this was sent.
 
     `took_s`: how long the robot took to answer; `trouble`: why it did not answer the newest question. `pose` is its

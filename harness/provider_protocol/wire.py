@@ -18,6 +18,7 @@ REFUSALS: Mapping[str, frozenset[str]] = {
     "hardware_stop_engaged": frozenset(),
     "journal_line_unreadable": frozenset({"error"}),
     "journal_unusable": frozenset({"error"}),
+    "nothing_received": frozenset(),
     "parameter_of_another_type": frozenset({"name", "type"}),
     "parameter_required": frozenset({"name"}),
     "parameter_too_large": frozenset({"name", "value", "bound", "unit"}),
@@ -39,6 +40,7 @@ REFUSALS: Mapping[str, frozenset[str]] = {
     "robot_token_wrong": frozenset(),
     "route_unusable": frozenset({"points", "frame", "expected"}),
     "runs_by_itself": frozenset(),
+    "spool_forked": frozenset({"seq"}),
     "start_journal_unreadable": frozenset({"error"}),
     "start_journal_unwritable": frozenset({"error"}),
     "step_out_of_bounds": frozenset({"step_s", "limit_s"}),
@@ -46,7 +48,7 @@ REFUSALS: Mapping[str, frozenset[str]] = {
     "world_unreadable": frozenset({"error"}),
 }
 """The reasons that a robot may give by code, each with its facts: of any other its text counts."""
-FIGURES = frozenset({"bound", "limit", "limit_s", "newest", "points", "port", "step_s", "token", "value"})
+FIGURES = frozenset({"bound", "limit", "limit_s", "newest", "points", "port", "seq", "step_s", "token", "value"})
 """Facts that are numbers; the others are text."""
 LONGEST_FACT = 2000
 

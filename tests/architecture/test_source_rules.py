@@ -40,6 +40,7 @@ LATE = frozenset(
         "harness.adapters.providers.topics.rosbridge",
         "harness.adapters.providers.topics.websocket_link",
         "harness.adapters.providers.vda5050.broker",
+        "harness.adapters.stores.bucket_blobs",
         "mcp.server.mcpserver",
         "mcp.server.mcpserver.exceptions",
         "rapidocr",

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pydantic import SecretStr
 
 from app.auth.commit_authority import authority
+from app.background.fleet_reports import ReportedRobots
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
 from app.main import create_app
@@ -41,13 +42,26 @@ def two_robots(seed: int = 3, *, authority: Authority = unquestioned) -> Iterato
 
 
 @contextmanager
-def fleet_stand(seed: int = 3, *, port: int = 8000) -> Iterator[Stand]:
-    """A console over two robots, whose own address is at this port."""
+def fleet_stand(
+    seed: int = 3, *, port: int = 8000, reported: Callable[[Callable[[], float]], ReportedRobots] = ReportedRobots
+) -> Iterator[Stand]:
+    """A console over two robots, whose own address is at this port; `reported` are those of other processes."""
     settings = ConsoleSettings(port=port, robots=(ONE, TWO), owner_token=SecretStr(OWNER), password_memory_kib=19456)
     accounts = quick_accounts(settings)
     with two_robots(seed, authority=authority(accounts)) as harness:
         scenes = Scenes(harness.runtime)
-        fleet = Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s)
+
+        def now_s() -> float:
+            return harness.clock.now().wall_s
+
+        fleet = Fleet(
+            harness.robots,
+            harness.cameras,
+            now_s,
+            reported=reported(now_s),
+            runtime=harness.runtime,
+            worker="here",
+        )
         app = create_app(
             harness.runtime,
             settings,

@@ -28,14 +28,24 @@ class ObjectStore:
         """The address of a blob store in a new bucket; `make` false: in one that is not there."""
         bucket = f"blobs-{next(NUMBERS)}"
         if make:
-            with urlopen(Request(f"{self.endpoint}/{bucket}", method="PUT")) as answer:
-                assert answer.status == 200
+            self.make(bucket)
         return f"s3://{bucket}/evidence?endpoint={self.endpoint}"
+
+    def make(self, bucket: str) -> None:
+        """A new bucket."""
+        with urlopen(Request(f"{self.endpoint}/{bucket}", method="PUT")) as answer:
+            assert answer.status == 200
+
+    def keys(self, bucket: str) -> list[str]:
+        """The names of everything in a bucket."""
+        return [one["path"] for page in obstore.list(self._opened(bucket)) for one in page]
 
     def write(self, bucket: str, key: str, body: bytes) -> None:
         """Put an object there as anybody with the keys could."""
-        store = S3Store(bucket, config={"endpoint": self.endpoint}, client_options={"allow_http": True})
-        obstore.put(store, key, body)
+        obstore.put(self._opened(bucket), key, body)
+
+    def _opened(self, bucket: str) -> S3Store:
+        return S3Store(bucket, config={"endpoint": self.endpoint}, client_options={"allow_http": True})
 
     def stop(self) -> None:
         """From now on nothing answers at its address."""

@@ -1,17 +1,27 @@
-"""Workers with several robots each on one PostgreSQL, one killed half-way, one link down: a short slice and its judge."""
+"""Workers with several robots each on one PostgreSQL, one killed half-way, one link down: a slice, and its judge."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from msgspec.structs import replace
 
 from experiments.campaigns.findings import Findings
 from experiments.campaigns.fleet import BEGIN, END, FleetReport, fleet_missions, with_figures
-from experiments.campaigns.fleet_shift import JudgedMission, judged_missions
+from experiments.campaigns.fleet_shift import AdjudicatedMission, judged_missions
 from harness.contracts.ids import MissionId
 from harness.contracts.values import encode
 
 EACH, SEEDS = 2, (1, 2, 3, 4)
+
+
+@pytest.fixture
+def folder() -> Iterator[Path]:
+    """One that the user of the database server can reach, with a path short enough for its socket."""
+    with TemporaryDirectory(prefix="fleet-") as name:
+        Path(name).chmod(0o755)
+        yield Path(name)
 
 
 def sittings(seed: int, folder: Path) -> FleetReport:
@@ -27,8 +37,8 @@ def sittings(seed: int, folder: Path) -> FleetReport:
 
 @pytest.mark.xdist_group("postgres")
 @pytest.mark.ledger("R151", symbol="harness.gate.leases:_acquire")
-def test_a_killed_worker_and_a_link_that_is_down_lose_nothing_and_double_nothing(tmp_path: Path) -> None:
-    reports = (sittings(seed, tmp_path / str(seed)) for seed in SEEDS)
+def test_a_killed_worker_and_a_link_that_is_down_lose_nothing_and_double_nothing(folder: Path) -> None:
+    reports = (sittings(seed, folder / str(seed)) for seed in SEEDS)
     report = next(one for one in reports if one.kills and one.unanswered)
     page = with_figures(f"{BEGIN}{END}", report)
     assert "| 8 of 8 by 2 workers with 4 robots on one PostgreSQL: " in page
@@ -36,7 +46,7 @@ def test_a_killed_worker_and_a_link_that_is_down_lose_nothing_and_double_nothing
 
 
 def test_what_a_killed_worker_was_still_writing_is_not_read(tmp_path: Path) -> None:
-    judged = JudgedMission(
+    judged = AdjudicatedMission(
         seed=1, mission_id=MissionId("msn_1"), robot_id="vbot-1-1", findings=Findings(), struck={}, end="succeeded"
     )
     file = tmp_path / "judged.jsonl"

@@ -37,18 +37,18 @@ class BucketBlobStore:
     def __init__(self, address: str, *, copies: EraseCopies) -> None:
         self._where, self._copies = address.partition("?")[0], copies
         self._store = _opened(address)
-        self._asked(lambda: next(iter(obstore.list(self._store, chunk_size=1)), None))
+        self._request(lambda: next(iter(obstore.list(self._store, chunk_size=1)), None))
 
     def put(self, body: bytes) -> Digest:
         """Durable on return. Writing the same bytes again changes nothing, and repairs a damaged object."""
         digest = sha256(body)
-        self._asked(lambda: obstore.put(self._store, _key(digest), body, use_multipart=False))
+        self._request(lambda: obstore.put(self._store, _key(digest), body, use_multipart=False))
         return digest
 
     def get(self, digest: Digest) -> bytes:
         """Bytes that match the digest; raises BlobDamaged if they are missing or changed."""
         key = self._key(digest)
-        body = self._asked(lambda: _found(lambda: bytes(obstore.get(self._store, key).bytes())))
+        body = self._request(lambda: _found(lambda: bytes(obstore.get(self._store, key).bytes())))
         if body is None:
             raise BlobDamaged(because("blob_missing", digest=digest), where=f"{self._where}/{key}")
         if sha256(body) != digest:
@@ -59,12 +59,12 @@ class BucketBlobStore:
         """Whether there is an object of that digest. Only `get` looks inside."""
         if not _DIGEST.fullmatch(digest):
             return False
-        return self._asked(lambda: _found(lambda: obstore.head(self._store, _key(digest)))) is not None
+        return self._request(lambda: _found(lambda: obstore.head(self._store, _key(digest)))) is not None
 
     def digests(self) -> Iterator[Digest]:
         """All digests, in ascending order, as the service lists them."""
         pages = iter(obstore.list(self._store))
-        while (page := self._asked(lambda: next(pages, None))) is not None:
+        while (page := self._request(lambda: next(pages, None))) is not None:
             for one in page:
                 name = one["path"].rpartition("/")[2]
                 if _DIGEST.fullmatch(name):
@@ -73,15 +73,15 @@ class BucketBlobStore:
     def erase(self, digest: Digest) -> None:
         """Delete the object, and the copies. A bucket that keeps old versions keeps the bytes until it expires them."""
         key = self._key(digest)
-        self._asked(lambda: _found(lambda: obstore.delete(self._store, key)))
-        self._asked(lambda: self._copies(digest))
+        self._request(lambda: _found(lambda: obstore.delete(self._store, key)))
+        self._request(lambda: self._copies(digest))
 
     def _key(self, digest: Digest) -> str:
         if not _DIGEST.fullmatch(digest):
             raise BlobDamaged(because("digest_invalid", digest=digest[:80]), where=self._where)
         return _key(digest)
 
-    def _asked(self, ask: Callable[[], T]) -> T:
+    def _request(self, ask: Callable[[], T]) -> T:
         try:
             return ask()
         except (BaseError, OSError) as error:

@@ -12,7 +12,7 @@ import psycopg
 
 from harness.adapters.stores.postgres_engine import libpq_url, server_url
 from harness.adapters.stores.postgres_listener import Listener
-from harness.contracts.fleet import RobotReport
+from harness.contracts.fleet import WorkerReport
 from harness.contracts.values import decode, encode
 
 LOG = getLogger(__name__)
@@ -24,7 +24,7 @@ LARGEST = 7900
 class ReportListener(Listener):
     """Calls `received` with each report of any process. Raises StoreUnavailable as a Listener does."""
 
-    def __init__(self, url: str, received: Callable[[RobotReport], None]) -> None:
+    def __init__(self, url: str, received: Callable[[WorkerReport], None]) -> None:
         self._received = received
         super().__init__(url, self._read)
 
@@ -39,7 +39,7 @@ class ReportListener(Listener):
 
     def _read(self, payload: str) -> None:
         try:
-            report = decode(payload.encode(), RobotReport)
+            report = decode(payload.encode(), WorkerReport)
         except msgspec.MsgspecError as error:
             LOG.warning("report_unreadable error=%s", error)
             return
@@ -54,7 +54,7 @@ class ReportSender:
         self._lock = Lock()
         self._connection: psycopg.Connection | None = None
 
-    def send(self, report: RobotReport) -> None:
+    def send(self, report: WorkerReport) -> None:
         """From any thread."""
         payload = encode(report).decode()
         if len(payload.encode()) >= LARGEST:
