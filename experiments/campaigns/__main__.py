@@ -1,5 +1,5 @@
-"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `verifier`, `fuzz`, `hostile`, `replay SEED`,
-`check NAME`.
+"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `verifier`, `fleet`, `fuzz`, `hostile`,
+`replay SEED`, `check NAME`.
 
 `run` does everything, prints what it found and publishes it where it was of the full size (or with --publish).
 CAMPAIGN_MISSIONS and CAMPAIGN_SEED, or --missions and --seed, ask for another run; a smaller one leaves docs/ alone.
@@ -15,7 +15,7 @@ from typing import Any, get_args
 
 import msgspec
 
-from experiments.campaigns import fuzz, hostile, models, recovery_steps, seeds
+from experiments.campaigns import fleet, fuzz, hostile, models, recovery_steps, seeds
 from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.code import code_digest
 from experiments.campaigns.damage import DamageReport, damages
@@ -118,6 +118,12 @@ def main() -> None:
     many.add_argument("--minutes", type=float, default=None, help="play no longer than this")
     many.add_argument("--processes", type=int, default=PROCESSES)
     many.add_argument("--publish", action="store_true", help="write docs/reliability.md and docs/results/seeds.json")
+    several = commands.add_parser("fleet", help="three workers with eight robots each on one database")
+    several.add_argument("--missions", type=int, default=fleet.MISSIONS_EACH, help="of each robot")
+    several.add_argument("--seed", type=int, default=SEED)
+    several.add_argument("--minutes", type=float, default=None, help="begin no mission after so long")
+    several.add_argument("--folder", type=Path, default=None, help="kept: the same command goes on from there")
+    several.add_argument("--publish", action="store_true", help="write docs/reliability.md and docs/results/fleet.json")
     fuzzing = commands.add_parser("fuzz", help="changed bytes for every parser of foreign files")
     fuzzing.add_argument("--minutes", type=float, default=10.0, help="for each parser")
     fuzzing.add_argument("--seed", type=int, default=SEED)
@@ -155,6 +161,8 @@ def main() -> None:
             recovery_steps.run(arguments)
         case "seeds":
             seeds.run(arguments)
+        case "fleet":
+            fleet.run(arguments)
         case "fuzz":
             fuzz.run(arguments)
         case "hostile":

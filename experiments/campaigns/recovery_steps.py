@@ -20,7 +20,7 @@ from harness.contracts.values import Count, Value
 from harness.gate.decide import DECIDER
 from harness.runtime import Start
 from harness.settings import HarnessSettings
-from simulator.faults import FAULT_NAMES
+from simulator.faults import FAULT_NAMES, ON_LEGS
 from simulator.in_process import SIMULATOR
 
 PAGE = ROOT / "docs" / "recovery.md"
@@ -95,6 +95,8 @@ def recovery_steps(missions: int, *, seed: int, minutes: float | None = None) ->
 def faults_and_templates() -> Iterator[tuple[str, str]]:
     """Each fault with each template in which it can strike."""
     for fault in FAULT_NAMES:
+        if fault in ON_LEGS:
+            continue
         for template in TEMPLATES:
             if template == TEMPLATES[-1] or fault not in ONLY_INSPECTION:
                 yield fault, template
