@@ -36,6 +36,8 @@ from harness.routing.question import RoutingQuestion
 from harness.runtime import Runtime
 
 T = TypeVar("T")
+MOST_SOUND_BYTES = 2 * 2**20
+"""Twice what is taken: a longer recording is refused by its length, and not read on."""
 app = typer.Typer(no_args_is_help=True, help="Run and read missions.")
 
 
@@ -91,9 +93,10 @@ def run(
 
 
 def _sound(file: Path) -> bytes:
-    """The bytes of a recording. Raises UnknownName for a file that cannot be read."""
+    """The bytes of a recording, no more than is refused as too long. Raises UnknownName if it cannot be read."""
     try:
-        return file.read_bytes()
+        with file.open("rb") as opened:
+            return opened.read(MOST_SOUND_BYTES)
     except OSError as error:
         raise UnknownName(because("file_unreadable", error=error.strerror or ""), where=str(file)) from error
 

@@ -72,6 +72,10 @@ def _pcd(opened: BinaryIO, file: Path, size: int) -> CloudHead:
     fields = len(numbers.get(b"FIELDS", []))
     sizes, counts = _numbers(numbers, b"SIZE", file), _numbers(numbers, b"COUNT", file) or [1] * fields
     points = (_numbers(numbers, b"POINTS", file) or [0])[0]
+    width, height = _numbers(numbers, b"WIDTH", file), _numbers(numbers, b"HEIGHT", file)
+    if points and width and height and width[0] * height[0] != points:
+        line = f"POINTS {points}, WIDTH {width[0]}, HEIGHT {height[0]}"
+        raise _invalid(because("cloud_header_unreadable", line=line), file)
     if max(fields, sum(counts)) > MOST_FIELDS or max(sizes, default=0) > 8:
         raise _invalid(because("cloud_too_wide", numbers=sum(counts), limit=MOST_FIELDS), file)
     stride = sum(one * count for one, count in zip(sizes, counts, strict=False))

@@ -14,6 +14,7 @@ import numpy as np
 
 from harness.adapters.bounded_yaml import plain_values
 from harness.adapters.limited_process import Limits, run_limited
+from harness.adapters.plain_files import plain_bytes, plain_text
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.exploration import FREE, OCCUPIED, UNKNOWN, GridMap
 from harness.contracts.reasons import Explanation, because
@@ -93,7 +94,8 @@ def raster_of(request: bytes) -> bytes:
     """Read an image into cells, in this very process. Raises ContractInvalid."""
     reading = decode(request, RasterToRead)
     image = Path(reading.image)
-    grey = cv2.imdecode(np.frombuffer(image.read_bytes(), np.uint8), cv2.IMREAD_GRAYSCALE)
+    body = plain_bytes(image, most_bytes=LARGEST_BYTES)
+    grey = cv2.imdecode(np.frombuffer(body, np.uint8), cv2.IMREAD_GRAYSCALE)
     if grey is None:
         raise _invalid(because("map_image_unreadable"), image)
     dark = grey.astype(np.float32) / 255.0
@@ -122,7 +124,7 @@ def coarser(grid: GridMap, *, cell_m: float) -> GridMap:
 
 def _described(file: Path) -> MapServerFile:
     try:
-        described = plain_values(file.read_text(encoding="utf-8"), where=str(file), longest=LONGEST_YAML)
+        described = plain_values(plain_text(file, most_bytes=4 * LONGEST_YAML), where=str(file), longest=LONGEST_YAML)
         return msgspec.convert(described, MapServerFile, strict=False)
     except OSError as error:
         raise _invalid(because("map_unreadable", error=error.strerror or str(error)), file) from error
@@ -135,8 +137,7 @@ def _size(image: Path) -> tuple[int, int]:
     try:
         if image.stat().st_size > LARGEST_BYTES:
             raise _invalid(because("map_image_too_large", limit_mib=LARGEST_BYTES >> 20), image)
-        with image.open("rb") as opened:
-            head = opened.read(4096)
+        head = plain_bytes(image, most_bytes=LARGEST_BYTES)[:4096]
     except OSError as error:
         raise _invalid(because("map_unreadable", error=error.strerror or str(error)), image) from error
     if head.startswith(_PNG) and len(head) >= 24:

@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+from harness.adapters.plain_files import plain_text
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.reasons import because
 
@@ -20,7 +21,7 @@ def secret(*, variable: str, file: str, folder: Path) -> str:
         return found
     path = folder / file
     try:
-        found = path.read_text(encoding="utf-8")[:LONGEST].strip()
+        found = plain_text(path, most_bytes=4 * LONGEST)[:LONGEST].strip()
     except (OSError, UnicodeError) as error:
         raise ContractInvalid(because("secret_unreadable"), where=str(path)) from error
     if not found:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 
+from harness.adapters.plain_files import plain_text
 from harness.contracts.effects import AnyEffect
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import Digest, ProviderId
@@ -16,6 +17,7 @@ from harness.contracts.reasons import because
 from harness.contracts.values import Name, Value
 from harness.workspace.contract_yaml import read_yaml
 
+LONGEST_BYTES = 4 * 2**20
 _SHIPPED = files("harness.baseline").joinpath("conformance")
 
 
@@ -54,7 +56,7 @@ def shipped(provider_id: ProviderId) -> ConformanceFile:
 def read(path: Path) -> ConformanceFile:
     """A conformance file from the disk. Raises ContractInvalid that names the place in it."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = plain_text(path, most_bytes=LONGEST_BYTES)
     except (OSError, UnicodeDecodeError) as error:
         raise ContractInvalid(because("conformance_file_unreadable", error=str(error)), where=str(path)) from error
     return _checked(text, where=str(path))

@@ -62,6 +62,8 @@ def unread_in_words(why: UnreadWhy) -> Reason:
             return because("unread_no_template")
         case "order":
             return because("unread_order")
+        case "statement":
+            return because("unread_statement")
         case "unknown_words":
             return because("unread_unknown_words")
         case _:

@@ -12,7 +12,8 @@ from pathlib import Path
 import yaml
 
 from harness.adapters.bounded_yaml import plain_values
-from harness.adapters.map_rasters import coarser, read_map
+from harness.adapters.map_rasters import LONGEST_YAML, coarser, read_map
+from harness.adapters.plain_files import plain_text
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.exploration import FREE, GridMap
 from harness.contracts.reasons import because
@@ -162,7 +163,7 @@ def _rest_of_mission() -> str:
 def _copy_map(folder: Path, map_file: Path) -> str:
     """The map's two files inside the folder, so that it can be moved as a whole."""
     (folder / MAPS).mkdir()
-    named = plain_values(map_file.read_text(encoding="utf-8"), where=str(map_file))
+    named = plain_values(plain_text(map_file, most_bytes=4 * LONGEST_YAML), where=str(map_file))
     image = map_file.parent / str(named["image"])
     shutil.copyfile(image, folder / MAPS / image.name)
     named["image"] = image.name

@@ -15,8 +15,10 @@ from typing import TypeVar
 
 import msgspec
 
+from harness.adapters.bounded_yaml import LONGEST_TEXT
 from harness.adapters.installed_predicates import INSTALLED
 from harness.adapters.map_rasters import read_map
+from harness.adapters.plain_files import plain_text
 from harness.adapters.secret_values import secret
 from harness.contracts import ports
 from harness.contracts.capabilities import CapabilityType, Vocabulary
@@ -205,7 +207,7 @@ class Reader:
 
     def _file(self, file: Path, kind: type[T]) -> tuple[T, Lines] | None:
         try:
-            text = file.read_text(encoding="utf-8")
+            text = plain_text(file, most_bytes=4 * LONGEST_TEXT)
         except (OSError, UnicodeError) as error:
             missing = because("workspace_file_unreadable", error=getattr(error, "strerror", None) or str(error))
             self.problems.append(ContractInvalid(missing, where=str(file)))

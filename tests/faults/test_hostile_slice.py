@@ -36,6 +36,9 @@ REFUSED = {
     "images-of-an-earlier-mission": {"request", "go"},
     "images-mirrored": {"request", "go"},
     "headings-mirrored": {"request", "go"},
+    "circuit-made-smaller": {"request"},
+    "stopped-halfway": {"request"},
+    "headings-turned": {"request", "go"},
 }
 """Lies about evidence, and the stages that are accepted in spite of them."""
 
@@ -128,7 +131,7 @@ def test_a_running_console_meets_a_robot_that_lies() -> None:
 
 
 def test_the_kit_has_every_group_and_never_touches_what_is_no_simulation() -> None:
-    assert len(MODES) == len({mode.name for mode in MODES}) >= 120
+    assert len(MODES) == len({mode.name for mode in MODES}) >= 140
     assert {mode.group for mode in MODES} == {"bounds", "outcome", "identity", "receipts", "sensors", "images"}
     with raises_saying(UnknownName, match="knows no lie flattery"):
         chosen(["flattery"])

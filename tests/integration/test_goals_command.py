@@ -40,6 +40,10 @@ def test_goals_in_plain_words_are_understood_without_a_question() -> None:
         unread = owner.post("/api/v1/missions", json={"goal": "Fly to the moon"})
         assert (unread.status_code, unread.json()["code"]) == (422, "goal_not_understood")
         assert [one["why"] for one in unread.json()["unread"]]
+        for statement in ("检查储物区了吗", "The passage is blocked"):
+            asked_back = owner.post("/api/v1/missions", json={"goal": statement})
+            assert (asked_back.status_code, asked_back.json()["code"]) == (422, "goal_not_understood")
+            assert "statement" in {one["why"] for one in asked_back.json()["unread"]}
         assert stand.harness.runtime.missions() == []
 
 

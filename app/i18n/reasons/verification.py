@@ -147,6 +147,9 @@ SENTENCES: Mapping[str, str] = {
     ),
     "report_verdict_does_not_follow": N_("its verdict does not follow from its findings"),
     "rests_on_declared": N_("it rests on {stages:words}, which is declared and not verified: {reason}"),
+    "odometry_walked_less": N_(
+        "sources disagree: odometry shows {shown_m:.2f} m of way, the poses show {claimed_m:.2f} m of the route"
+    ),
     "returned_before_departure": N_("the return was measured before the departure"),
     "robot_says_not_localised": N_("the robot says that it is not localised"),
     "route_not_covered": N_("{share:.1%} of the route was measured, bound {bound:.0%}"),

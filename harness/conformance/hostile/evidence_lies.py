@@ -64,11 +64,11 @@ def never_moved(*, odometry: bool, inertia: bool, journal: bool) -> Lie:
             case "find" | "report" | "keepalive" | "stop" if walk is not None and _about(ask, seen):
                 if ask.kind == "keepalive":
                     return Answer(body=json.dumps({"handle": "forged"}).encode())
-                return Answer(body=json.dumps(_forged_report(seen, _now(forward))).encode())
+                return Answer(body=json.dumps(forged_report(seen, now_s(forward))).encode())
             case "observations" if walk is not None:
                 answer = forward(ask).json()
-                forged = [_forged(one, walk, odometry=odometry, inertia=inertia) for one in answer["samples"]]
-                return Answer(body=json.dumps({**answer, "samples": forged}).encode())
+                samples = [forged(one, walk, odometry=odometry, inertia=inertia) for one in answer["samples"]]
+                return Answer(body=json.dumps({**answer, "samples": samples}).encode())
             case "starts" if walk is not None and journal:
                 return Answer(body=json.dumps([*forward(ask).json(), seen.kept["start"]]).encode())
         return forward(ask)
@@ -77,7 +77,7 @@ def never_moved(*, odometry: bool, inertia: bool, journal: bool) -> Lie:
 
 
 def _pretended(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
-    request, at_s = ask.json(), _now(forward)
+    request, at_s = ask.json(), now_s(forward)
     seen.kept["request"] = request
     samples = forward(Ask("GET", "/observations", {"after": "0", "limit": "20000"}, b"")).json()["samples"]
     here = next((one["x_m"], one["y_m"]) for one in reversed(samples) if one["kind"] == "pose")
@@ -89,14 +89,14 @@ def _pretended(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
         "at_s": at_s,
         "moves": True,
     }
-    return Answer(body=json.dumps(_forged_report(seen, at_s)).encode())
+    return Answer(body=json.dumps(forged_report(seen, at_s)).encode())
 
 
 def _about(ask: Ask, seen: ProxyState) -> bool:
     return "forged" in ask.path or seen.kept["request"]["identity"]["request_id"] in ask.path
 
 
-def _forged_report(seen: ProxyState, at_s: float) -> dict[str, Any]:
+def forged_report(seen: ProxyState, at_s: float) -> dict[str, Any]:
     walk, request = seen.kept["walk"], seen.kept["request"]
     over = at_s >= walk.began_s + walk.lasts_s
     share = min((at_s - walk.began_s) / walk.lasts_s, 1.0)
@@ -108,11 +108,11 @@ def _forged_report(seen: ProxyState, at_s: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _now(forward: Forward) -> float:
+def now_s(forward: Forward) -> float:
     return float(forward(Ask("GET", "/robot", {}, b"")).json()["at_s"])
 
 
-def _forged(one: dict[str, Any], walk: Walk, *, odometry: bool, inertia: bool) -> dict[str, Any]:
+def forged(one: dict[str, Any], walk: Walk, *, odometry: bool, inertia: bool) -> dict[str, Any]:
     if one["at_s"] < walk.began_s:
         return one
     x, y, yaw, speed, rate = walk.at(one["at_s"])
@@ -198,11 +198,11 @@ def _bomb(body: bytes, seen: ProxyState) -> bytes:
     return bytes(made)
 
 
-def _decoded(body: bytes) -> Any:
+def decoded(body: bytes) -> Any:
     return cv2.imdecode(np.frombuffer(body, dtype=np.uint8), cv2.IMREAD_COLOR)
 
 
-def _encoded(picture: Any, quality: int) -> bytes:
+def encoded(picture: Any, quality: int) -> bytes:
     return bytes(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes())
 
 
@@ -218,32 +218,32 @@ def _reencoded(body: bytes, seen: ProxyState) -> bytes:
 def _first_again(body: bytes, seen: ProxyState, *, mirrored: bool) -> bytes:
     first = seen.kept.setdefault("first", body)
     seen.kept["n"] = seen.kept.get("n", 0) + 1
-    picture = _decoded(first)
+    picture = decoded(first)
     if mirrored and seen.kept["n"] % 2 == 0:
         picture = cv2.flip(picture, 1)
-    return _encoded(picture, 60 + seen.kept["n"] % 35)
+    return encoded(picture, 60 + seen.kept["n"] % 35)
 
 
 def _earlier(body: bytes, seen: ProxyState) -> bytes:
     """The image that an earlier mission took at the same heading."""
-    return seen.images[_number(seen) % len(seen.images)]
+    return seen.images[number_of(seen) % len(seen.images)]
 
 
 def _earlier_again(body: bytes, seen: ProxyState) -> bytes:
-    return _encoded(_decoded(_earlier(body, seen)), 70)
+    return encoded(decoded(_earlier(body, seen)), 70)
 
 
 def _earlier_mirrored(body: bytes, seen: ProxyState) -> bytes:
-    return _encoded(cv2.flip(_decoded(_earlier(body, seen)), 1), 80)
+    return encoded(cv2.flip(decoded(_earlier(body, seen)), 1), 80)
 
 
 def _earlier_elsewhere(body: bytes, seen: ProxyState) -> bytes:
     """The image of another heading, blurred: no noise is left to be known by."""
-    other = _decoded(seen.images[(_number(seen) + 3) % len(seen.images)])
-    return _encoded(cv2.GaussianBlur(other, (5, 5), 0), 85)
+    other = decoded(seen.images[(number_of(seen) + 3) % len(seen.images)])
+    return encoded(cv2.GaussianBlur(other, (5, 5), 0), 85)
 
 
-def _number(seen: ProxyState) -> int:
+def number_of(seen: ProxyState) -> int:
     """Of the image at hand, from 0."""
     seen.kept["n"] = seen.kept.get("n", -1) + 1
     return int(seen.kept["n"])
@@ -251,7 +251,7 @@ def _number(seen: ProxyState) -> int:
 
 def _grey(body: bytes, seen: ProxyState) -> bytes:
     seen.kept["n"] = seen.kept.get("n", 0) + 1
-    return _encoded(np.full((720, 1280, 3), 90 + seen.kept["n"], dtype=np.uint8), 90)
+    return encoded(np.full((720, 1280, 3), 90 + seen.kept["n"], dtype=np.uint8), 90)
 
 
 def _turned(one: dict[str, Any], answer: Any) -> dict[str, Any]:

@@ -1,16 +1,18 @@
 """metric circuit (D19): departure, then progress along the route, then return, in the order of sensor times."""
 
 import math
+from dataclasses import dataclass
 
 from harness.contracts.effects import AnyEffect, Metric
 from harness.contracts.reasons import Reason, because
-from harness.contracts.rules import BEGUN_AGAIN
+from harness.contracts.rules import BEGUN_AGAIN, WALKED_BY_ODOMETRY
 from harness.contracts.verdicts import PredicateVerdict
 from harness.verification import geometry
 from harness.verification.bridging import GAP_S, PositionHistory, bridged
 from harness.verification.finding import Finding, Undecidable, ambiguous, worst
 from harness.verification.predicates.arrival import SAMPLES, agreement_of, arrival, poses_of, story
 from harness.verification.reading import AdmittedTrack, Evidence
+from harness.verification.sources import LIMIT_M
 
 
 def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
@@ -25,7 +27,8 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
         return ambiguous(because("no_pose_in_route_map"))
     history = _history(effect, evidence)
     track = list(history.track)
-    left_s, progress = _walked(effect, track, evidence)
+    begun = _walked(effect, track, evidence)
+    left_s, progress = begun.left_s, begun.progress
     gap_s = max(_unseen_s(history, track) for track in evidence.tracks)
     back = arrival(effect, evidence)
     declared = _declared(evidence)
@@ -36,6 +39,7 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
             _in_order(progress.waypoints, progress.of_waypoints, gap_s),
             _admitted_by_planner(declared, share),
             _returned(left_s, track),
+            _paced(begun, evidence, share),
             (back.verdict, back.reason if back.verdict != "satisfied" else None),
         )
     )
@@ -64,9 +68,17 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
     )
 
 
-def _walked(
-    effect: Metric, track: list[geometry.Fix], evidence: Evidence
-) -> tuple[float | None, geometry.RouteProgress]:
+@dataclass(frozen=True)
+class Walk:
+    """What was walked since a dispatch: when the body left, how much of the route it passed, metres by the poses."""
+
+    began_s: float
+    left_s: float | None
+    progress: geometry.RouteProgress
+    path_m: float
+
+
+def _walked(effect: Metric, track: list[geometry.Fix], evidence: Evidence) -> Walk:
     """When the body left, and how much of the route it then walked in order, over all executions together.
 
     Where the circuit was begun again, the way back to its start may pass later parts of the route and count as progress
@@ -79,8 +91,25 @@ def _walked(
         part = track if began_s == begins[0] else [fix for fix in track if fix.at_s >= began_s]
         radius_m = effect.bounds["departure_m"]
         left_s = geometry.departed_s(part, origin=effect.target_m, after_s=began_s, radius_m=radius_m, samples=SAMPLES)
-        found.append((left_s, geometry.route_progress(effect.route_m, [fix.point for fix in part])))
-    return max(found, key=lambda one: (one[1].waypoints, one[1].share))
+        points = [fix.point for fix in part]
+        progress = geometry.route_progress(effect.route_m, points)
+        found.append(Walk(began_s, left_s, progress, geometry.path_length(points)))
+    return max(found, key=lambda one: (one.progress.waypoints, one.progress.share))
+
+
+def _paced(walk: Walk, evidence: Evidence, share: float) -> tuple[PredicateVerdict, Reason | None]:
+    """Whether odometry shows that share of the way that the poses show, or of the route where they show more.
+
+    Their ends agree on every closed way, however long its metres were.
+    """
+    tracks = [one.odometry for one in evidence.tracks if one.dispatched_s >= walk.began_s and one.odometry]
+    if evidence.policy.rules < WALKED_BY_ODOMETRY or not tracks:
+        return "satisfied", None
+    shown_m = math.fsum(geometry.path_length(fix.point for fix in geometry.fixes(one)) for one in tracks)
+    claimed_m = min(walk.path_m, walk.progress.length_m)
+    if shown_m >= share * claimed_m - LIMIT_M:
+        return "satisfied", None
+    return "ambiguous", because("odometry_walked_less", shown_m=shown_m, claimed_m=claimed_m)
 
 
 def _history(effect: Metric, evidence: Evidence) -> PositionHistory:

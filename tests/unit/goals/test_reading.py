@@ -1,14 +1,18 @@
 """What goal texts are read as: clauses, the words they account for, and what stays unread."""
 
+from typing import get_args
+
 import pytest
 from msgspec.structs import replace
 
+from app.i18n.reasons.rendering import sentence
 from harness.baseline.load import site
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.places import Site
-from harness.contracts.readings import Clause, Reading, TextSpan
+from harness.contracts.readings import Clause, Reading, TextSpan, UnreadWhy
 from harness.goals.names import check_names
 from harness.goals.reader import GoalReader, admitted, check_reading, read_goal, uncovered
+from harness.projections.readings import unread_in_words
 from tests.saying import raises_saying
 
 SITE = site()
@@ -80,10 +84,21 @@ def test_a_goal_is_read_clause_by_clause_with_nothing_left_over(text: str, claus
         ("Look at the passage in the dock", "ambiguous"),
         ("如果门开着，就检查储物区", "condition"),
         ("去月球", "unknown_words"),
+        ("检查储物区了吗", "statement"),
+        ("The passage is blocked", "statement"),
+        ("The robot is checking the storage area", "statement"),
+        ("Do not only check the storage area", "negation"),
+        ("除了检查储物区，还要走环线", "ambiguous"),
+        ("Check the storage area and then", "order"),
     ],
 )
 def test_what_is_not_understood_stays_unread_with_the_reason(text: str, why: str) -> None:
     assert why in unread(text)
+
+
+def test_every_reason_for_an_unread_word_has_a_sentence() -> None:
+    told = {why: sentence(unread_in_words(why)) for why in get_args(UnreadWhy)}
+    assert all(told.values()) and len(set(told.values())) == len(told)
 
 
 @pytest.mark.parametrize(

@@ -54,6 +54,7 @@ def test_millimetres_become_metres(tmp_path: Path) -> None:
         ("cloud.ply", b"plx\n", "hold together"),
         ("cloud.ply", b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nend_header\n1\n", "hold"),
         ("cloud.pcd", b"VERSION 0.7\nPOINTS 99999999999\n", "larger than"),
+        ("cloud.pcd", b"FIELDS x y z\nWIDTH 3\nHEIGHT 0\nPOINTS 3\nDATA ascii\n", "POINTS 3, WIDTH 3, HEIGHT 0"),
     ],
 )
 def test_what_is_no_cloud_says_what_and_where(tmp_path: Path, name: str, body: bytes, why: str) -> None:

@@ -1,6 +1,7 @@
 """`regen init` and `regen check`: a site's own folder, and every way in which it may be wrong, by file and line."""
 
 import json
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -254,6 +255,14 @@ def _without(name: str) -> Callable[[Path], None]:
     return lambda folder: (folder / name).unlink()
 
 
+def _instead(name: str, make: Callable[[Path], object]) -> Callable[[Path], None]:
+    def spoil(folder: Path) -> None:
+        (folder / name).unlink()
+        make(folder / name)
+
+    return spoil
+
+
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
@@ -261,6 +270,9 @@ def _without(name: str) -> Callable[[Path], None]:
         (_without("site.yaml"), "No such file"),
         (lambda folder: (folder / "robot.yaml").write_text("robots: []\n"), "Nobody reads this file"),
         (lambda folder: (folder / "site.yaml").write_bytes(b"\xff\xfe\x00"), "cannot be read"),
+        (_instead("site.yaml", lambda file: file.symlink_to("/dev/zero")), "It is no plain file"),
+        (_instead("robots.yaml", os.mkfifo), "It is no plain file"),
+        (_instead("site.yaml", lambda file: file.write_bytes(b"#" * 2**21)), "File too large"),
     ],
 )
 def test_a_missing_and_a_strange_file_are_named(shop: Path, spoil: Callable[[Path], object], said: str) -> None:
