@@ -29,9 +29,9 @@ from harness.contracts.reasons import plain
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.simulation import Fidelity, InProcessRobot
 from harness.contracts.tasks import TaskTemplate
-from harness.workspace.contract_yaml import read_yaml
 from harness.runtime import Start
 from harness.settings import HarnessSettings
+from harness.workspace.contract_yaml import read_yaml
 from simulator.in_process import InProcessSimulator
 from simulator.robot import SimulatedRobot
 from simulator.walking.sensors import WalkingSensors
@@ -97,7 +97,7 @@ def _judged(
         report = robot.find(request.identity.request_id)
         if request.capability == "navigate" and report is not None:
             legs.append(walked_leg(request, report, samples, truths))
-    committed = {node.node_id: node.attempt for node in mission.nodes.values() if node.status == "committed"}
+    committed = {str(node.node_id): node.attempt for node in mission.nodes.values() if node.status == "committed"}
     accepted = [one for one in legs if committed.get(one.node_id) == one.attempt and one.status == "succeeded"]
     false = tuple(one.node_id for one in accepted if one.end_error_m > one.tolerance_m)
     sensors = robot.world.sensors
@@ -134,9 +134,7 @@ def read_log(file: Path, seed: int) -> list[WalkedMission]:
     return [one for line in lines if (one := msgspec.json.decode(line, type=WalkedMission)).seed - one.number == seed]
 
 
-def remaining(
-    numbers: Sequence[int], *, seed: int, processes: int, minutes: float | None
-) -> Iterator[WalkedMission]:
+def remaining(numbers: Sequence[int], *, seed: int, processes: int, minutes: float | None) -> Iterator[WalkedMission]:
     """Plays these, in any order, until they are done or the time is over."""
     until_s = None if minutes is None else time.monotonic() + 60.0 * minutes
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
@@ -159,7 +157,11 @@ def run(arguments: argparse.Namespace) -> None:
             log.write(msgspec.json.encode(one) + b"\n")
             log.flush()
             known.append(one)
-            print(f"{one.number} {one.template} {one.fault or '-'}: {one.status} {one.reason}", file=sys.stderr, flush=True)
+            print(
+                f"{one.number} {one.template} {one.fault or '-'}: {one.status} {one.reason}",
+                file=sys.stderr,
+                flush=True,
+            )
     known = sorted((one for one in known if one.number < arguments.missions), key=lambda one: one.number)
     found = walking_page.figures(known, seed=arguments.seed, asked=MISSIONS)
     print(walking_page.table(found))

@@ -22,8 +22,9 @@ Track = Sequence[tuple[float, float, float]]
 class WalkedLeg(Value):
     """One navigation. Distances in metres; `*_m` of a source is the path by that source, from start to end.
 
-    `lateral_m`: the farthest and the mean true distance from the route. `localiser_off_m`: mean distance of its poses from
-    the truth, `localiser_worst_m` the largest. `drift_m`: how far odometry's end is from the true one, both begun alike.
+    `lateral_m`: the farthest and the mean true distance from the route. `localiser_off_m`: mean distance of its poses
+    from the truth, `localiser_worst_m` the largest. `drift_m`: how far odometry's end is from the true one, both begun
+    alike.
     `silent_s`: the longest time without a pose.
     """
 

@@ -1,5 +1,6 @@
 """Writes the walking campaign's figures into docs/walking.md, between the marks of its page, and as JSON."""
 
+import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -114,14 +115,21 @@ def figures(missions: Sequence[WalkedMission], *, seed: int, asked: int) -> Walk
         core_hours=round(cpu_s / max(len(missions), 1) * asked / 3600, 2),
         mission_s=round(sum(one.seconds for one in missions), 1),
         counts=tuple(_counts(kind, [one for one in missions if (one.template, one.fault) == kind]) for kind in kinds),
-        legs=tuple(_gaps(name, m, [one for one in legs if (_stage(one), one.commanded_m) == (name, m)]) for name, m in stages),
+        legs=tuple(
+            _gaps(name, m, [one for one in legs if (_stage(one), one.commanded_m) == (name, m)]) for name, m in stages
+        ),
         falls_unpushed=falls,
         falls_unpushed_bound=upper_bound(falls, len(unpushed)),
         accepted=accepted,
         accepted_falsely=falsely,
         accepted_falsely_bound=upper_bound(falsely, accepted),
-        open_reasons=dict(Counter(one.reason for one in missions if one.status != "succeeded" and one.fault != FALL)),
+        open_reasons=dict(Counter(_kind(one.reason) for one in unpushed if one.status != "succeeded")),
     )
+
+
+def _kind(reason: str) -> str:
+    """A reason without its figures, so that equal ones are counted together."""
+    return re.sub(r"\d+(\.\d+)?", "…", reason)
 
 
 def _stage(leg: WalkedLeg) -> str:
@@ -173,14 +181,15 @@ def table(found: WalkingReport) -> str:
 
 
 def _intro(found: WalkingReport) -> str:
+    false_share, fall_share = 100 * found.accepted_falsely_bound, 100 * found.falls_unpushed_bound
     return (
         f"{found.missions:,} missions, seeds from {found.seed}, {found.mission_s / 3600:.1f} h of mission time in "
         f"{found.cpu_s / 3600:.2f} core-hours. {found.asked:,} missions of this mix need {found.core_hours:.1f} "
         f"core-hours of this machine.\n\n"
         f"- Accepted navigations: {found.accepted}. Of these the body truly stood outside the tolerance in "
-        f"{found.accepted_falsely} (at most {100 * found.accepted_falsely_bound:.1f} %, one-sided 95 % Clopper-Pearson).\n"
+        f"{found.accepted_falsely} (at most {false_share:.1f} %, one-sided 95 % Clopper-Pearson).\n"
         f"- Missions in which it fell without being pushed: {found.falls_unpushed} "
-        f"(at most {100 * found.falls_unpushed_bound:.1f} %)."
+        f"(at most {fall_share:.1f} %)."
     )
 
 
@@ -191,14 +200,17 @@ def _missions(found: WalkingReport) -> str:
         + f" | {one.falls} | {one.lost} | {one.found} |"
         for one in found.counts
     ]
-    head = "| mission | fault | missions | ended | falls | localiser lost | found again |\n|---|---|---:|---|---:|---:|---:|"
+    head = (
+        "| mission | fault | missions | ended | falls | localiser lost | found again |\n"
+        "|---|---|---:|---|---:|---:|---:|"
+    )
     return "\n".join([head, *rows])
 
 
 def _distances(found: WalkingReport) -> str:
     rows = [
-        f"| {one.stage} | {one.legs} | {one.commanded_m:.2f} | {one.odometry_m.mean:.2f} | {one.localiser_m.mean:.2f} | "
-        f"{one.truth_m.mean:.2f} | {one.lateral_m.mean:.3f} / {one.lateral_worst_m:.2f} | "
+        f"| {one.stage} | {one.legs} | {one.commanded_m:.2f} | {one.odometry_m.mean:.2f} | "
+        f"{one.localiser_m.mean:.2f} | {one.truth_m.mean:.2f} | {one.lateral_m.mean:.3f} / {one.lateral_worst_m:.2f} | "
         f"{one.drift_m.mean:.2f} / {one.drift_m.high:.2f} |"
         for one in found.legs
     ]
@@ -218,7 +230,8 @@ def _errors(found: WalkingReport) -> str:
     ]
     head = (
         "| leg (metres, seconds) | legs | declared from the goal: mean | truly from the goal: mean / 95 % / worst | "
-        "localiser from the truth: mean / 95 % | longest time without a pose: mean / 95 % |\n|---|---:|---:|---:|---:|---:|"
+        "localiser from the truth: mean / 95 % | longest time without a pose: mean / 95 % |\n"
+        "|---|---:|---:|---:|---:|---:|"
     )
     return "\n".join([head, *rows])
 

@@ -1,5 +1,5 @@
-"""Measures the robot's own motion by joint encoders, foot contacts and an IMU: it drifts, slips with the feet, and knows
-when the robot has fallen.
+"""Measures the robot's own motion by joint encoders, foot contacts and an IMU: it drifts, slips with the feet, and
+knows when the robot has fallen.
 
 Nothing here knows the true pose. The IMU has a bias of its own for each mission, the legs a scale.
 """
@@ -107,6 +107,11 @@ class Proprioception:
         self._bad_s = self._bad_s + CONTROL_S if tipped or collapsed else 0.0
         if self._bad_s >= FALLEN_S:
             self.fallen = "tipped" if tipped else "collapsed"
+
+    def wake(self, world: WalkingModel) -> None:
+        """Switched on where it lies: whether it has fallen is seen before anything else."""
+        self.sense(world, "standing", rising=True)
+        self.fallen = "tipped" if self.tilt_rad > TIPPED_RAD else ""
 
     def set_on_feet(self, height_m: float) -> None:
         """Somebody set the robot down on its feet: the odometer did not see it."""
