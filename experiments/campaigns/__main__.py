@@ -140,7 +140,7 @@ def main() -> None:
     legs = commands.add_parser("walking", help="missions on the robot with legs: commanded, declared, measured, true")
     legs.add_argument("--missions", type=int, default=walking.MISSIONS)
     legs.add_argument("--seed", type=int, default=SEED)
-    legs.add_argument("--minutes", type=float, default=None, help="play no longer than this; the next run goes on")
+    legs.add_argument("--minutes", type=float, default=None, help="no longer than this; 0 only publishes")
     legs.add_argument("--processes", type=int, default=PROCESSES)
     legs.add_argument("--log", type=Path, default=walking.LOG, help="one line for each mission that has ended")
     legs.add_argument("--publish", action="store_true", help="write docs/walking.md and docs/results/walking.json")

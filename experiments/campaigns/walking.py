@@ -150,7 +150,8 @@ def run(arguments: argparse.Namespace) -> None:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     known = read_log(arguments.log, arguments.seed)
     played = {one.number for one in known}
-    numbers = [number for number in range(arguments.missions) if number not in played]
+    wanted = range(arguments.missions) if arguments.minutes != 0 else ()
+    numbers = [number for number in wanted if number not in played]
     arguments.log.parent.mkdir(parents=True, exist_ok=True)
     with arguments.log.open("ab") as log:
         for one in remaining(numbers, seed=arguments.seed, processes=arguments.processes, minutes=arguments.minutes):
