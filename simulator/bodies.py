@@ -1,7 +1,7 @@
 """Simulates the robot's body in the world: its true pose, how a velocity command moves it, and what its lidar hits.
 
-Three fidelities with one interface. `MujocoBody` integrates the contacts of a sliding hull; `KinematicBody` moves a disc
-among footprints; `simulator.walking` has the body with legs.
+Three fidelities with one interface. `MujocoBody` integrates the contacts of a sliding hull; `KinematicBody` moves a
+disc among footprints; `simulator.walking` has the body with legs.
 """
 
 import math

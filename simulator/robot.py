@@ -127,6 +127,10 @@ class SimulatedRobot:
         """The red button on the robot: independent of all software, it holds the body still while engaged."""
         self.world.hardware_stop = engaged
 
+    def requests(self) -> Sequence[protocol.StartRequest]:
+        """Everything that was asked of it, for an adjudicator."""
+        return tuple(self._journal.requests.values())
+
     def rest(self, posture: Posture) -> None:
         """Lie down, or stand up: after a fall only if the legs can do it, and it stands only once it is seen to."""
         body = self.world.body

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
 
 from harness.contracts.ids import MissionId, RequestId
 from harness.contracts.observations import Image

@@ -1,5 +1,5 @@
 """Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `verifier`, `fleet`, `fuzz`, `hostile`,
-`replay SEED`, `check NAME`.
+`walking`, `replay SEED`, `check NAME`.
 
 `run` does everything, prints what it found and publishes it where it was of the full size (or with --publish).
 CAMPAIGN_MISSIONS and CAMPAIGN_SEED, or --missions and --seed, ask for another run; a smaller one leaves docs/ alone.
@@ -15,7 +15,7 @@ from typing import Any, get_args
 
 import msgspec
 
-from experiments.campaigns import fleet, fuzz, hostile, models, recovery_steps, seeds
+from experiments.campaigns import fleet, fuzz, hostile, models, recovery_steps, seeds, walking
 from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.code import code_digest
 from experiments.campaigns.damage import DamageReport, damages
@@ -137,6 +137,13 @@ def main() -> None:
     cases.add_argument("--cases", type=int, default=verifier.CASES, help="cases of each predicate")
     cases.add_argument("--seed", type=int, default=SEED)
     cases.add_argument("--publish", action="store_true", help="write docs/verifier.md")
+    legs = commands.add_parser("walking", help="missions on the robot with legs: commanded, declared, measured, true")
+    legs.add_argument("--missions", type=int, default=walking.MISSIONS)
+    legs.add_argument("--seed", type=int, default=SEED)
+    legs.add_argument("--minutes", type=float, default=None, help="no longer than this; 0 only publishes")
+    legs.add_argument("--processes", type=int, default=PROCESSES)
+    legs.add_argument("--log", type=Path, default=walking.LOG, help="one line for each mission that has ended")
+    legs.add_argument("--publish", action="store_true", help="write docs/walking.md and docs/results/walking.json")
     loop = commands.add_parser("models", help="missions with a model as planner, reader of goals and adviser")
     loop.add_argument("--url", required=True, help="an OpenAI-compatible endpoint, up to /v1")
     loop.add_argument("--model", default="smollm2-135m-instruct-q4_1")
@@ -171,6 +178,8 @@ def main() -> None:
             verifier.run(arguments)
         case "models":
             models.run(arguments)
+        case "walking":
+            walking.run(arguments)
         case "replay":
             _replay(arguments.seed)
         case _:

@@ -33,6 +33,7 @@ REFUSALS: Mapping[str, frozenset[str]] = {
     "request_never_came": frozenset({"request_id"}),
     "robot_blob_not_held": frozenset({"blob"}),
     "robot_ending": frozenset(),
+    "robot_fallen": frozenset(),
     "robot_folder_in_use": frozenset(),
     "robot_folder_unusable": frozenset({"error"}),
     "robot_lies": frozenset(),
@@ -45,6 +46,7 @@ REFUSALS: Mapping[str, frozenset[str]] = {
     "start_journal_unwritable": frozenset({"error"}),
     "step_out_of_bounds": frozenset({"step_s", "limit_s"}),
     "unknown_fault": frozenset({"name", "known"}),
+    "walking_not_installed": frozenset({"missing"}),
     "world_unreadable": frozenset({"error"}),
 }
 """The reasons that a robot may give by code, each with its facts: of any other its text counts."""

