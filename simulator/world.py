@@ -39,12 +39,14 @@ class WorldSettings(Value):
     """How to build a world. `epoch_s` is its first mission time, unless a saved world has reached a later one.
 
     `hidden` are the recurring disturbances of its site; without it a robot starts a mission where the last one ended.
+    `pictures` is a folder in which the processes of a suite share the pictures that they render.
     """
 
     fidelity: Fidelity = "kinematic"
     seed: int = 0
     epoch_s: float = EPOCH_S
     hidden: HiddenSite | None = None
+    pictures: str = ""
 
 
 class World:
@@ -305,9 +307,12 @@ class World:
 
     def _capture(self, heading_rad: float, request: RequestId) -> Shot:
         state = self.body.state
-        take = photograph if self._settings.fidelity == "mujoco" else photograph_nearby
-        noise = f"{self._name}\n{self.sensors.seed}\n{self.at_s!r}"
-        blob = self.blobs.keep_image(take(self.site, (state.x_m, state.y_m, state.yaw_rad), key=noise))
+        pose, key = (state.x_m, state.y_m, state.yaw_rad), f"{self._name}\n{self.sensors.seed}\n{self.at_s!r}"
+        if self._settings.fidelity == "mujoco":
+            picture = photograph(self.site, pose, key=key)
+        else:
+            picture = photograph_nearby(self.site, pose, key=key, folder=self._settings.pictures)
+        blob = self.blobs.keep_image(picture)
         image = Image(
             seq=self.ring.next(),
             at_s=self.at_s,

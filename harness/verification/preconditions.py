@@ -40,6 +40,8 @@ def verify_preconditions(
     rules: ContextRules,
 ) -> tuple[ConditionResult, ...]:
     """One result per precondition; missing or old state never holds (R173). condition_id = `<node>.<predicate>`."""
+    if not node.preconditions:
+        return ()
     poses = {one.at_s: one for one in recent if isinstance(one, Pose) and one.confidence >= rules.minimum_confidence}
     odometry = {one.at_s: one for one in recent if isinstance(one, Odometry)}
     now = _Now(
