@@ -21,7 +21,7 @@ from experiments.benchmarks import (
     suite,
 )
 from experiments.benchmarks.arms import load
-from experiments.benchmarks.records import Figure, keep, table
+from experiments.benchmarks.records import Figure, durabilities, keep, table
 
 Measure = Callable[[], list[Figure]]
 QUIET = 1.0
@@ -32,7 +32,7 @@ def whole() -> dict[str, Measure]:
     """Each benchmark at its full size."""
     return {
         "overhead": lambda: overhead.measure(count=9, missions=24),
-        "approve": lambda: approve.measure(count=20, approvals=10),
+        "approve": lambda: approve.measure(count=25, approvals=40),
         "rebuild": lambda: rebuild.measure(events=1_000_000, count=3),
         "opening": lambda: opening.measure(events=10_000, count=9),
         "replaying": lambda: replaying.measure(files=replaying.recordings(), count=5),
@@ -85,7 +85,7 @@ def main() -> None:
         found += rows
         if not arguments.quick:
             keep(rows)
-    print(f"\n{table(found)}")
+    print(f"\n{table(found)}\n{durabilities(found)}")
     if failed:
         sys.exit("\n".join(failed))
 

@@ -108,7 +108,7 @@ def path_length(points: Iterable[Point], dead_band_m: float = DEAD_BAND_M) -> fl
     for point in points:
         if anchor is None:
             anchor = point
-        elif (step := distance(anchor, point)) >= dead_band_m:
+        elif (step := math.hypot(anchor[0] - point[0], anchor[1] - point[1])) >= dead_band_m:
             steps.append(step)
             anchor = point
     return math.fsum(steps)
