@@ -86,6 +86,7 @@ from app.routes import (
     sign_in,
     watch,
 )
+from app.routes import fleet as fleet_page
 from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
 from app.web import errors
@@ -210,6 +211,7 @@ def create_app(
         queue,
         report,
         exploration,
+        fleet_page,
         watch,
         places,
         providers,

@@ -46,7 +46,7 @@ class SplitCloud(Value):
 def stored_cloud(
     runtime: Runtime, file: Path, *, map_version: str, frame: str, metres_per_unit: float = 1.0
 ) -> MapCloud:
-    """Every finite point of a PCD or PLY file, in metres. Raises CloudInvalid, StoreUnavailable."""
+    """Every finite point of a PCD, PLY, LAS or LAZ file, in metres. Raises CloudInvalid, StoreUnavailable."""
     limits = limits_for(cloud_head(file), size_bytes=file.stat().st_size)
     with TemporaryDirectory(prefix="regen-cloud-") as folder:
         task = CloudToSplit(file=str(file.absolute()), folder=folder, metres_per_unit=metres_per_unit)

@@ -23,7 +23,7 @@ app = typer.Typer(
 
 @app.command("import")
 def import_cloud(
-    file: Annotated[Path, typer.Argument(help="A PCD or PLY file.")],
+    file: Annotated[Path, typer.Argument(help="A PCD, PLY, LAS or LAZ (COPC) file.")],
     map_version: Annotated[str, typer.Option(help="The map version it belongs to.")] = "site-1",
     frame: Annotated[str, typer.Option(help="The frame its coordinates are in; asked for where it is missing.")] = "",
     metres_per_unit: Annotated[

@@ -21,7 +21,7 @@ from harness.workspace.files import SimulatedRobotEntry
 from harness.workspace.new_folder import write_folder
 from harness.workspace.reading import Workspace, examined, open_workspace
 
-CLOUDS = (".pcd", ".ply")
+CLOUDS = (".pcd", ".ply", ".las", ".laz")
 MAPS = (".yaml", ".yml")
 Folder = Annotated[Path, typer.Argument(help="The site's folder.")]
 
@@ -29,7 +29,7 @@ Folder = Annotated[Path, typer.Argument(help="The site's folder.")]
 def init(
     folder: Folder,
     source: Annotated[
-        Path | None, typer.Option("--from", help="A map_server map (map.yaml) or a point cloud (PCD, PLY).")
+        Path | None, typer.Option("--from", help="A map_server map (map.yaml) or a point cloud (PCD, PLY, LAS, LAZ).")
     ] = None,
     name: Annotated[str, typer.Option(help="The site's name; the folder's without one.")] = "",
     address: Annotated[str, typer.Option(help="Where the robot serves the provider protocol.")] = "",

@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 
+import laspy
 import numpy as np
 from pypcd4.pypcd4 import PointCloud
 from rosbags.rosbag1 import Writer
@@ -55,6 +56,16 @@ def dossier(body: bytes) -> bytes:
 def pcd(body: bytes) -> bytes:
     """Read it as `regen map import` does."""
     return _read(body, "cloud.pcd", read_cloud)
+
+
+def las(body: bytes) -> bytes:
+    """A point cloud in LAS."""
+    return _read(body, "cloud.las", read_cloud)
+
+
+def laz(body: bytes) -> bytes:
+    """A point cloud in LAZ."""
+    return _read(body, "cloud.laz", read_cloud)
 
 
 def ply(body: bytes) -> bytes:
@@ -125,6 +136,14 @@ def _ply_seed() -> bytes:
     return (head + "property float z\nend_header\n0 0 0\n1 0 0\n0 1 0\n").encode()
 
 
+def _las_seed(name: str = "seed.las") -> bytes:
+    with tempfile.TemporaryDirectory(prefix="regen-fuzz-") as folder:
+        written = laspy.LasData(laspy.LasHeader(point_format=1, version="1.2"))
+        written.x, written.y, written.z = np.arange(300.0).reshape(3, -1)
+        written.write(Path(folder) / name)
+        return (Path(folder) / name).read_bytes()
+
+
 def _dossier_seed() -> bytes:
     into = io.BytesIO()
     with zipfile.ZipFile(into, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -180,6 +199,8 @@ PARSERS: Mapping[str, FuzzedParser] = {
     "dossier": FuzzedParser(dossier, _dossier_seed),
     "pcd": FuzzedParser(pcd, _pcd_seed),
     "ply": FuzzedParser(ply, _ply_seed),
+    "las": FuzzedParser(las, _las_seed),
+    "laz": FuzzedParser(laz, lambda: _las_seed("seed.laz")),
     "mcap": FuzzedParser(mcap, _mcap_seed),
     "bag folder": FuzzedParser(bag_folder, _metadata_seed),
     "bag": FuzzedParser(bag, _bag_seed),

@@ -1,4 +1,4 @@
-"""Reads the header of a PCD or PLY file: how many points it promises, and to how many bytes it unpacks. Reads no point.
+"""Reads the header of a PCD, PLY or LAS file: how many points it promises, in how many bytes. Reads no point.
 
 Comments are no part of a header, wherever they stand: a count in one is not a count.
 """
@@ -22,22 +22,28 @@ FREE_BYTES, MOST_RATIO = 64 * 2**20, 20
 _HEAD_BYTES = 64 * 1024
 _PCD_LINES = 10
 """Lines of a PCD header, comments left out: its reader looks at no more."""
+_LAS_OLD, _LAS_NEW = 227, 375
+"""Bytes of the public header block of LAS 1.0 to 1.2, and of LAS 1.4 with its wider counts."""
 _PLY_COMMENT = re.compile(rb"(comment|obj_info)\b")
 
 
 class CloudHead(Value):
-    """`points` as the header promises them, `unpacked_bytes` of all of them in memory as the file holds them."""
+    """`points` as the header promises them, `unpacked_bytes` of all of them in memory as the file holds them.
+
+    `packed`: the points are compressed, so that one may take less than a byte.
+    """
 
     points: int
     unpacked_bytes: int
+    packed: bool = False
 
 
 def cloud_head(file: Path) -> CloudHead:
-    """What the header promises. Raises CloudInvalid for a file that is no PCD or PLY, or promises what it cannot hold.
+    """What the header promises. Raises CloudInvalid for a file of another format, or that promises what it cannot hold.
 
     A header without a count promises nothing; whoever reads the points finds out.
     """
-    reader = {".pcd": _pcd, ".ply": _ply}.get(file.suffix.lower())
+    reader = {".pcd": _pcd, ".ply": _ply, ".las": _las, ".laz": _las}.get(file.suffix.lower())
     if reader is None:
         unknown = (
             because("cloud_format_unknown", suffix=file.suffix) if file.suffix else because("cloud_without_suffix")
@@ -51,7 +57,7 @@ def cloud_head(file: Path) -> CloudHead:
         raise _invalid(because("cloud_unreadable", error=error.strerror or str(error)), file) from error
     if size > LARGEST_BYTES or head.points > MOST_POINTS:
         raise _invalid(because("cloud_too_large", limit_bytes=LARGEST_BYTES, limit_points=MOST_POINTS), file)
-    if head.points > size or head.unpacked_bytes > FREE_BYTES + MOST_RATIO * size:
+    if (head.points > size and not head.packed) or head.unpacked_bytes > FREE_BYTES + MOST_RATIO * size:
         raise _invalid(
             because("cloud_promises_too_much", points=head.points, unpacked_bytes=head.unpacked_bytes, size_bytes=size),
             file,
@@ -123,6 +129,22 @@ def _ply(opened: BinaryIO, file: Path, size: int) -> CloudHead:
     if rows > size:
         raise _invalid(because("cloud_promises_too_much", points=rows, unpacked_bytes=rows, size_bytes=size), file)
     return CloudHead(points=points, unpacked_bytes=size)
+
+
+def _las(opened: BinaryIO, file: Path, size: int) -> CloudHead:
+    """The public header block of LAS 1.0 to 1.4; LAZ and COPC set the highest bit of the point format."""
+    head = opened.read(_LAS_NEW)
+    if len(head) < _LAS_OLD or not head.startswith(b"LASF"):
+        raise _invalid(because("cloud_header_unreadable", line=repr(head[:4])), file)
+    first, point_format, stride, points = struct.unpack_from("<I4xBHI", head, 96)
+    if head[24:26] >= b"\x01\x04" and len(head) == _LAS_NEW:
+        points = struct.unpack_from("<Q", head, 247)[0]
+    packed = bool(point_format & 0x80)
+    if first > size or (not packed and points * stride > size - first):
+        raise _invalid(
+            because("cloud_promises_too_much", points=points, unpacked_bytes=points * stride, size_bytes=size), file
+        )
+    return CloudHead(points=points, unpacked_bytes=points * max(stride, 1), packed=packed)
 
 
 def _invalid(reason: Reason, file: Path) -> CloudInvalid:

@@ -1,4 +1,4 @@
-"""Reads PCD and PLY point cloud files through pypcd4 and trimesh, and checks them before anything is stored."""
+"""Reads PCD, PLY, LAS and LAZ point cloud files through their libraries, and checks them before anything is stored."""
 
 import struct
 from collections.abc import Callable, Mapping
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pypcd4.pypcd4 import PointCloud
 
-from harness.adapters.cloud_headers import cloud_head
+from harness.adapters.cloud_headers import CloudHead, cloud_head
 from harness.contracts.errors import CloudInvalid
 from harness.contracts.reasons import Reason, because
 
@@ -27,7 +27,9 @@ _BROKEN = (
     TypeError,
     ValueError,
 )
-"""What the two libraries raise on bytes that they do not expect."""
+"""What the libraries raise on bytes that they do not expect."""
+_AT_ONCE = 250_000
+"""Points of a LAS file that are unpacked at a time: its header decides nothing about memory."""
 
 
 def read_cloud(file: Path, *, metres_per_unit: float = 1.0) -> tuple[NDArray[np.float64], int]:
@@ -39,14 +41,14 @@ def read_cloud(file: Path, *, metres_per_unit: float = 1.0) -> tuple[NDArray[np.
     head = cloud_head(file)
     reader = _READERS[file.suffix.lower()]
     try:
-        points = reader(file)
-    except MemoryError:
+        points = reader(file, head)
+    except (CloudInvalid, MemoryError):
         raise
     except _BROKEN as error:
         message = (str(error).splitlines() or [""])[0][:120]
         raise CloudInvalid(because("cloud_not_whole", error=message), where=str(file)) from error
     if len(points) < head.points:
-        raise CloudInvalid(because("cloud_points_missing", promised=head.points, held=len(points)), where=str(file))
+        raise _missing(head.points, len(points), file)
     scaled = points * metres_per_unit
     finite = np.isfinite(scaled).all(axis=1)
     near = finite & (np.abs(np.where(np.isfinite(scaled), scaled, 0.0)) < FARTHEST_M).all(axis=1)
@@ -56,24 +58,48 @@ def read_cloud(file: Path, *, metres_per_unit: float = 1.0) -> tuple[NDArray[np.
     return near_points, len(points) - len(near_points)
 
 
+def _missing(promised: int, held: int, file: Path) -> CloudInvalid:
+    return CloudInvalid(because("cloud_points_missing", promised=promised, held=held), where=str(file))
+
+
 def _nothing_left(points: int, finite: int) -> Reason:
     if finite:
         return because("cloud_too_far", points=finite, limit_km=FARTHEST_M / 1000)
     return because("cloud_nowhere_finite", points=points) if points else because("cloud_empty")
 
 
-def _pcd(file: Path) -> NDArray[np.float64]:
+def _pcd(file: Path, _: CloudHead) -> NDArray[np.float64]:
     cloud = PointCloud.from_path(file)
     names = {name.lower(): name for name in cloud.fields}
     columns = tuple(names[axis] for axis in "xyz")
     return np.asarray(cloud.numpy(columns), dtype=np.float64).reshape(-1, 3)
 
 
-def _ply(file: Path) -> NDArray[np.float64]:
+def _ply(file: Path, _: CloudHead) -> NDArray[np.float64]:
     import trimesh  # noqa: PLC0415  loads for half a second, and every command would wait for it
 
     shape: Any = trimesh.load(file, process=False)
     return np.asarray(shape.vertices, dtype=np.float64).reshape(-1, 3)
 
 
-_READERS: Mapping[str, Callable[[Path], NDArray[np.float64]]] = MappingProxyType({".pcd": _pcd, ".ply": _ply})
+def _las(file: Path, head: CloudHead) -> NDArray[np.float64]:
+    """Coordinates with scale and offset applied. LAZ and COPC are unpacked in pieces."""
+    import laspy  # noqa: PLC0415  loads an HTTP client, and every command would wait for it
+
+    parts = [np.empty((0, 3))]
+    try:
+        with laspy.open(file) as reader:
+            if reader.header.point_count != head.points:
+                raise _missing(head.points, reader.header.point_count, file)
+            for part in reader.chunk_iterator(_AT_ONCE):
+                parts.append(
+                    np.stack([np.asarray(axis, dtype=np.float64) for axis in (part.x, part.y, part.z)], axis=1)
+                )
+    except laspy.errors.LaspyException as error:
+        raise ValueError(str(error)) from error
+    return np.concatenate(parts)
+
+
+_READERS: Mapping[str, Callable[[Path, CloudHead], NDArray[np.float64]]] = MappingProxyType(
+    {".pcd": _pcd, ".ply": _ply, ".las": _las, ".laz": _las}
+)

@@ -125,6 +125,16 @@ def hidden_ply(points: int = 40_000_000) -> bytes:
     )  # fmt: skip
 
 
+def counting_las(points: int = 1_000_000_000, *, packed: bool = False) -> bytes:
+    """A LAS file of 14 KB whose header claims a thousand million records."""
+    head = bytearray(375)
+    head[0:4], head[24:26] = b"LASF", b"\x01\x04"
+    struct.pack_into("<HIIBH", head, 94, 375, 375, 0, 6 | (0x80 if packed else 0), 30)
+    struct.pack_into("<6d", head, 131, 0.001, 0.001, 0.001, 0, 0, 0)
+    struct.pack_into("<Q", head, 247, points)
+    return bytes(head) + bytes(14_000)
+
+
 def far_pcd() -> bytes:
     """One point, a million kilometres away."""
     return (

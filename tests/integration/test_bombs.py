@@ -74,6 +74,9 @@ def test_regen_verify_refuses_a_bomb(bomb: Callable[[], bytes], says: str, tmp_p
         ("hidden.ply", bombs.hidden_ply, "promises 40000000 points"),
         ("far.pcd", bombs.far_pcd, "lie more than 100000.0 km from the origin"),
         ("list.ply", bombs.listing_ply, "point cloud"),
+        ("records.las", bombs.counting_las, "promises 1000000000 points"),
+        ("records.laz", lambda: bombs.counting_las(packed=True), "50000000 points"),
+        ("packed.laz", lambda: bombs.counting_las(1_000_000, packed=True), "does not hold together"),
     ],
 )
 def test_regen_map_import_refuses_a_bomb(name: str, bomb: Callable[[], bytes], says: str, tmp_path: Path) -> None:

@@ -93,7 +93,10 @@ def test_the_command_line_imports_a_cloud_and_lists_it(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "says"),
-    [("nothing.pcd", "The point cloud cannot be read: No such file"), ("words.txt", "read as PCD or PLY, not .txt")],
+    [
+        ("nothing.pcd", "The point cloud cannot be read: No such file"),
+        ("words.txt", "read as PCD, PLY, LAS or LAZ, not .txt"),
+    ],
 )
 def test_the_command_line_says_what_is_wrong_with_a_file(tmp_path: Path, name: str, says: str) -> None:
     said = ("--frame", "map", "--metres-per-unit", "1")

@@ -119,3 +119,13 @@ def test_a_flipped_bit_in_a_block_is_found(real_data, tmp_path):
     bad.write_bytes(bytes(body))
     with raises_saying(RecordingInvalid, match="damaged"):
         open_recording(bad)
+
+
+@pytest.mark.parametrize(("name", "length_m"), [("groundtruth", 7.64), ("estimated", 8.06)])
+def test_a_real_trajectory_file_is_replayed_with_its_stamps(real_data, name, length_m):
+    with open_recording(real_data / "trajectory" / f"{name}.txt") as recording:
+        found = [one for one in recording.samples() if isinstance(one, Pose)]
+        assert path_length(point for _, point in recording.track()) == pytest.approx(length_m, abs=0.01)
+        assert recording.duration_s == pytest.approx(21.27, abs=0.01)
+    assert len(found) == 612 if name == "groundtruth" else len(found) > 500
+    assert found[0].at_s == pytest.approx(1305031526.672, abs=0.001)

@@ -87,6 +87,12 @@ SENTENCES: Mapping[str, str] = {
     "topic_definition_unusable": N_("The definition of {type} on topic {topic} cannot be used ({error})"),
     "topic_encoding_unknown": N_("Topic {topic} is encoded as “{encoding}”; readable are cdr and ros1"),
     "topics_recorded": N_("recorded are {topics}"),
+    "trajectory_ambiguous": N_("The folder has {times} and {count} trajectories beside it, not one"),
+    "trajectory_goes_back": N_("The stamp of line {line} is earlier than the one before"),
+    "trajectory_line_invalid": N_("Line {line} is none of a {format} file"),
+    "trajectory_line_too_long": N_("Line {line} is longer than {limit_bytes} bytes"),
+    "trajectory_times_short": N_("The file of times has fewer lines than the trajectory"),
+    "trajectory_without_stamps": N_("The poses ({format}) carry no stamps"),
     "transform_missing": N_("no transform joins “{source}” to {frame} or to the body"),
     "whole_part_recoverable": N_(
         "{count} messages before that are whole: copy the file again, or replay them with --recover, which labels the "
@@ -102,7 +108,10 @@ REMEDIES: Mapping[str, str] = {
     "mission_too_large": N_("raise the limit, or record fewer legs"),
     "mission_without_poses": N_("record a mission that moved"),
     "no_segment_left": N_("replay the recording from its start"),
-    "not_a_recording": N_("readable are .mcap, .mcap.zstd, a rosbag2 folder, .db3 and ROS 1 .bag"),
+    "not_a_recording": N_(
+        "readable are .mcap, .mcap.zstd, a rosbag2 folder, .db3, ROS 1 .bag, trajectories (TUM, EuRoC CSV, KITTI) and "
+        "CARMEN logs"
+    ),
     "packed_recording_damaged": N_("copy it again from the robot"),
     "place_on_other_map": N_("give --target X,Y, or --topic map_version={map_version} if it was recorded on that map"),
     "positions_change_frame": N_("record one frame per topic"),
@@ -132,4 +141,13 @@ REMEDIES: Mapping[str, str] = {
     ),
     "topic_definition_unusable": N_("record it again with complete definitions"),
     "topic_encoding_unknown": N_("convert the recording to ROS 2 CDR"),
+    "trajectory_ambiguous": N_("put one trajectory and its times into a folder of their own"),
+    "trajectory_goes_back": N_("sort the lines by their stamps"),
+    "trajectory_line_invalid": N_("export it again"),
+    "trajectory_line_too_long": N_("export it again"),
+    "trajectory_times_short": N_("copy both files again"),
+    "trajectory_without_stamps": N_(
+        "give the time between two poses with --topic pose_period_s=SECONDS, or name a folder with the file and "
+        "times.txt"
+    ),
 }

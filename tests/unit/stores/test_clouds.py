@@ -1,13 +1,16 @@
 """Point cloud files: what is read is all there, in metres; what is not a cloud says so."""
 
+import struct
 from pathlib import Path
 
+import laspy
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pypcd4.pypcd4 import PointCloud
 
+from harness.adapters.cloud_headers import cloud_head
 from harness.adapters.cloud_levels import LEVELS_M, chunks, origin_of
 from harness.adapters.clouds import read_cloud
 from harness.contracts.errors import CloudInvalid
@@ -43,7 +46,9 @@ def test_millimetres_become_metres(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "body", "why"),
     [
-        ("cloud.las", b"LASF", "PLY, not .las"),
+        ("cloud.e57", b"ASTM-E57", "LAZ, not .e57"),
+        ("cloud.las", b"LASF", "header"),
+        ("cloud.laz", b"LASF" + bytes(371), "hold together"),
         ("cloud.pcd", b"", "hold together"),
         ("cloud.pcd", b"x,y,z\n1,2,3\n", "hold together"),
         ("cloud.ply", b"plx\n", "hold together"),
@@ -63,6 +68,42 @@ def test_a_file_that_was_cut_off_is_refused(tmp_path: Path) -> None:
     whole.write_bytes(whole.read_bytes()[:-600])
     with pytest.raises(CloudInvalid):
         read_cloud(whole)
+
+
+def las(file: Path, points: np.ndarray, *, version: str = "1.2") -> Path:
+    """A LAS file in millimetre steps, compressed where its name ends in .laz."""
+    header = laspy.LasHeader(point_format=6 if version == "1.4" else 1, version=version)
+    header.scales, header.offsets = np.full(3, 0.001), np.floor(points.min(axis=0))
+    written = laspy.LasData(header)
+    written.x, written.y, written.z = points.T
+    written.write(file)
+    return file
+
+
+@pytest.mark.parametrize(("name", "version"), [("a.las", "1.2"), ("a.laz", "1.2"), ("a.las", "1.4"), ("a.laz", "1.4")])
+def test_las_and_laz_keep_coordinates_far_from_the_origin(tmp_path: Path, name: str, version: str) -> None:
+    points = scatter(700) + UTM
+    read, dropped = read_cloud(las(tmp_path / name, points, version=version))
+    assert dropped == 0
+    assert np.abs(read - points).max() <= 0.0005001
+
+
+@pytest.mark.parametrize("name", ["cut.las", "cut.laz"])
+def test_a_las_file_that_was_cut_off_is_refused(tmp_path: Path, name: str) -> None:
+    whole = las(tmp_path / name, scatter(700))
+    whole.write_bytes(whole.read_bytes()[:-600])
+    with pytest.raises(CloudInvalid):
+        read_cloud(whole)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_the_header_of_a_las_file_is_held_to_the_size_of_the_file(tmp_path: Path, packed: bool) -> None:
+    name = "lies.laz" if packed else "lies.las"
+    body = bytearray(las(tmp_path / name, scatter(300)).read_bytes())
+    struct.pack_into("<I", body, 107, 1_000_000_000 if not packed else 40_000_000)
+    (tmp_path / name).write_bytes(body)
+    with raises_saying(CloudInvalid, match="promises"):
+        cloud_head(tmp_path / name)
 
 
 @settings(max_examples=25, deadline=None)

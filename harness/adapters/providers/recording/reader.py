@@ -76,7 +76,7 @@ class Recording:
 
     def __init__(self, path: Path, settings: TopicSettings, *, recover: bool, size_of: SizeOf) -> None:
         self.path, self.settings, self._size_of = path, settings, size_of
-        self._container = Container(path, recover=recover)
+        self._container = Container(path, settings=settings, recover=recover)
         try:
             self._read()
         except BaseException:

@@ -12,7 +12,7 @@ from harness.adapters.providers.recording.messages import (
     POSE_COVARIANCE,
 )
 from harness.adapters.providers.recording.raw_messages import Channel
-from harness.adapters.providers.recording.topics import TopicSettings
+from harness.adapters.providers.recording.topics import TRAJECTORY, TopicSettings
 from harness.contracts.errors import RecordingInvalid
 from harness.contracts.reasons import Reason, because, several
 from harness.contracts.values import Count, Name, Value
@@ -66,6 +66,8 @@ def assigned(topics: Sequence[Topic], settings: TopicSettings, *, where: str) ->
     choice = _Choice(topics, where)
     named_pose = "body_pose" in settings.model_fields_set
     pose = choice.named(settings.body_pose, (POSE, POSE_COVARIANCE, ODOMETRY), role="body_pose", must=named_pose)
+    if not named_pose and any((topic.name, topic.type) == (TRAJECTORY, POSE) for topic in topics):
+        pose = TRAJECTORY
     odometry = choice.of(settings.odometry, (ODOMETRY,), role="odometry")
     camera = choice.of(settings.camera, (COMPRESSED_IMAGE, IMAGE), role="camera")
     cloud = choice.of(settings.cloud, (CLOUD,), role="cloud")

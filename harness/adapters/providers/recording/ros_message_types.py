@@ -41,6 +41,17 @@ class RosMessageTypes:
         message = self._stamped(pose.at_s, pose.frame, (pose.x_m, pose.y_m), pose.yaw_rad)
         return self.serialised(message, messages.POSE)
 
+    def spatial_pose(
+        self, at_ns: int, position: tuple[float, float, float], turn: tuple[float, float, float, float]
+    ) -> bytes:
+        """A pose in space in a frame that nobody named."""
+        header = self._header(stamp=self._stamp(sec=at_ns // 10**9, nanosec=at_ns % 10**9), frame_id="")
+        pose = self._pose_type(
+            position=self._point(**dict(zip("xyz", position, strict=True))),
+            orientation=self._quaternion(**dict(zip("xyzw", turn, strict=True))),
+        )
+        return self.serialised(self._types[messages.POSE](header=header, pose=pose), messages.POSE)
+
     def odometry(self, sample: Odometry) -> bytes:
         zeros = np.zeros(36)
         twist = self._types["geometry_msgs/msg/Twist"](

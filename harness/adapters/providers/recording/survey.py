@@ -9,7 +9,7 @@ from typing import Any
 
 from harness.adapters.providers.recording import messages
 from harness.adapters.providers.recording.raw_messages import Channel, Raw
-from harness.adapters.providers.recording.topics import StaticTransform, TopicSettings
+from harness.adapters.providers.recording.topics import TRAJECTORY, StaticTransform, TopicSettings
 from harness.adapters.providers.recording.transforms import planar
 from harness.contracts.errors import RecordingInvalid
 from harness.contracts.reasons import because
@@ -96,8 +96,8 @@ class Survey:
         elif topic == self._settings.recorded_transforms and kind == messages.TRANSFORMS:
             self.transforms += map(_transform, self._decoder.decode(raw).transforms)
 
-    def _topics(self) -> tuple[str, str | None]:
-        return self._settings.body_pose, self._settings.odometry
+    def _topics(self) -> tuple[str | None, ...]:
+        return self._settings.body_pose, self._settings.odometry, TRAJECTORY
 
     def _line(self, raw: Raw, message: Any) -> None:
         for kind, pattern in self._patterns.items():

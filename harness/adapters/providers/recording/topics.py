@@ -5,6 +5,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+TRAJECTORY = "trajectory"
+"""What the poses of a trajectory file are listed as; topics begin with a slash."""
 Clock = Literal["header", "log"]
 GOAL_TOPICS = ("/goal_pose", "/move_base_simple/goal")
 """Where navigation stacks publish the goal that a person or a program sent, by custom."""
@@ -31,7 +33,8 @@ class TopicSettings(_Settings):
     is log time as in the paper. `arrival`, `departure` and `closing` are regular expressions over the supervisor's log
     lines; a group `distance_m` in `arrival` is the declared distance, and a closing ends a leg's evidence.
     `static_transforms` win over recorded ones. `goal` is the topic of the goals that were sent (PoseStamped), None for
-    those of GOAL_TOPICS that are there.
+    those of GOAL_TOPICS that are there. `pose_period_s` is the time between two poses of a trajectory without stamps.
+    `pose_axes` says which axes a trajectory has: None is camera (x right, y down, z ahead) for KITTI, else robot.
     """
 
     body_pose: str = "/vbot_planner/body_pose"
@@ -55,6 +58,8 @@ class TopicSettings(_Settings):
     camera_period_s: Annotated[float, Field(ge=0)] = 1.0
     cloud_period_s: Annotated[float, Field(ge=0)] = 1.0
     cloud_points: Annotated[int, Field(ge=1)] = 4096
+    pose_period_s: Annotated[float, Field(gt=0, le=3600)] | None = None
+    pose_axes: Literal["robot", "camera"] | None = None
 
     @property
     def goals(self) -> tuple[str, ...]:
