@@ -29,6 +29,7 @@ class LocalMap:
         self._hits: deque[Floats] = deque(maxlen=SWEEPS)
         self._centre: Point = (0.0, 0.0)
         self._closed: NDArray[np.uint8] = np.zeros((2 * HALF_CELLS + 1,) * 2, dtype=np.uint8)
+        self._start: tuple[Cell, Floats, NDArray[np.bool_]] | None = None
 
     def add(self, pose: tuple[float, float, float], headings: Floats, ranges: Floats) -> None:
         """Add one flat sweep (headings in the body frame, metres) and redraw the grid around `pose`."""
@@ -42,6 +43,7 @@ class LocalMap:
         occupied = np.zeros_like(self._closed)
         occupied[inside[:, 0], inside[:, 1]] = 1
         self._closed = np.asarray(cv2.dilate(occupied, _DISC), dtype=np.uint8)
+        self._start = None
 
     def free(self, point: Point) -> bool:
         """Whether the robot's disc fits at a point, as far as the sweeps know; outside the square it is not known."""
@@ -81,11 +83,17 @@ class LocalMap:
 
     def _joined(self, first: Cell, last: Cell, *, longest: float) -> bool:
         """Whether a way leads through cells near enough to both ends; asked before the shortest one is searched."""
-        from_first = np.hypot(_ROWS - first[0], _COLUMNS - first[1])
+        from_first, passable = self._from(first)
         near = from_first + np.hypot(_ROWS - last[0], _COLUMNS - last[1]) <= longest
-        passable = near & ((self._closed == 0) | (from_first <= INFLATION_M / CELL_M + 2.0))
-        parts = np.asarray(cv2.connectedComponents(passable.astype(np.uint8), connectivity=8)[1])
+        parts = np.asarray(cv2.connectedComponents((near & passable).astype(np.uint8), connectivity=8)[1])
         return bool(parts[first] and parts[first] == parts[last])
+
+    def _from(self, first: Cell) -> tuple[Floats, NDArray[np.bool_]]:
+        """How far every cell lies from the first one, and where a body may pass: the same for every goal."""
+        if self._start is None or self._start[0] != first:
+            away = np.hypot(_ROWS - first[0], _COLUMNS - first[1])
+            self._start = first, away, (self._closed == 0) | (away <= INFLATION_M / CELL_M + 2.0)
+        return self._start[1:]
 
     def _trace(self, came: dict[Cell, Cell], last: Cell) -> tuple[Point, ...]:
         cells = [last]

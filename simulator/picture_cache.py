@@ -1,13 +1,21 @@
-"""Renders pictures on demand; at kinematic fidelity caches one coarse picture per place and process."""
+"""Renders pictures on demand; at kinematic fidelity caches one coarse picture per place, for processes that share a
+folder or for this one."""
 
+import inspect
 import math
+import os
 from functools import lru_cache
+from pathlib import Path
 
 import cv2
+import mujoco
 import numpy as np
 from msgspec.structs import replace
 
+from harness.contracts.ids import Digest, sha256
 from harness.contracts.observations import Camera
+from harness.contracts.values import encode
+from simulator import camera, lettering, mjcf, solids
 from simulator.camera import CAMERA, jpeg, render, with_grain
 from simulator.solids import LEVEL, SiteModel, Tilt
 
@@ -41,12 +49,13 @@ def photograph(site: SiteModel, pose: Pose, *, key: str, tilt: Tilt = LEVEL) -> 
     return jpeg(with_grain(render(site, pose, grain=False, tilt=tilt), key=key))
 
 
-def photograph_nearby(site: SiteModel, pose: Pose, *, key: str) -> bytes:
+def photograph_nearby(site: SiteModel, pose: Pose, *, key: str, folder: str = "") -> bytes:
     """One JPEG from the nearest pose on a grid of GRID_M and GRID_RAD, with the noise of its own capture.
 
-    Missions of a suite share what is rendered, without the noise.
+    Missions of a suite share what is rendered, without the noise; with a `folder`, its processes and later ones too.
     """
-    picture = _picture(site, round(pose[0] / GRID_M), round(pose[1] / GRID_M), round(pose[2] / GRID_RAD))
+    place = (round(pose[0] / GRID_M), round(pose[1] / GRID_M), round(pose[2] / GRID_RAD))
+    picture = _picture(site, place, folder)
     coarse = np.asarray(cv2.imdecode(np.frombuffer(picture, dtype=np.uint8), cv2.IMREAD_COLOR_RGB), dtype=np.uint8)
     whole = cv2.resize(coarse, (CAMERA.width_px, CAMERA.height_px), interpolation=cv2.INTER_LINEAR)
     return jpeg(with_grain(np.asarray(whole, dtype=np.uint8), key=key))
@@ -58,8 +67,30 @@ def live_frame(site: SiteModel, pose: Pose, *, tilt: Tilt = LEVEL) -> bytes:
 
 
 @lru_cache(maxsize=REMEMBERED)
-def _picture(site: SiteModel, x: int, y: int, yaw: int) -> bytes:
+def _picture(site: SiteModel, place: tuple[int, int, int], folder: str) -> bytes:
     """Packed without a loss: 700 kB of pixels for each of so many places would be too much."""
-    coarse = render(site, (x * GRID_M, y * GRID_M, yaw * GRID_RAD), COARSE, grain=False)
+    if not folder:
+        return _rendered(site, place)
+    file = Path(folder) / f"{sha256(encode([site, place, _software()]))}.png"
+    try:
+        return file.read_bytes()
+    except FileNotFoundError:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        beside = file.with_suffix(f".{os.getpid()}")
+        beside.write_bytes(_rendered(site, place))
+        beside.replace(file)
+        return file.read_bytes()
+
+
+def _rendered(site: SiteModel, place: tuple[int, int, int]) -> bytes:
+    pose = (place[0] * GRID_M, place[1] * GRID_M, place[2] * GRID_RAD)
+    coarse = render(site, pose, COARSE, grain=False)
     _, packed = cv2.imencode(".png", coarse[:, :, ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
     return packed.tobytes()
+
+
+@lru_cache(maxsize=1)
+def _software() -> Digest:
+    """Names the code that renders: a picture of another is not used."""
+    sources = [inspect.getsource(module) for module in (camera, lettering, mjcf, solids)]
+    return sha256(encode([*sources, mujoco.__version__, np.__version__, cv2.__version__]))

@@ -3,6 +3,7 @@
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
+from itertools import pairwise
 
 from harness.contracts.values import Point
 
@@ -13,18 +14,19 @@ class RouteLine:
     def __init__(self, points: Sequence[Point]) -> None:
         self._points = tuple(points)
         at, starts = 0.0, [0.0]
-        for start, end in zip(self._points, self._points[1:], strict=False):
-            at += math.dist(start, end)
+        self._lengths = [math.dist(start, end) for start, end in pairwise(self._points)] or [0.0]
+        for length in self._lengths[: len(self._points) - 1]:
+            at += length
             starts.append(at)
         self._starts = starts
         self.length_m = at
 
     def point(self, at_m: float) -> Point:
         """The point at an arc length, which is first brought into the route."""
-        at_m = max(0.0, min(at_m, self.length_m))
-        leg = min(max(bisect_right(self._starts, at_m) - 1, 0), max(len(self._points) - 2, 0))
+        at_m = 0.0 if at_m <= 0.0 else at_m if at_m < self.length_m else self.length_m
+        leg = min(max(bisect_right(self._starts, at_m) - 1, 0), len(self._lengths) - 1)
         start, end = self._points[leg], self._points[min(leg + 1, len(self._points) - 1)]
-        length = math.dist(start, end)
+        length = self._lengths[leg]
         share = (at_m - self._starts[leg]) / length if length > 0 else 0.0
         return (start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]))
 

@@ -115,15 +115,15 @@ class Sensors:
         cos, sin = math.cos(yaw0), math.sin(yaw0)
         dx, dy = state.x_m - x0, state.y_m - y0
         forward, lateral = (cos * dx + sin * dy) * self._scale, (cos * dy - sin * dx) * self._scale
-        moved = math.hypot(dx, dy)
         turned = math.remainder(state.yaw_rad - yaw0, math.tau) * self._turn
-        if moved > 0.0:
-            turned += HEADING_NOISE_RAD * math.sqrt(moved) * heading
         x, y, yaw = self.odometer
-        middle = yaw + 0.5 * turned
-        cos, sin = math.cos(middle), math.sin(middle)
-        x, y = x + forward * cos - lateral * sin, y + forward * sin + lateral * cos
-        self.odometer = (x, y, math.remainder(yaw + turned, math.tau))
+        if dx or dy or turned:
+            if moved := math.hypot(dx, dy):
+                turned += HEADING_NOISE_RAD * math.sqrt(moved) * heading
+            middle = yaw + 0.5 * turned
+            cos, sin = math.cos(middle), math.sin(middle)
+            x, y = x + forward * cos - lateral * sin, y + forward * sin + lateral * cos
+            self.odometer = (x, y, math.remainder(yaw + turned, math.tau))
         v, w = forward / TICK_S, turned / TICK_S
         ahead = (v - self._twist[0]) / TICK_S
         self._twist = (v, w)

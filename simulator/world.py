@@ -38,12 +38,14 @@ class WorldSettings(Value):
     """How to build a world. `epoch_s` is its first mission time, unless a saved world has reached a later one.
 
     `hidden` are the recurring disturbances of its site; without it a robot starts a mission where the last one ended.
+    `pictures` is a folder in which the processes of a suite share the pictures that they render.
     """
 
     fidelity: Fidelity = "kinematic"
     seed: int = 0
     epoch_s: float = EPOCH_S
     hidden: HiddenSite | None = None
+    pictures: str = ""
 
 
 class World:
@@ -324,12 +326,12 @@ class World:
 
     def _capture(self, heading_rad: float, request: RequestId) -> Shot:
         state = self.body.state
-        noise = f"{self._name}\n{self.sensors.seed}\n{self.at_s!r}"
-        pose = (state.x_m, state.y_m, state.yaw_rad)
+        pose, key = (state.x_m, state.y_m, state.yaw_rad), f"{self._name}\n{self.sensors.seed}\n{self.at_s!r}"
         if self._settings.fidelity == "kinematic":
-            blob = self.blobs.keep_image(photograph_nearby(self.site, pose, key=noise))
+            picture = photograph_nearby(self.site, pose, key=key, folder=self._settings.pictures)
         else:
-            blob = self.blobs.keep_image(photograph(self.site, pose, key=noise, tilt=state.tilt))
+            picture = photograph(self.site, pose, key=key, tilt=state.tilt)
+        blob = self.blobs.keep_image(picture)
         image = Image(
             seq=self.ring.next(),
             at_s=self.at_s,

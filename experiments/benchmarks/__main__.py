@@ -19,9 +19,10 @@ from experiments.benchmarks import (
     rebuild,
     replaying,
     suite,
+    workers,
 )
 from experiments.benchmarks.arms import load
-from experiments.benchmarks.records import Figure, keep, table
+from experiments.benchmarks.records import Figure, durabilities, keep, table
 
 Measure = Callable[[], list[Figure]]
 QUIET = 1.0
@@ -32,11 +33,12 @@ def whole() -> dict[str, Measure]:
     """Each benchmark at its full size."""
     return {
         "overhead": lambda: overhead.measure(count=9, missions=24),
-        "approve": lambda: approve.measure(count=20, approvals=10),
+        "approve": lambda: approve.measure(count=25, approvals=40),
         "rebuild": lambda: rebuild.measure(events=1_000_000, count=3),
         "opening": lambda: opening.measure(events=10_000, count=9),
         "replaying": lambda: replaying.measure(files=replaying.recordings(), count=5),
         "suite": lambda: suite.measure(missions=1000),
+        "workers": lambda: workers.measure(missions=32, count=5),
         "console_lists": lambda: console_lists.measure(missions=console_lists.SIZES, count=20),
         "browsers": lambda: browsers.measure(readers=100, pages=3, events=100, per_s=5.0),
         "first_pixels": lambda: first_pixels.measure(points=10_000_000, count=2),
@@ -53,6 +55,7 @@ def quick() -> dict[str, Measure]:
         "opening": lambda: opening.measure(events=1000, count=2),
         "replaying": lambda: replaying.measure(files=replaying.recordings()[:1], count=1),
         "suite": lambda: suite.measure(missions=40),
+        "workers": lambda: workers.measure(missions=4, count=1, consoles=1),
         "console_lists": lambda: console_lists.measure(missions=(200,), count=2),
         "browsers": lambda: browsers.measure(readers=10, pages=1, events=15, per_s=5.0),
         "first_pixels": lambda: first_pixels.measure(points=200_000, count=1),
@@ -85,7 +88,7 @@ def main() -> None:
         found += rows
         if not arguments.quick:
             keep(rows)
-    print(f"\n{table(found)}")
+    print(f"\n{table(found)}\n{durabilities(found)}")
     if failed:
         sys.exit("\n".join(failed))
 

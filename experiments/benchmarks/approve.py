@@ -1,6 +1,6 @@
 """From a person's approval to the provider's start, counted from the end of the harness's fresh look (D28).
 
-    python -m experiments.benchmarks.approve [--rounds 10] [--approvals 10]
+    python -m experiments.benchmarks.approve [--rounds 25] [--approvals 40]
 
 Ours: fresh snapshot compared, proposal rebuilt and compared, approval, spend and intent in one synced commit, start.
 LangGraph: interrupt and resume. Floor: two synced rows and the waking of a thread.
@@ -47,8 +47,8 @@ def measure(*, count: int, approvals: int) -> list[Figure]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=10)
-    parser.add_argument("--approvals", type=int, default=10, help="per turn")
+    parser.add_argument("--rounds", type=int, default=25)
+    parser.add_argument("--approvals", type=int, default=40, help="per turn")
     options = parser.parse_args()
     figures = measure(count=options.rounds, approvals=options.approvals)
     print(table(figures))

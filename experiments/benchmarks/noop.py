@@ -17,6 +17,7 @@ from harness.adapters.pictures import PICTURES
 from harness.adapters.stores.blobs import FileBlobStore
 from harness.adapters.stores.installation_key import InstallationKey
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
+from harness.adapters.stores.postgres import PostgresEventStore
 from harness.adapters.stores.snapshots import StoredSnapshots
 from harness.adapters.stores.spool import FileSpool
 from harness.adapters.stores.sql import SqlEventStore
@@ -55,7 +56,7 @@ GOAL = "Do nothing, seven times, and prove it"
 OPERATOR = Actor(name="bench", role="operator")
 MAP_VERSION = "site-1"
 SAMPLES_PER_S = 10
-LOOK_S = 0.005
+LOOK_S = 0.01
 KEPT_SAMPLES = 30
 LIMITS = {"re_perceive": 2, "adjust_view": 2, "retry": 1, "local_replan": 2, "switch_skill": 1, "total": 4}
 
@@ -311,13 +312,16 @@ def noop_harness(
     looked: Callable[[], None] = lambda: None,
     began: Callable[[], None] = lambda: None,
     waits_for_people: bool = False,
+    url: str = "",
+    worker: str = "noop",
 ) -> Iterator[NoopHarness]:
-    """The log in SQLite (WAL, synchronous=FULL) and all other parts on disk below `folder`; virtual mission time."""
-    names = [RobotId(f"noop-{number}") for number in range(robots)]
+    """The log in SQLite (WAL, synchronous=FULL) or at `url`, all other parts on disk below `folder`; virtual mission
+    time. `worker` begins the names of its robots, of which no other worker on the same log has one."""
+    names = [RobotId(f"{worker}-{number}") for number in range(robots)]
     with ExitStack() as stack:
         clock = LockstepClock(lambda until_s: until_s, at_s=0.0)
         blobs = FileBlobStore(folder / "blobs")
-        store = stack.enter_context(closing(SqlEventStore(log_url(folder))))
+        store = stack.enter_context(closing(PostgresEventStore(url) if url else SqlEventStore(log_url(folder))))
         parts = Parts(
             store=store,
             snapshots=stack.enter_context(closing(StoredSnapshots(store, KEY))),

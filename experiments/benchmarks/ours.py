@@ -1,9 +1,13 @@
 """Implements this project's own arm: no-op missions, approvals of a waiting mission, and folds of a whole log."""
 
+import multiprocessing
+import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +15,6 @@ from experiments.benchmarks.noop import OPERATOR, NoopHarness, noop_harness, tem
 from experiments.benchmarks.turns import Turn, mission_turns, serve, timed
 from harness.adapters.stores.sql import SqlEventStore
 from harness.contracts.commands import ApproveHandoff
-from harness.contracts.decider import Decider
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import HandoffId, MissionId, RobotId, StreamId, mission_stream
 from harness.contracts.ports import Batch, NewEvent
@@ -20,10 +23,13 @@ from harness.gate.decide import DECIDER as MISSION
 
 PACKAGES = ("regenharness", "SQLAlchemy", "msgspec")
 ROBOTS = 8
+ROBOTS_OF_A_WORKER = 4
 ONE = RobotId("noop-0")
 MISSIONS_PER_APPEND = 50
 MOST_STEPS = 50
 DECIDING_S = 1.0
+PROCESSES = os.cpu_count() or 1
+STREAMS_AT_ONCE = 200
 
 
 def missions(noop: NoopHarness) -> Turn:
@@ -98,13 +104,24 @@ def _approval(noop: NoopHarness, mission_id: MissionId) -> tuple[HandoffId, Appr
     )
 
 
+def together(noop: NoopHarness) -> Turn:
+    """Turns {missions}: an equal share on every robot of this worker, while other workers do theirs."""
+    noop.run(next(iter(noop.providers)))
+    return lambda request: timed(lambda: noop.run_together(request["missions"]), count=request["missions"])
+
+
+def rebuild_url(folder: Path) -> str:
+    """Where the log that is folded lies."""
+    return f"sqlite:///{folder / 'rebuild.db'}"
+
+
 def filled(folder: Path, *, events: int) -> tuple[SqlEventStore, int]:
     """A log of at least `events` events: those of one real no-op mission, repeated in streams of their own."""
     (folder / "model").mkdir()
     with noop_harness(folder / "model") as noop:
         model = noop.runtime.events(noop.run(ONE).mission_id)
     new = tuple(NewEvent(kind=event.kind, body=event.body) for event in model)
-    store, written = SqlEventStore(f"sqlite:///{folder / 'rebuild.db'}"), 0
+    store, written = SqlEventStore(rebuild_url(folder)), 0
     while written < events:
         first = written // len(new)
         names = [mission_stream(MissionId(f"m{first + number:09}")) for number in range(MISSIONS_PER_APPEND)]
@@ -117,24 +134,46 @@ def filled(folder: Path, *, events: int) -> tuple[SqlEventStore, int]:
     return store, written
 
 
-def rebuild(store: SqlEventStore, decider: Decider[Any, Any, Any], *, events: int) -> Turn:
-    """Turns {}: every mission of the log folded from its events, as the gate does at the first touch of each."""
+def rebuild(url: str, folds: ProcessPoolExecutor, *, events: int) -> Turn:
+    """Turns {}: every mission of the log folded from its events, as the gate does at the first touch of each.
+
+    Streams are independent, so that processes share them; they are started before the turn.
+    """
+    with closing(SqlEventStore(url)) as store:
+        streams = list(store.streams("mission/"))
+    parts = [streams[first : first + STREAMS_AT_ONCE] for first in range(0, len(streams), STREAMS_AT_ONCE)]
+    list(folds.map(folded, (url,) * PROCESSES, ((),) * PROCESSES))
 
     def turn(request: dict[str, Any]) -> dict[str, Any]:
-        start_s, ended = time.perf_counter(), 0
-        for stream in store.streams("mission/"):
-            ended += _folded(store, decider, stream).ended
-        return {"wall_s": time.perf_counter() - start_s, "events": events, "ended": ended}
+        start_s = time.perf_counter()
+        done = list(folds.map(folded, (url,) * len(parts), parts))
+        return {
+            "wall_s": time.perf_counter() - start_s,
+            "cpu_s": sum(cpu_s for _, cpu_s in done),
+            "events": events,
+            "ended": sum(ended for ended, _ in done),
+        }
 
     return turn
 
 
-def _folded(store: SqlEventStore, decider: Decider[Any, Any, Any], stream: StreamId) -> Any:
-    return decider.fold(decider.initial, (decider.codec.decode(event) for event in store.load(stream)))
+@lru_cache(maxsize=1)
+def _log(url: str) -> SqlEventStore:
+    """This process's own connection to the log."""
+    return SqlEventStore(url)
+
+
+def folded(url: str, streams: Sequence[StreamId]) -> tuple[int, float]:
+    """How many of these missions have ended, and the processor time of folding all of them."""
+    start_s, store = time.process_time(), _log(url)
+    decode = MISSION.codec.decode
+    ended = sum(MISSION.fold(MISSION.initial, map(decode, store.load(stream))).ended for stream in streams)
+    return ended, time.process_time() - start_s
 
 
 def main() -> None:
-    """Arguments: the folder, `missions`, `approvals` or `rebuild`, and for the latter how many events."""
+    """Arguments: the folder, and `missions`, `approvals`, `rebuild` and how many events, or `worker`, its name and the
+    address of the log."""
     folder, what = Path(sys.argv[1]), sys.argv[2]
     with closing(SqlEventStore(f"sqlite:///{folder / 'probe.db'}")) as probe:
         durability = dict(probe.durability())
@@ -157,10 +196,15 @@ def _modes(folder: Path) -> dict[str, Callable[[Callable[[Turn, str], None]], No
 
     def run_rebuild(answer: Callable[[Turn, str], None]) -> None:
         store, written = filled(folder, events=int(sys.argv[3]))
-        with closing(store):
-            answer(rebuild(store, MISSION, events=written), "RegenHarness, mission folds")
+        store.close()
+        with ProcessPoolExecutor(PROCESSES, mp_context=multiprocessing.get_context("spawn")) as folds:
+            answer(rebuild(rebuild_url(folder), folds, events=written), "RegenHarness, mission folds")
 
-    return {"missions": run_missions, "approvals": run_approvals, "rebuild": run_rebuild}
+    def run_worker(answer: Callable[[Turn, str], None]) -> None:
+        with noop_harness(folder, robots=ROBOTS_OF_A_WORKER, worker=sys.argv[3], url=sys.argv[4]) as noop:
+            answer(together(noop), "RegenHarness, worker on PostgreSQL")
+
+    return {"missions": run_missions, "approvals": run_approvals, "rebuild": run_rebuild, "worker": run_worker}
 
 
 if __name__ == "__main__":

@@ -97,6 +97,21 @@ def table(figures: Sequence[Figure]) -> str:
     return "\n".join(lines)
 
 
+def durabilities(figures: Sequence[Figure]) -> str:
+    """What each system had in force when it committed, once each."""
+    found: dict[str, str] = {}
+    for one in figures:
+        for system, in_force in one.durability.items():
+            found[system] = _in_words(in_force)
+    return "; ".join(f"{system}: {words}" for system, words in sorted(found.items()))
+
+
+def _in_words(in_force: Any) -> str:
+    if not isinstance(in_force, dict):
+        return str(in_force)
+    return ", ".join(f"{name} {_in_words(value)}" for name, value in in_force.items())
+
+
 def keep(figures: Sequence[Figure], *, path: Path = RESULTS) -> None:
     """Write these rows into the results; rows with other names stay unchanged."""
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -115,5 +130,6 @@ def _show(rows: Sequence[dict[str, Any]]) -> None:
     _, _, after = rest.partition(END)
     versions = sorted({f"{name} {number}" for one in figures for name, number in one.versions.items()})
     loads = ", ".join(f"{one.name}: {one.load:g}" for one in figures)
-    text = f"{table(figures)}\n\nVersions: {', '.join(versions)}.\nLoad when each ended: {loads}."
+    durable = f"Durability (synchronous 2 is FULL): {durabilities(figures)}."
+    text = f"{table(figures)}\n\nVersions: {', '.join(versions)}.\n{durable}\nLoad when each ended: {loads}."
     PAGE.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")

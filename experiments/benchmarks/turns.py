@@ -14,6 +14,8 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 STAGES = 7
+IN_FORCE = ("journal_mode", "synchronous")
+"""What decides how durable an SQLite commit is; synchronous 2 is FULL."""
 Turn = Callable[[dict[str, Any]], dict[str, Any]]
 
 
@@ -81,14 +83,5 @@ def mission_turns(mission: Callable[[int], None], *, warm: int = 10) -> Turn:
 
 
 def pragmas(connection: sqlite3.Connection) -> dict[str, Any]:
-    """The settings of this connection: journal_mode, and synchronous (2 is FULL)."""
-    return {name: connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("journal_mode", "synchronous")}
-
-
-def on_disk(path: str) -> dict[str, Any]:
-    """The journal mode of a database file; synchronous belongs to a connection and is not in the file."""
-    connection = sqlite3.connect(path)
-    try:
-        return {"journal_mode": connection.execute("PRAGMA journal_mode").fetchone()[0]}
-    finally:
-        connection.close()
+    """The settings of this connection."""
+    return {name: connection.execute(f"PRAGMA {name}").fetchone()[0] for name in IN_FORCE}

@@ -14,13 +14,16 @@ from simulator.robot import SimulatedRobot
 from simulator.truth import Truth
 from simulator.world import EPOCH_S, WorldSettings
 
+PICTURES = Path(__file__).resolve().parents[2] / ".bench" / "pictures"
+"""Pictures that an earlier mission took at the same place, of the same site and by the same code."""
+
 
 class RobotHost:
     """One robot in this process. `folder` is needed only where the robot dies: its journal survives there."""
 
     def __init__(self, plan: MissionPlan, folder: Path | None, struck: Counter[str]) -> None:
         self._plan, self._folder, self._struck = plan, folder, struck
-        self._settings = WorldSettings(fidelity="kinematic", seed=plan.seed)
+        self._settings = WorldSettings(fidelity="kinematic", seed=plan.seed, pictures=str(PICTURES))
         self._robot: SimulatedRobot | None = SimulatedRobot(self._settings, folder)
         self.at_s = EPOCH_S
         self._down_until_s = 0.0

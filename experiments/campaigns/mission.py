@@ -121,7 +121,7 @@ def played(plan: MissionPlan) -> Iterator[PlayedMission]:
         )
         harness = assemble(
             stack,
-            HarnessSettings(speed=0, fidelity="kinematic"),
+            _settings(),
             parts,
             robot=WiredRobot(host, wire),
             local=_local(parts, outbox, room, wire),
@@ -144,6 +144,12 @@ def played(plan: MissionPlan) -> Iterator[PlayedMission]:
             course=course,
             harness=harness,
         )
+
+
+@lru_cache(maxsize=1)
+def _settings() -> HarnessSettings:
+    """Read from the environment once: it does not change between two missions."""
+    return HarnessSettings(speed=0, fidelity="kinematic")
 
 
 def _in_memory() -> TemporaryDirectory[str]:

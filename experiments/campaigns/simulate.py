@@ -106,9 +106,13 @@ def spread(
 
 
 def played_and_judged(seeds: list[int]) -> Tally:
-    """One chunk. Garbage is collected after it and not during it: a mission leaves few cycles and much that stays."""
+    """One chunk. Garbage is collected after it and not during it: a mission leaves few cycles and much that stays.
+
+    What was there before is not searched: modules, and pictures and maps that missions share.
+    """
     whole = Tally()
     gc.disable()
+    gc.freeze()
     try:
         for seed in seeds:
             whole.join(one_mission(seed))

@@ -26,6 +26,9 @@ TURNING_RADPS = 0.15
 LOWEST_M, HIGHEST_M = 0.15, 1.2
 """Hits lower than this are the floor itself, higher ones are above the robot."""
 Floats = NDArray[np.float64]
+Cells = NDArray[np.int64]
+Frame = tuple[Point, float, int, int]
+"""Origin, size of a cell, rows and columns of a grid."""
 T = TypeVar("T", Pose, Odometry)
 
 
@@ -101,36 +104,42 @@ def usable(grid: GridMap, trajectories: Iterable[Trajectory]) -> tuple[tuple[Pos
 
 def merged(grid: GridMap, sweeps: Iterable[tuple[Pose, Scan]], blobs: Blobs) -> GridMap:
     """The map after these sweeps. What they show takes the place of what was known."""
-    free, closed = np.zeros((grid.rows, grid.columns), bool), np.zeros((grid.rows, grid.columns), bool)
+    free, closed = np.zeros(grid.rows * grid.columns, bool), np.zeros(grid.rows * grid.columns, bool)
+    frame = (grid.origin_m, grid.cell_m, grid.rows, grid.columns)
     for pose, scan in sweeps:
-        _draw(grid, pose, np.frombuffer(blobs(scan.blob), dtype="<f4").reshape(-1, 3), free, closed)
-    cells = cells_of(grid).copy()
+        seen_free, seen_closed = _drawn(frame, (pose.x_m, pose.y_m, pose.yaw_rad), blobs(scan.blob))
+        free[seen_free], closed[seen_closed] = True, True
+    cells = cells_of(grid).flatten()
     cells[free] = FREE
     cells[closed] = OCCUPIED
     return replace(grid, cells=cells.tobytes())
 
 
-def _draw(
-    grid: GridMap, pose: Pose, points: NDArray[np.float32], free: NDArray[np.bool_], closed: NDArray[np.bool_]
-) -> None:
-    """The floor under each ray is free up to its hit; the hit itself is closed unless it is the floor."""
+@lru_cache(maxsize=256)
+def _drawn(frame: Frame, pose: tuple[float, float, float], body: bytes) -> tuple[Cells, Cells]:
+    """The free and the closed cells of one sweep, which a mission that plans again draws again.
+
+    The floor under each ray is free up to its hit; the hit itself is closed unless it is the floor.
+    """
+    points = np.frombuffer(body, dtype="<f4").reshape(-1, 3)
     seen = points[points[:, 2] <= HIGHEST_M].astype(np.float64)
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    hits = np.stack(
-        [pose.x_m + cos * seen[:, 0] - sin * seen[:, 1], pose.y_m + sin * seen[:, 0] + cos * seen[:, 1]], axis=1
-    )
-    here = np.array([pose.x_m, pose.y_m])
+    x_m, y_m, yaw_rad = pose
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    hits = np.stack([x_m + cos * seen[:, 0] - sin * seen[:, 1], y_m + sin * seen[:, 0] + cos * seen[:, 1]], axis=1)
+    here = np.array([x_m, y_m])
     reach = np.linalg.norm(hits - here, axis=1)
-    steps = np.arange(0.0, float(reach.max(initial=0.0)), grid.cell_m / 2)
-    at, ray = np.nonzero(reach > steps[:, None] + grid.cell_m)
-    _mark(grid, here + (hits[ray] - here) * (steps[at] / reach[ray])[:, None], free)
-    _mark(grid, hits[seen[:, 2] >= LOWEST_M], closed)
+    steps = np.arange(0.0, float(reach.max(initial=0.0)), frame[1] / 2)
+    at, ray = np.nonzero(reach > steps[:, None] + frame[1])
+    free = _cells(frame, here + (hits[ray] - here) * (steps[at] / reach[ray])[:, None])
+    return free, _cells(frame, hits[seen[:, 2] >= LOWEST_M])
 
 
-def _mark(grid: GridMap, points: Floats, marked: NDArray[np.bool_]) -> None:
-    at = np.floor((points - np.array(grid.origin_m)) / grid.cell_m).astype(np.int64)
-    inside = (at >= 0).all(axis=1) & (at[:, 0] < grid.columns) & (at[:, 1] < grid.rows)
-    marked[at[inside, 1], at[inside, 0]] = True
+def _cells(frame: Frame, points: Floats) -> Cells:
+    """The numbers of the cells that these points lie in, row by row; none for a point outside."""
+    origin_m, cell_m, rows, columns = frame
+    at = np.floor((points - np.array(origin_m)) / cell_m).astype(np.int64)
+    inside = (at >= 0).all(axis=1) & (at[:, 0] < columns) & (at[:, 1] < rows)
+    return np.unique(at[inside, 1] * columns + at[inside, 0])
 
 
 def _near(samples: Sequence[T], scan: Scan) -> T | None:

@@ -87,6 +87,9 @@ class Ways:
         """Metres to each cell along its cheapest way, and the cell before it there."""
         length_m: dict[Cell, float] = {}
         before: dict[Cell, Cell] = {}
+        dear = np.where(self._tight, TIGHT_COST, np.where(self._roomy, 1.0, NARROW_COST)).tolist()
+        standing, rows, columns = self.open.tolist(), *self.open.shape
+        steps = [(down, right, step * self._grid.cell_m) for down, right, step in STEPS]
         queue: list[tuple[float, Cell, float, Cell | None]] = [(0.0, start, 0.0, None)]
         while queue:
             cost, cell, so_far, came = heapq.heappop(queue)
@@ -95,11 +98,13 @@ class Ways:
             length_m[cell] = so_far
             if came is not None:
                 before[cell] = came
-            for following, step in _around(cell, self.open):
-                if following not in length_m:
-                    step_m = step * self._grid.cell_m
-                    dear = TIGHT_COST if self._tight[following] else 1.0 if self._roomy[following] else NARROW_COST
-                    heapq.heappush(queue, (cost + dear * step_m, following, so_far + step_m, cell))
+            at_row, at_column = cell
+            for down, right, step_m in steps:
+                row, column = at_row + down, at_column + right
+                if not (0 <= row < rows and 0 <= column < columns and standing[row][column]):
+                    continue
+                if (following := (row, column)) not in length_m:
+                    heapq.heappush(queue, (cost + dear[row][column] * step_m, following, so_far + step_m, cell))
         return length_m, before
 
 
@@ -122,11 +127,3 @@ def _forbidden(grid: exploration.GridMap, keep_out_m: tuple[exploration.Region, 
     for row, column in np.ndindex(grid.rows, grid.columns) if keep_out_m else ():
         found[row, column] = any(contains(region, middle_of(grid, (row, column))) for region in keep_out_m)
     return found
-
-
-def _around(cell: Cell, standing: Mask) -> Iterator[tuple[Cell, float]]:
-    rows, columns = standing.shape
-    for down, right, step in STEPS:
-        row, column = cell[0] + down, cell[1] + right
-        if 0 <= row < rows and 0 <= column < columns and standing[row, column]:
-            yield (row, column), step

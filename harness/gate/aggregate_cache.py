@@ -32,7 +32,10 @@ class AggregateCache:
     def get(self, stream: StreamId) -> tuple[Any, int] | None:
         """State and version, which then count as the newest; None if they are not cached."""
         with self._lock:
-            return self._part(stream).get(stream)
+            try:
+                return self._part(stream)[stream]
+            except KeyError:
+                return None
 
     def put(self, stream: StreamId, state: Any, version: int) -> None:
         """Store them as the newest; the least recently used entry is evicted. A cache of size 0 stores nothing."""

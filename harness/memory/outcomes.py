@@ -54,6 +54,8 @@ class SettingOutcomes(Value):
 
 def changes(step: MissionStep) -> Iterator[OutcomeChange]:
     """What an event changes about outcomes."""
+    if not isinstance(step.event, events.NodeCommitted | events.CommitRejected | CompletionDisputed):
+        return
     for draft in operational(step):
         record = recorded(draft, supersedes=(), conflicts=(), verification=draft.verification)
         yield OutcomeChange(

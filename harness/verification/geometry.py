@@ -108,7 +108,7 @@ def path_length(points: Iterable[Point], dead_band_m: float = DEAD_BAND_M) -> fl
     for point in points:
         if anchor is None:
             anchor = point
-        elif (step := distance(anchor, point)) >= dead_band_m:
+        elif (step := math.hypot(anchor[0] - point[0], anchor[1] - point[1])) >= dead_band_m:
             steps.append(step)
             anchor = point
     return math.fsum(steps)
@@ -190,9 +190,9 @@ def window_displacement(track: Sequence[Fix], *, until_s: float, window_s: float
     """
     fixes = sorted({fix.at_s: fix for fix in track if until_s - window_s <= fix.at_s <= until_s}.values())
     third = window_s / 3
-    thirds = [
-        [fix for fix in fixes if min(2, int((fix.at_s - until_s + window_s) / third)) == index] for index in range(3)
-    ]
+    thirds: tuple[list[Fix], ...] = ([], [], [])
+    for fix in fixes:
+        thirds[min(2, int((fix.at_s - until_s + window_s) / third))].append(fix)
     if min(map(len, thirds)) < LEAST_IN_A_THIRD:
         return None
     centres = [Fix(*(median(values) for values in zip(*part, strict=True))) for part in thirds]

@@ -40,8 +40,15 @@ def verify_preconditions(
     rules: ContextRules,
 ) -> tuple[ConditionResult, ...]:
     """One result per precondition; missing or old state never holds (R173). condition_id = `<node>.<predicate>`."""
-    poses = {one.at_s: one for one in recent if isinstance(one, Pose) and one.confidence >= rules.minimum_confidence}
-    odometry = {one.at_s: one for one in recent if isinstance(one, Odometry)}
+    if not node.preconditions:
+        return ()
+    poses: dict[float, Pose] = {}
+    odometry: dict[float, Odometry] = {}
+    for one in recent:
+        if isinstance(one, Odometry):
+            odometry[one.at_s] = one
+        elif isinstance(one, Pose) and one.confidence >= rules.minimum_confidence:
+            poses[one.at_s] = one
     now = _Now(
         status=status,
         poses=tuple(poses[stamp] for stamp in sorted(poses)),

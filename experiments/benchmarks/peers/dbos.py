@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from dbos import DBOS
+from dbos._dbos import _get_dbos_instance
 
-from experiments.benchmarks.turns import STAGES, mission_turns, on_disk, serve
+from experiments.benchmarks.turns import IN_FORCE, STAGES, mission_turns, serve
 
 
 @DBOS.step()
@@ -21,6 +22,12 @@ def mission(number: int) -> None:
     """Runs seven steps."""
     for place in range(STAGES):
         stage(number, place)
+
+
+def _in_force() -> dict[str, Any]:
+    """What DBOS's own connections have in force."""
+    with _get_dbos_instance()._sys_db.engine.connect() as connection:
+        return {name: connection.exec_driver_sql(f"PRAGMA {name}").scalar() for name in IN_FORCE}
 
 
 def main() -> None:
@@ -38,7 +45,7 @@ def main() -> None:
     DBOS.launch()
     sys.stdout = replies
     turn = mission_turns(mission)
-    serve(turn, name="DBOS, SQLite as shipped", packages=("dbos", "SQLAlchemy"), durability=on_disk(str(path)))
+    serve(turn, name="DBOS, SQLite as shipped", packages=("dbos", "SQLAlchemy"), durability=_in_force())
     DBOS.destroy()
 
 

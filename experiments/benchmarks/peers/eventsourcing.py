@@ -13,7 +13,7 @@ from uuid import UUID
 from eventsourcing.application import Application
 from eventsourcing.domain import Aggregate, event
 
-from experiments.benchmarks.turns import STAGES, mission_turns, on_disk, serve
+from experiments.benchmarks.turns import IN_FORCE, STAGES, mission_turns, serve
 
 KINDS = ("intent", "lease", "snapshot", "snapshot", "evidence", "verdict", "commit", "note")
 PADDING = "x" * 500
@@ -67,6 +67,16 @@ def _rebuilding(application: Application[UUID], events: int) -> Callable[[dict[s
     return turn
 
 
+def _in_force(application: Application[UUID]) -> dict[str, Any]:
+    """What the library's own connections have in force."""
+    found = {}
+    with application.factory.datastore.transaction(commit=False) as cursor:
+        for name in IN_FORCE:
+            cursor.execute(f"PRAGMA {name}")
+            found[name] = cursor.fetchone()[0]
+    return found
+
+
 def main() -> None:
     """Arguments: the folder for the database, `missions` or `rebuild`, and for the latter how many events."""
     path = str(Path(sys.argv[1]) / f"eventsourcing-{sys.argv[2]}.db")
@@ -78,7 +88,7 @@ def main() -> None:
         else _rebuilding(application, int(sys.argv[3])),
         name="eventsourcing, SQLite, 8 events per save" if sys.argv[2] == "missions" else "eventsourcing, repository",
         packages=("eventsourcing",),
-        durability=on_disk(path),
+        durability=_in_force(application),
     )
     application.close()
 

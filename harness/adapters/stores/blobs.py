@@ -119,7 +119,7 @@ class FileBlobStore:
     def _path(self, digest: Digest) -> Path:
         if not _DIGEST.fullmatch(digest):
             raise BlobDamaged(because("digest_invalid", digest=digest[:80]), where=str(self._folder))
-        return self._folder / digest[:2] / digest[2:4] / digest
+        return Path(f"{self._folder}/{digest[:2]}/{digest[2:4]}/{digest}")
 
     def _unavailable(self, error: OSError) -> StoreUnavailable:
         return StoreUnavailable(
