@@ -1,7 +1,8 @@
 """Counts moves to safety on live robots, by speed and by load of the machine: which ended measured at their place.
 
 `python -m experiments.campaigns.moves_to_safety --moves 50 --speeds 1,2,4 --loads 0,8`. Half of them are ordered by a
-person after a stop, half are what a robot does where nobody answers. Writes docs/results/safety.json with --publish.
+person after a stop, half are what a robot does where nobody answers. The speeds of one load are tried beside each
+other, each on several robots of processes of their own. Writes docs/results/safety.json with --publish.
 """
 
 import argparse
@@ -11,7 +12,8 @@ import platform
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from math import ceil, hypot
@@ -57,7 +59,7 @@ class Stop(msgspec.Struct, frozen=True):
 
 
 class Move(msgspec.Struct, frozen=True):
-    """How one move to safety ended, by the log; `truth_m` is the distance from the place by the robot's newest pose."""
+    """How one move to safety ended, by the log; `stop` where a person ordered it."""
 
     kind: Kind
     outcome: str
@@ -72,13 +74,14 @@ def main() -> None:
     parser.add_argument("--moves", type=int, default=50)
     parser.add_argument("--speeds", default="1,2,4")
     parser.add_argument("--loads", default="0,8")
+    parser.add_argument("--robots", type=int, default=3, help="robots beside each other at each speed")
     parser.add_argument("--publish", action="store_true")
     given = parser.parse_args()
-    cells = [
-        cell(speed=float(speed), load=int(load), moves=given.moves)
-        for load in given.loads.split(",")
-        for speed in given.speeds.split(",")
-    ]
+    speeds = [float(one) for one in given.speeds.split(",")]
+    cells: list[dict[str, Any]] = []
+    for load in (int(one) for one in given.loads.split(",")):
+        cells += cells_at(load, speeds=speeds, moves=given.moves, robots=given.robots)
+        print(msgspec.json.encode(cells).decode(), flush=True)
     result = summary(cells)
     print(msgspec.json.format(msgspec.json.encode(result), indent=2).decode())
     if given.publish:
@@ -98,11 +101,23 @@ def summary(cells: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def cell(*, speed: float, load: int, moves: int) -> dict[str, Any]:
-    """`moves` moves to safety at this speed, beside this many busy processes."""
-    with tempfile.TemporaryDirectory() as folder, _busy(load):
-        done = list(_moved(Path(folder), speed=speed, moves=moves))
+def cells_at(load: int, *, speeds: Sequence[float], moves: int, robots: int) -> list[dict[str, Any]]:
+    """`moves` moves to safety at each speed, beside so many busy processes and each other."""
+    shares = [range(first, moves, robots) for first in range(robots)]
+    with _busy(load), ProcessPoolExecutor(max_workers=len(speeds) * robots) as pool:
+        asked = [(speed, [pool.submit(_share, speed, tuple(share)) for share in shares]) for speed in speeds]
+        done = [(speed, [move for one in found for move in one.result()]) for speed, found in asked]
         average = os.getloadavg()[0]
+    return [cell(found, speed=speed, load=load, average=average) for speed, found in done]
+
+
+def _share(speed: float, numbers: Sequence[int]) -> list[Move]:
+    with tempfile.TemporaryDirectory() as folder:
+        return list(_moved(Path(folder), speed=speed, numbers=numbers))
+
+
+def cell(done: Sequence[Move], *, speed: float, load: int, average: float) -> dict[str, Any]:
+    """How the moves of one speed and load ended."""
     stops = [one.stop for one in done if one.stop is not None]
     return {
         "speed": speed,
@@ -124,13 +139,13 @@ def _p95(values_ms: list[float]) -> float | None:
     return round(sorted(values_ms)[ceil(0.95 * len(values_ms)) - 1], 1) if values_ms else None
 
 
-def _moved(folder: Path, *, speed: float, moves: int) -> Iterator[Move]:
+def _moved(folder: Path, *, speed: float, numbers: Sequence[int]) -> Iterator[Move]:
     settings = HarnessSettings(
         data_folder=folder / "data", speed=speed, fidelity="kinematic", site_folder=_site(folder), robots=(ROBOT,)
     )
     with open_harness(settings) as harness:
         harness.supervisor.serve()
-        for number in range(moves):
+        for number in numbers:
             yield _move(harness, "person" if number % 2 == 0 else "no_answer", seed=number + 1)
 
 
