@@ -69,7 +69,7 @@ def walk(way: Walk, link: str) -> dict[str, float]:
         way.section("Candidates")
         page.wait_for_url(re.compile("/candidates$"))
         way.click(page.locator("main table td a").first)
-        way.follow("side by side")
+        way.follow("Compare")
         expect(page.locator("h1")).to_contain_text("side by side")
     with way.step("look at the releases and the metric over them"):
         way.section("Releases")
