@@ -77,9 +77,10 @@ def main() -> None:
     parser.add_argument("--loads", default="0,8")
     parser.add_argument("--robots", type=int, default=3, help="robots beside each other at each speed")
     parser.add_argument("--publish", action="store_true")
+    parser.add_argument("--add", action="store_true", help="keep what is published already, with its dates")
     given = parser.parse_args()
     speeds = [float(one) for one in given.speeds.split(",")]
-    cells: list[dict[str, Any]] = []
+    cells: list[dict[str, Any]] = msgspec.json.decode(RESULTS.read_bytes())["by_speed_and_load"] if given.add else []
     for load in (int(one) for one in given.loads.split(",")):
         cells += cells_at(load, speeds=speeds, moves=given.moves, robots=given.robots)
         print(msgspec.json.encode(cells).decode(), flush=True)
@@ -121,6 +122,7 @@ def cell(done: Sequence[Move], *, speed: float, load: int, average: float) -> di
     """How the moves of one speed and load ended."""
     stops = [one.stop for one in done if one.stop is not None]
     return {
+        "made_on": datetime.now(UTC).date().isoformat(),
         "speed": speed,
         "busy_processes": load,
         "load_average": round(average, 1),

@@ -422,11 +422,10 @@ def test_a_slower_start_is_proposed_from_the_page_and_is_what_the_approval_sends
     assert invocation is not None and invocation.intent.parameters["speed_cap_mps"] == 0.25
 
 
-def test_waiting_at_another_place_is_proposed_from_the_page_and_begins_with_the_way_there(
-    stand: Stand, waiting: tuple[Mission, HandoffId]
-) -> None:
-    mission, handoff_id = waiting
-    operator = stand.operator()
+def test_waiting_at_another_place_is_proposed_from_the_page_and_begins_with_the_way_there(stand: Stand) -> None:
+    mission = stand.run(faults="blocked-passage:persistent")
+    handoff_id, operator = mission.handoff_id, stand.operator()
+    assert handoff_id is not None
     page = operator.get(f"/handoffs/{handoff_id}").text
     assert "Wait 60 s at Anchor A, then go on" in page
     chosen = {"action": "local_replan", "wait_s": "60", "waiting_place": "anchor_a"}
