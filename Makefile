@@ -11,7 +11,7 @@ WORKERS ?= 3
 MUTANTS ?= 20
 SEED ?= 1
 
-.PHONY: targets install install-test run test test-peers check lint format types architecture ledger ledger-mutants bench campaign goals howto lock sbom clean
+.PHONY: targets install install-test run test test-peers check lint format types architecture ledger ledger-mutants bench campaign goals journeys howto lock sbom clean
 
 targets: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -72,6 +72,9 @@ campaign: install-test ## every fault campaign: CAMPAIGN_MISSIONS=100000 CAMPAIG
 
 lock: ## resolve both locks again: universal, with hashes, without any index address
 	@tools/lock.sh
+
+journeys: install-test ## walk the three journeys by clicks in a browser; pictures in build/journeys, figures in docs/results/journeys.json
+	@$(BIN)/python -m experiments.journeys --publish
 
 howto: install-test ## follow the how-to pages literally: empty home, clean clone; publishes durations and deviations
 	@$(BIN)/python -m tools.howto --publish

@@ -192,6 +192,7 @@ def page_of(
         robots=console.settings.robots,
         key=console.sessions.key(),
         left=left,
+        invited=present().invited,
     )
 
 

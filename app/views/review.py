@@ -111,6 +111,7 @@ class ReviewPage:
     evaluation: EvaluationPanel
     robots: tuple[str, ...]
     key: str
+    invited: bool
     left: SubmittedReviewForm
     changes: tuple[ShownDifference, ...]
 
@@ -125,8 +126,9 @@ def review_page(
     robots: Sequence[str],
     key: str,
     left: SubmittedReviewForm = SubmittedReviewForm(),
+    invited: bool = False,
 ) -> ReviewPage:
-    """The page of one candidate for this person, at the time of the shell."""
+    """The page of one candidate for this person, at the time of the shell. `invited`: they have no account yet."""
     pointer, manifest = seen.pointer, review.manifest
     robot = robots[0] if robots else ""
     return ReviewPage(
@@ -140,7 +142,8 @@ def review_page(
         rollback=review.authorised.rollback if review.authorised else manifest.rollback if manifest else "",
         effects=_effects(review, seen, robot=str(review.robot_id or robot)),
         canary=canary_panel(review, pointer, actor) if review.released_by else None,
-        offers=offers(review, pointer, actor, now_s=shell.now_s, robot=robot),
+        offers=offers(review, pointer, actor, now_s=shell.now_s, robot=robot, invited=invited),
+        invited=invited,
         evaluation=evaluation,
         robots=tuple(robots),
         key=key,

@@ -4,11 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from app.auth.command_permissions import required_permission
+from app.auth.permissions import MEANING, OF_ACCOUNTS
 from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import RobotId
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment
 from rsi_reviews import commands
 from rsi_reviews.deciders import decide
@@ -62,8 +65,10 @@ STILL = (commands.OpenReview, commands.ApproveCandidate, commands.AuthoriseRelea
 """What counts only while the pointer stands as the candidate found it."""
 
 
-def offers(review: Review, pointer: Pointer, actor: Actor, *, now_s: float, robot: str) -> tuple[OfferedAction, ...]:
-    """The acts that the candidate's status asks for."""
+def offers(
+    review: Review, pointer: Pointer, actor: Actor, *, now_s: float, robot: str, invited: bool = False
+) -> tuple[OfferedAction, ...]:
+    """The acts that the candidate's status asks for. `invited`: whoever came by the first link and has no account."""
     now = Moment(mission_s=0.0, wall_s=now_s)
     found = []
     for button in BUTTONS.get(review.status, ()):
@@ -73,6 +78,9 @@ def offers(review: Review, pointer: Pointer, actor: Actor, *, now_s: float, robo
             confirm = commands.Confirm(baseline=review.baseline, policy=policy, configuration=review.configuration)
             decision = pointing(pointer, confirm, now)
         why_not = reasoned(decision.reason) if isinstance(decision, Refused) else ""
+        needed = required_permission(button.becomes)
+        if invited and needed in OF_ACCOUNTS and pointer.policy.kind == "two_person":
+            why_not = reasoned(because("account_needed", meaning=MEANING[needed]))
         found.append(OfferedAction(button.verb, button.title, why_not, hold=button.hold, danger=button.danger))
     return tuple(found)
 

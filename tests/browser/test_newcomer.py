@@ -81,6 +81,9 @@ def test_a_newcomer_takes_a_robot_over_keeps_it_while_driving_and_hands_it_back(
     expect(page.get_by_role("heading", name="Hold to run, let go to stop")).to_be_visible()
     expect(page.locator(".callout").first).to_contain_text("Its deadline is paused")
     expect(page.get_by_role("button", name="Release control and go to the handoff")).to_be_in_viewport()
+    camera, floor = (page.locator(f".live-view {one}").bounding_box() for one in (".camera", ".robot-map"))
+    assert camera is not None and floor is not None
+    assert camera["x"] + camera["width"] <= floor["x"] and abs(camera["y"] - floor["y"]) < camera["height"] / 2
     take_picture(page, "newcomer-pad")
     page.get_by_role("button", name="Ahead").focus()
     page.keyboard.down("ArrowUp")

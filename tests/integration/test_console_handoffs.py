@@ -425,6 +425,23 @@ def test_a_slower_start_is_proposed_from_the_page_and_is_what_the_approval_sends
     assert invocation is not None and invocation.intent.parameters["speed_cap_mps"] == 0.25
 
 
+def test_waiting_at_another_place_is_proposed_from_the_page_and_begins_with_the_way_there(stand: Stand) -> None:
+    mission = stand.run(faults="blocked-passage:persistent")
+    handoff_id, operator = mission.handoff_id, stand.operator()
+    assert handoff_id is not None
+    page = operator.get(f"/handoffs/{handoff_id}").text
+    assert "Wait 60 s at Anchor A, then go on" in page
+    chosen = {"action": "local_replan", "wait_s": "60", "waiting_place": "anchor_a"}
+    cycle = shown(operator, handoff_id)["cycle"]
+    assert operator.post(f"/handoffs/{handoff_id}/choose", data={**chosen, "cycle": cycle}).status_code == 303
+    page = operator.get(f"/handoffs/{handoff_id}").text
+    assert "Wait 60 s at Anchor A, then go on, once" in page
+    form = {**shown(operator, handoff_id), "decision": "approve", "reason": "let them clear it"}
+    assert operator.post(f"/handoffs/{handoff_id}/decision", data=form).status_code == 303
+    invocation = stand.harness.runtime.mission(mission.mission_id).invocation
+    assert invocation is not None and invocation.intent.node_id == "aside-1"
+
+
 def test_a_refused_form_keeps_what_was_typed_in_it_and_no_other_form_does(
     stand: Stand, waiting: tuple[Mission, HandoffId]
 ) -> None:

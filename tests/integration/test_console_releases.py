@@ -143,6 +143,16 @@ def test_a_case_that_got_worse_is_listed_before_those_that_got_better(console: R
     assert cases[0][:8] in only and cases[1][:8] not in only
 
 
+def test_whoever_came_by_the_first_link_is_told_before_the_click_that_a_review_needs_an_account() -> None:
+    with console_stand() as stand:
+        releases = ReleaseService(stand.harness.runtime, judge=partial(accepted, predicate=PREDICATE))
+        name = Bench(harness=stand.harness, releases=releases).in_review(candidate())
+        text = stand.operator().get(f"/candidates/{name}").text
+    assert "disabled" in re.findall(r'<button\s+id="approve"[^>]*>', text)[0]
+    assert "Only somebody who signed in to an account may review candidates" in text
+    assert 'href="/account/people"' in text
+
+
 def test_an_author_is_told_before_the_click_and_refused_after_it(console: ReleaseConsole) -> None:
     name = console.bench.in_review(candidate())
     text = console.page("author", f"/candidates/{name}")

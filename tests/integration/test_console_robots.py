@@ -30,6 +30,16 @@ def under_way(stand: Stand) -> tuple[MissionId, MissionId]:
     return both
 
 
+def test_robots_without_a_mission_stand_on_the_map_of_the_first_page() -> None:
+    with fleet_stand() as stand:
+        ended = started(stand.harness, ONE), started(stand.harness, TWO)
+        run_together(stand.harness, *ended, until=lambda: not stand.harness.runtime.open_missions())
+        page = stand.operator().get("/").text
+        assert "runs no mission" in page
+        for robot in (ONE, TWO):
+            assert re.search(rf'href="/robots/{robot}">\s*<g\s+class="robot-mark"', page)
+
+
 def test_a_stop_of_everything_names_every_mission_and_robot_and_stops_them() -> None:
     with fleet_stand() as stand:
         both, operator = under_way(stand), stand.operator()

@@ -1,0 +1,81 @@
+"""Walks through pages as a person does, counting clicks and seconds, and takes a picture after every step."""
+
+import re
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from playwright.sync_api import Locator, Page, expect
+
+PATIENCE_MS = 180_000.0
+"""How long a page or a robot may take; what a step really took is what is published."""
+
+
+@dataclass
+class Step:
+    """One thing that a person wants to do: its clicks, the seconds until it was done, and the picture after it."""
+
+    name: str
+    clicks: int = 0
+    seconds: float = 0.0
+    picture: str = ""
+
+
+@dataclass
+class Walk:
+    """One person's way. Typing counts no click; holding a button counts as one."""
+
+    page: Page
+    journey: str
+    pictures: Path
+    patience_ms: float = PATIENCE_MS
+    steps: list[Step] = field(default_factory=list)
+
+    @contextmanager
+    def step(self, name: str) -> Iterator[Step]:
+        """Count what is done in this block; a picture is taken at its end, also where it failed."""
+        step = Step(name)
+        self.steps.append(step)
+        began_s = time.monotonic()
+        try:
+            yield step
+        finally:
+            step.seconds = round(time.monotonic() - began_s, 1)
+            path = self.pictures / f"{self.journey}-{len(self.steps):02}.png"
+            self.page.screenshot(path=path)
+            step.picture = path.name
+
+    def enter(self, link: str) -> None:
+        """Open the one-time link and arrive on the first page: one click in a terminal."""
+        self.steps[-1].clicks += 1
+        self.page.goto(link)
+        self.page.wait_for_url(re.compile(r"/$"))
+
+    def click(self, target: Locator) -> None:
+        """One click, once the target is there and nothing lies over it."""
+        self.steps[-1].clicks += 1
+        target.click()
+
+    def follow(self, name: str) -> None:
+        """Click on the first link of this name."""
+        self.click(self.page.get_by_role("link", name=name).first)
+
+    def press(self, name: str) -> None:
+        """Click on the first button of this name in the page itself."""
+        self.click(self.page.locator("main").get_by_role("button", name=name).first)
+
+    def section(self, name: str) -> None:
+        """Click on a page of the rail."""
+        self.click(self.page.locator(".rail").get_by_role("link", name=name))
+
+    def hold(self, target: Locator) -> None:
+        """Press and hold until the page is sent."""
+        self.steps[-1].clicks += 1
+        target.scroll_into_view_if_needed()
+        expect(target).to_be_enabled()
+        target.hover()
+        with self.page.expect_navigation(timeout=self.patience_ms):
+            self.page.mouse.down()
+        self.page.mouse.up()
