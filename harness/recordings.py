@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from pydantic import ValidationError
 
 from harness.adapters.ids import SystemIds
-from harness.adapters.limited_process import Limits, run_limited
+from harness.adapters.limited_process import run_limited
 from harness.adapters.pictures import size_of
+from harness.adapters.providers.recording.limits import recording_limits
 from harness.adapters.providers.recording.reader import Recording, open_recording
 from harness.adapters.providers.recording.robot import RecordedRobot
 from harness.adapters.providers.recording.segments import Segment
-from harness.adapters.providers.recording.topics import TopicSettings
+from harness.adapters.providers.recording.topics import TopicSettings, topic_settings
 from harness.adapters.providers.recording.writer import RecordedLeg, WriteSummary, record_mission
 from harness.adapters.providers.recording.writer import RecordedMission as Recorded
 from harness.adapters.stores.blobs import owned_blobs
@@ -48,7 +48,6 @@ from harness.settings import HarnessSettings
 from harness.verification.geometry import path_length
 
 TOLERANCE_M = 0.40
-LARGEST_COPY = 64 * 2**30
 """Bytes that a packed recording may unpack to, on disk."""
 
 
@@ -147,7 +146,7 @@ def replayed(
     before a mission is created.
     """
     with ExitStack() as stack:
-        recording = open_checked(path, _topics(topics), recover=recover)
+        recording = open_checked(path, topic_settings(topics), recover=recover)
         stack.callback(recording.close)
         folder = prepare(settings.data_folder)
         lock = stack.enter_context(OwnerLock(folder.root))
@@ -191,7 +190,7 @@ def open_checked(path: Path, topics: TopicSettings | None = None, *, recover: bo
     request = RecordingToRead(
         path=str(path.absolute()), topics=settings.model_dump_json(exclude_unset=True), recover=recover
     )
-    answer = run_limited(read_whole, encode(request), _limits(path), failure=RecordingInvalid, where=str(path))
+    answer = run_limited(read_whole, encode(request), recording_limits(path), failure=RecordingInvalid, where=str(path))
     recording = open_recording(path, settings, recover=recover)
     if recording.sha256 != answer.decode():
         recording.close()
@@ -207,19 +206,6 @@ def read_whole(request: bytes) -> bytes:
         for _ in recording.samples():
             pass
         return recording.sha256.encode()
-
-
-def _limits(path: Path) -> Limits:
-    """Room for blocks and pictures, time by its size, and space for the copy of a packed one."""
-    files = [path] if path.is_file() else [one for one in path.glob("*") if one.is_file()]
-    size = sum(one.stat().st_size for one in files)
-    mib = size / 2**20
-    return Limits(
-        memory_bytes=768 * 2**20,
-        cpu_s=60.0 + 2 * mib,
-        wall_s=300.0 + 8 * mib,
-        output_bytes=min(256 * 2**20 + 20 * size, LARGEST_COPY),
-    )
 
 
 def _site(store: EventStore, shipped: Site) -> Site:
@@ -377,20 +363,3 @@ def _image(blob: Digest, at_s: float, values: dict[str, float | str]) -> Image:
         },
         Image,
     )
-
-
-def _topics(given: Sequence[str]) -> TopicSettings:
-    roles = dict(text.partition("=")[::2] for text in given)
-    try:
-        return TopicSettings.model_validate(roles)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise ContractInvalid(
-            because(
-                "topic_setting_invalid",
-                name=".".join(str(part) for part in first["loc"]),
-                error=first["msg"],
-                known=tuple(TopicSettings.model_fields),
-            ),
-            where="--topic",
-        ) from error

@@ -193,7 +193,7 @@ def replay(
     if target and place:
         raise typer.BadParameter("give --target or --place", param_hint="--place")
     settings = output.settings(data_folder=data, speed=0.0)
-    topics, point = topic or [], _point(target)
+    topics, point = topic or [], target_point(target)
     with replayed(settings, recording, target=point, place=place, topics=topics, recover=recover) as replayer:
         mission, facts = replayer.run(me(), watch=output.ProgressPrinter())
         outcome = mission_outcome(mission, Histories(replayer.harness.runtime).of(mission.mission_id), ())
@@ -205,7 +205,8 @@ def replay(
     raise typer.Exit(output.exit_code(outcome["status"]))
 
 
-def _point(text: str | None) -> tuple[float, float] | None:
+def target_point(text: str | None) -> tuple[float, float] | None:
+    """A target as X,Y in metres; None where none was given."""
     if text is None:
         return None
     try:

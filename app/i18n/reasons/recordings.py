@@ -7,6 +7,7 @@ from app.i18n.catalogues import N_
 SENTENCES: Mapping[str, str] = {
     "at_byte": N_("{path}, byte {byte}"),
     "at_log_time": N_("{path}, log time {log_s:.3f} s"),
+    "bag_folder_absent": N_("There is no such folder of recordings"),
     "bag_format_unknown": N_("it is no bag of format 2.0"),
     "bag_index_wrong": N_(
         "its index declares {declared_blocks} blocks with {declared} messages; it holds {blocks} with {found}"
@@ -26,6 +27,8 @@ SENTENCES: Mapping[str, str] = {
     "every_block_checked": N_("checksum of every block verified"),
     "folder_count_wrong": N_("The folder's metadata declares {declared} messages; its files hold {found}"),
     "header_stamps_missing": N_("{count} messages on {topic} carry no header stamp"),
+    "incident_bundle_unreadable": N_("The folder is no bundle of an incident ({error})"),
+    "incident_folder_unusable": N_("The bundle's folder cannot be made ({error})"),
     "image_compression_unknown": N_("images are compressed as “{format}”"),
     "image_encoding_unknown": N_("images are encoded as “{encoding}”"),
     "images_damaged": N_("images are damaged"),
@@ -100,8 +103,11 @@ SENTENCES: Mapping[str, str] = {
     ),
 }
 REMEDIES: Mapping[str, str] = {
+    "bag_folder_absent": N_("name a folder that holds recordings"),
     "blob_not_replayed": N_("ask for blobs that a sample names"),
     "folder_count_wrong": N_("copy the files again, or reindex the folder"),
+    "incident_bundle_unreadable": N_("name a folder that `regen incident` wrote"),
+    "incident_folder_unusable": N_("name another one with --out"),
     "message_too_short": N_("copy the recording again"),
     "message_undecodable": N_("record it again, or leave the topic out in the topic settings"),
     "messages_encoding_unknown": N_("convert the recording to ROS 2 CDR"),
