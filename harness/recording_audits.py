@@ -4,7 +4,6 @@ Recordings are read one by one, each in a process with limits; what cannot be re
 are kept in the data folder by path, size and time of change, so that an audit that was ended goes on where it was.
 """
 
-import hashlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from harness.adapters.providers.recording.reader import Recording, open_recordin
 from harness.adapters.providers.recording.segments import DeclaredSegment, Segment
 from harness.adapters.providers.recording.topics import TopicSettings
 from harness.adapters.providers.recording.trajectory_reader import trajectory_format
+from harness.adapters.stores.audit_results import AuditResults
 from harness.contracts.declared_successes import AuditedRecording, BagAudit, DeclaredSuccess
 from harness.contracts.errors import HarnessError, RecordingInvalid, UnknownName
 from harness.contracts.ids import Digest, sha256
@@ -29,8 +29,6 @@ TEXTS = (".csv", ".txt", ".log")
 SAME_S = 2.0
 """Declarations so close belong to one success: a navigator and its controller both say it."""
 METADATA = "metadata.yaml"
-FOLDER = "bag-audits"
-MOST_FILES = 100_000
 ARRIVAL = (
     r"(?i:GOAL REACHED|goal succeeded|reached the goal|goal was reached|goal reached)"
     r"(?:.*?(?P<distance_m>\d+(?:\.\d+)?)\s*m\b)?"
@@ -78,7 +76,7 @@ def audited_folder(
     `again`: also those that were read before. `watch` gets each result, its number from 1, and how many there are.
     """
     found = recordings_in(folder)
-    results = _Results(data, folder)
+    results = AuditResults(data, folder)
     known = {} if again else {one.path: one for one in results.read()}
     settings = sha256(topics.model_dump_json().encode())
     audited: list[AuditedRecording] = []
@@ -104,12 +102,6 @@ def audited_folder(
     audit = BagAudit(folder=str(folder.absolute()), recordings=tuple(audited))
     results.replace(audit.recordings)
     return audit
-
-
-def stored_audits(data: Path) -> tuple[BagAudit, ...]:
-    """Every audit whose results the data folder holds, by folder; those still under way too."""
-    files = sorted((data / FOLDER).glob("*.jsonl"))
-    return tuple(one for one in map(_stored, files) if one is not None)
 
 
 def audit_one(request: bytes) -> bytes:
@@ -173,49 +165,3 @@ def _marks(path: Path) -> tuple[int, int]:
     files = [path] if path.is_file() else [one for one in path.iterdir() if one.is_file()]
     stats = [one.stat() for one in files]
     return sum(one.st_size for one in stats), max((one.st_mtime_ns for one in stats), default=0)
-
-
-class _Results:
-    """The results of one folder: a file of lines, the first of which names the folder."""
-
-    def __init__(self, data: Path, folder: Path) -> None:
-        place = str(folder.absolute())
-        self._head = encode(BagAudit(folder=place, recordings=()))
-        self._file = data / FOLDER / f"{hashlib.sha256(place.encode()).hexdigest()[:24]}.jsonl"
-
-    def read(self) -> tuple[AuditedRecording, ...]:
-        stored = _stored(self._file)
-        return stored.recordings if stored else ()
-
-    def append(self, one: AuditedRecording) -> None:
-        self._file.parent.mkdir(parents=True, exist_ok=True)
-        if not self._file.exists():
-            self._file.write_bytes(self._head + b"\n")
-        with self._file.open("ab") as into:
-            into.write(encode(one) + b"\n")
-
-    def replace(self, recordings: tuple[AuditedRecording, ...]) -> None:
-        """What is there now, without recordings that are gone and results that were read again."""
-        self._file.parent.mkdir(parents=True, exist_ok=True)
-        beside = self._file.with_suffix(".new")
-        beside.write_bytes(b"".join(line + b"\n" for line in (self._head, *map(encode, recordings))))
-        beside.replace(self._file)
-
-
-def _stored(file: Path) -> BagAudit | None:
-    """The newest result of each recording; None for no results. A line that broke off ends them."""
-    if not file.exists():
-        return None
-    lines = file.read_bytes().splitlines()
-    newest: dict[str, AuditedRecording] = {}
-    try:
-        head = decode(lines[0], BagAudit)
-    except (IndexError, msgspec.MsgspecError):
-        return None
-    for line in lines[1:]:
-        try:
-            one = decode(line, AuditedRecording)
-        except msgspec.MsgspecError:
-            break
-        newest[one.path] = one
-    return BagAudit(folder=head.folder, recordings=tuple(newest.values()))

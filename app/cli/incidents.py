@@ -79,12 +79,12 @@ def incident(
 def judged_in(mission: Mission) -> tuple[JudgedCondition, ...]:
     """The newest verdict on each condition of a mission, stages first, with what was measured."""
     found: dict[str, JudgedCondition] = {}
-    verdicts = [verdict for node in mission.nodes.values() for verdict in node.verdicts]
-    for verdict in [*verdicts, *([mission.goal_verdict] if mission.goal_verdict else [])]:
-        for one in verdict.results:
-            found[one.condition_id] = JudgedCondition(
-                condition_id=one.condition_id, verdict=one.verdict, measured=one.measured
-            )
+    results = [one for node in mission.nodes.values() for verdict in node.verdicts for one in verdict.results]
+    results += mission.goal_verdict.results if mission.goal_verdict else ()
+    for one in results:
+        found[one.condition_id] = JudgedCondition(
+            condition_id=one.condition_id, verdict=one.verdict, measured=one.measured
+        )
     return tuple(found.values())
 
 

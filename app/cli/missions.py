@@ -196,7 +196,7 @@ def replay(
     topics, point = topic or [], target_point(target)
     with replayed(settings, recording, target=point, place=place, topics=topics, recover=recover) as replayer:
         mission, facts = replayer.run(me(), watch=output.ProgressPrinter())
-        outcome = mission_outcome(mission, Histories(replayer.harness.runtime).of(mission.mission_id), ())
+        outcome = mission_outcome(mission, Histories(replayer.runtime).of(mission.mission_id), ())
     outcome |= reasons.stating(facts)
     lines = [f"{name}: {reasons.stating(value)}" for name, value in facts.items() if value != ""]
     if topic_alone := facts[SINGLE_SOURCE]:

@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from threading import Event, Thread
 from typing import Annotated, Any
@@ -18,6 +19,7 @@ from app.auth.oidc_settings import identity_provider
 from app.background.evaluation_jobs import EvaluationJobs
 from app.background.evaluations import evaluator_folder
 from app.background.release_watch import ReleaseWatch
+from app.background.replays import ReplayJobs
 from app.background.retention import Retention
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
@@ -42,6 +44,7 @@ from harness.contracts.erasure_events import ERASURES
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.ids import RobotId
 from harness.extra_templates import begin
+from harness.recordings import replayed_beside
 from harness.runtime import Start
 from rsi_reviews.candidate_queries import on_trial, selected
 from rsi_reviews.deciders import DECIDERS
@@ -130,6 +133,8 @@ def up(
             changed=broker.changed,
         )
         stack.callback(evaluations.close)
+        replays = ReplayJobs(partial(replayed_beside, harness, chosen), changed=broker.changed)
+        stack.callback(replays.close)
         app = create_app(
             harness.runtime,
             console,
@@ -148,9 +153,11 @@ def up(
             absent=harness.absent,
             unused=harness.unused,
             clear_way=_clear_way(harness),
+            replays=replays,
         )
         app.state.alert_watch.watch()
         evaluations.watch()
+        replays.watch()
         _watch_releases(stack, harness, evaluator_folder(chosen.data_folder) if start is not None else None)
         if chosen.media_days is not None:
             retention = Retention(harness.runtime, days=chosen.media_days, clock=time.time)

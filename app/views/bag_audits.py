@@ -10,7 +10,6 @@ import msgspec
 
 from app.i18n.catalogues import N_
 from app.i18n.reasons import rendering as reasons
-from app.views.shell import Shell
 from harness.contracts.declared_successes import (
     LACKS,
     AuditedRecording,
@@ -52,24 +51,6 @@ class AuditShown:
 
     audit: BagAudit
     counts: AuditCounts
-
-
-@dataclass(frozen=True)
-class BagAuditsPage:
-    """Every audit of recordings whose results are here."""
-
-    shell: Shell
-    audits: tuple[AuditShown, ...]
-
-    @property
-    def kinds(self) -> Mapping[Lack, str]:
-        """Every kind of evidence in words."""
-        return KINDS
-
-    @property
-    def verdicts(self) -> Mapping[SuccessVerdict, str]:
-        """Every verdict in words."""
-        return VERDICTS
 
 
 def counted(audit: BagAudit) -> AuditCounts:
