@@ -18,6 +18,7 @@ from app.auth.exposure import check_exposure
 from app.auth.oidc_settings import identity_provider
 from app.background.evaluation_jobs import EvaluationJobs
 from app.background.evaluations import evaluator_folder
+from app.background.mission_history import Histories
 from app.background.release_watch import ReleaseWatch
 from app.background.replays import ReplayJobs
 from app.background.retention import Retention
@@ -43,6 +44,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.erasure_events import ERASURES
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.ids import RobotId
+from harness.contracts.reasons import because
 from harness.extra_templates import begin
 from harness.recordings import replayed_beside
 from harness.runtime import Start
@@ -164,6 +166,8 @@ def up(
             retention.watch()
             stack.callback(retention.close)
         app.state.notices.watch()
+        if console.otlp_endpoint:
+            _export_traces(stack, harness, console.otlp_endpoint, chosen.data_folder)
         steps.end()
         sessions = app.state.sessions
         if start is not None and harness.runtime.head().position and harness.runtime.missions():
@@ -208,6 +212,20 @@ def _watch_releases(stack: ExitStack, harness: Harness, evaluator: Path | None) 
     )
     watch.watch()
     stack.callback(watch.close)
+
+
+def _export_traces(stack: ExitStack, harness: Harness, endpoint: str, data: Path) -> None:
+    """Ended missions as OpenTelemetry traces. Raises ContractInvalid without the extra `otel`."""
+    try:
+        from app.background.trace_export import TraceExport, otlp_exporter  # noqa: PLC0415  an extra
+    except ImportError as error:
+        raise ContractInvalid(because("otel_not_installed"), where="REGEN_OTLP_ENDPOINT") from error
+    runtime = harness.runtime
+    export = TraceExport(
+        otlp_exporter(endpoint), Histories(runtime).of, runtime.head, runtime.log, data / "traces.json"
+    )
+    export.watch()
+    stack.callback(export.close)
 
 
 class Steps:

@@ -1,9 +1,10 @@
 """/recordings: upload a recording or a map, replay it as a mission, and read what audits of recordings found."""
 
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import Annotated, TypeVar
+from urllib.parse import quote
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Query, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
@@ -22,14 +23,17 @@ from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import CloudInvalid, ContractInvalid
+from harness.contracts.maps import MapCloud, map_stream
 
 Given = TypeVar("Given", bound=ActModel)
 router = APIRouter(prefix="/recordings")
 
 
 @router.get("")
-def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
-    return render("recordings/index.html", page_of(console, actor))
+def index(
+    console: ConsoleDep, actor: ActorDep, imported_to: Annotated[str, Query(max_length=200)] = ""
+) -> HTMLResponse:
+    return render("recordings/index.html", page_of(console, actor, imported_to=imported_to))
 
 
 @router.get("/replays")
@@ -81,7 +85,7 @@ def remove(console: ConsoleDep, principal: PrincipalDep, upload_id: str) -> Resp
     return RedirectResponse("/recordings", status_code=303)
 
 
-def page_of(console: Console, actor: Actor, errors: Sequence[str] = ()) -> RecordingsPage:
+def page_of(console: Console, actor: Actor, errors: Sequence[str] = (), *, imported_to: str = "") -> RecordingsPage:
     jobs = console.replays.jobs() if console.replays is not None else ()
     return RecordingsPage(
         shell=console.shell("Recordings", "recordings", actor),
@@ -90,6 +94,7 @@ def page_of(console: Console, actor: Actor, errors: Sequence[str] = ()) -> Recor
         audits=tuple(AuditShown(one, counted(one)) for one in console.audits()),
         limit_bytes=console.uploads.most_bytes,
         map_version=console.runtime.site.map_version,
+        imported=imported_to if imported_to and console.runtime.fold(map_stream(imported_to)).cloud is not None else "",
         errors=tuple(errors),
     )
 
@@ -111,4 +116,5 @@ def _done(console: Console, actor: Actor, act: Given | tuple[Wrong, ...], do: Ca
         return render("recordings/index.html", page_of(console, actor, (explained(error),)), status=422)
     if isinstance(decision, Refused):
         return render("recordings/index.html", page_of(console, actor, (reasoned(decision.reason),)), status=409)
-    return RedirectResponse("/recordings", status_code=303)
+    where = f"?imported_to={quote(decision.map_version)}" if isinstance(decision, MapCloud) else ""
+    return RedirectResponse(f"/recordings{where}", status_code=303)

@@ -46,7 +46,7 @@ class ReplayRow:
 
 @dataclass(frozen=True)
 class RecordingsPage:
-    """`errors` belong to what was just asked."""
+    """`errors` belong to what was just asked; `imported` names the map version that has just got a cloud."""
 
     shell: Shell
     uploads: tuple[Upload, ...]
@@ -54,6 +54,7 @@ class RecordingsPage:
     audits: tuple[AuditShown, ...]
     limit_bytes: int
     map_version: str
+    imported: str
     errors: tuple[str, ...] = field(default=())
 
     @property

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from harness.adapters.providers.recording.topics import topic_settings
-from harness.recording_audits import ARRIVAL, audited_folder, stored_audits
+from harness.adapters.stores.audit_results import stored_audits
+from harness.recording_audits import ARRIVAL, audited_folder
 from tests.builders.declared_drives import declared_drive
 from tests.integration.runs import ROOT, answer, regen
 

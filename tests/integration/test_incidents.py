@@ -29,7 +29,7 @@ def test_a_recording_becomes_a_bundle_whose_case_is_judged_again(tmp_path: Path)
 
 def test_a_disputed_mission_becomes_a_bundle_and_a_case_of_the_suite(tmp_path: Path) -> None:
     data, bundle = tmp_path / "data", tmp_path / "bundle"
-    asked = ("go-to-place", "--set", "target_place=anchor-a", "--fidelity", "kinematic", "--speed", "0")
+    asked = ("go-to-place", "--set", "destination=anchor_a", "--fidelity", "kinematic", "--speed", "0")
     ran = answer(regen("mission", "run", *asked, "--data", data, "--json"))
     mission_id, condition = ran["mission_id"], ran["goal_conditions"][0]["condition_id"]
     plain = answer(regen("incident", mission_id, "--out", tmp_path / "plain", "--data", data, "--json"))
