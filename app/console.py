@@ -44,7 +44,7 @@ from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId, Robo
 from harness.contracts.ports import LogHead
 from harness.contracts.proposals import CandidateSet, RoutingExplanation
 from harness.contracts.protocol import DriveReport, PhysicalStart
-from harness.contracts.reasons import Reason
+from harness.contracts.reasons import Reason, because
 from harness.projections.control import SiteControl
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
@@ -178,7 +178,7 @@ class Console:
         return Surroundings(
             missions=self.open_missions(),
             waiting=len(self.lists.open_handoffs()),
-            robots=self.settings.robots,
+            robots=self.robots,
             actor=actor,
             position=self.runtime.head().position,
             now_s=self.clock(),
@@ -188,6 +188,19 @@ class Console:
             alerts=[alert for _, alert in self.alerts.all()],
             reviewing=sum(one.status in ("in_review", "authorised") for one in self.releases.reviews()),
         )
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Every robot that a mission may be given to: this console's, and those that other processes report."""
+        return tuple(dict.fromkeys((*self.settings.robots, *self.fleet.names)))
+
+    def robot(self, robot_id: str = "") -> RobotId:
+        """That robot; the first one where none is named. Raises UnknownName."""
+        if not robot_id and self.robots:
+            return RobotId(self.robots[0])
+        if robot_id in self.robots:
+            return RobotId(robot_id)
+        raise UnknownName(because("unknown_robot", robot_id=robot_id[:40], known=self.robots))
 
     def control(self) -> SiteControl:
         """The fleet's autonomy limit, and who drives which robot by hand."""

@@ -92,6 +92,7 @@ from app.routes import (
     sign_in,
     watch,
 )
+from app.routes import fleet as fleet_page
 from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
 from app.web import errors
@@ -222,6 +223,7 @@ def create_app(
         recordings,
         report,
         exploration,
+        fleet_page,
         watch,
         places,
         providers,

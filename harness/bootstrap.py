@@ -19,11 +19,14 @@ from harness.adapters.providers.http.supervised_process import SupervisedProcess
 from harness.adapters.providers.messaging.folder import erase_from_outbox
 from harness.adapters.providers.speech.endpoint import EndpointDecoder
 from harness.adapters.providers.speech.transcriber import SphinxTranscriber
+from harness.adapters.providers.topics.connection import topic_witness
+from harness.adapters.providers.topics.ros_messages import ROLES
+from harness.adapters.providers.topics.samples import TopicFrames
 from harness.adapters.providers.vda5050.connection import BrokerAccess, connected_vehicle
 from harness.adapters.providers.vda5050.robot import VehicleRobot, VehicleSettings
 from harness.adapters.secret_values import secret
 from harness.adapters.stores.anchors import anchor_key, anchoring
-from harness.adapters.stores.blobs import FileBlobStore, owned_blobs
+from harness.adapters.stores.blob_address import open_blobs, open_owned_blobs
 from harness.adapters.stores.folder import DataFolder, existing, prepare
 from harness.adapters.stores.installation_key import installation_key
 from harness.adapters.stores.log_address import is_server, open_log
@@ -32,6 +35,7 @@ from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, Me
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
 from harness.adapters.stores.owner import Owner, OwnerLock, read_owner
 from harness.adapters.stores.postgres_listener import Listener
+from harness.adapters.stores.postgres_reports import ReportListener, ReportSender
 from harness.adapters.stores.read_models import SqlReadModels
 from harness.adapters.stores.snapshots import StoredSnapshots
 from harness.adapters.stores.spool import FileSpool
@@ -60,6 +64,7 @@ from harness.contracts.capabilities import CapabilityCard, Vocabulary
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.errors import ContractInvalid, ProviderFailed, ProviderUnreachable
+from harness.contracts.fleet import RobotReport
 from harness.contracts.ids import RobotId
 from harness.contracts.models import Models
 from harness.contracts.observations import Camera
@@ -101,6 +106,7 @@ __all__ = [
     "nothing_selected",
     "open_harness",
     "open_lists",
+    "open_reports",
     "owner_of",
     "read_harness",
     "robot_names",
@@ -153,16 +159,17 @@ def open_harness(
         processes = _started(stack, folder, settings, simulated, under_way=_under_way(store))
         connected, absent = _connected(stack, store, addressed_entries(settings, workspace), workspace, folder)
         clocks = [*(one.clock for one in processes), *(robot.clock for _, robot in connected)]
-        if not clocks:
+        if absent and not clocks:
             name, why = next(iter(absent.items()))
             raise ProviderUnreachable(because("no_robot_connects", robot_id=name, reason=why))
-        blobs = owned_blobs(folder.blobs, copies=partial(erase_from_outbox, folder.outbox))
+        copies = partial(erase_from_outbox, folder.outbox)
+        blobs = open_owned_blobs(settings.blobs, folder.blobs, copies=copies)
         parts = Parts(
             store=store,
             blobs=blobs,
             spool=FileSpool(folder.spool),
             ids=ids,
-            clock=clocks[0],
+            clock=clocks[0] if clocks else SystemClock(),
             signals=signals or NullSignals(),
             index=stack.enter_context(closing(SqlMemoryIndex(f"sqlite:///{folder.root / 'memory.db'}"))),
             snapshots=snapshots,
@@ -209,7 +216,7 @@ def edit_harness(
     folder = prepare(settings.data_folder)
     with OwnerLock(folder.root) as lock:
         lock.take(token=SystemIds().token(), url="")
-        owned_blobs(folder.blobs)
+        open_owned_blobs(settings.blobs, folder.blobs)
         with (
             _without_robots(settings, folder, deciders=deciders, select=select, authority=authority) as runtime,
             _anchored(runtime, folder, settings),
@@ -232,7 +239,7 @@ def _without_robots(
         key = installation_key(settings.snapshot_key_file, data=folder.root, make=False)
         parts = Parts(
             store=log,
-            blobs=FileBlobStore(folder.blobs, copies=partial(erase_from_outbox, folder.outbox)),
+            blobs=open_blobs(settings.blobs, folder.blobs, copies=partial(erase_from_outbox, folder.outbox)),
             spool=MemorySpool(),
             ids=SystemIds(),
             clock=SystemClock(),
@@ -375,6 +382,8 @@ def robot_names(settings: HarnessSettings) -> tuple[str, ...]:
 
 def simulated_names(settings: HarnessSettings, workspace: Workspace) -> tuple[str, ...]:
     """The robots to simulate: those that the settings name, else those of the site's folder."""
+    if settings.no_robots:
+        return ()
     if settings.site_folder is None or settings.robots:
         return settings.fleet
     return tuple(one.name for one in workspace.robots if isinstance(one, SimulatedRobotEntry))
@@ -382,7 +391,7 @@ def simulated_names(settings: HarnessSettings, workspace: Workspace) -> tuple[st
 
 def addressed_entries(settings: HarnessSettings, workspace: Workspace) -> tuple[AddressedEntry, ...]:
     """The robots to connect by address: none where the settings name robots to simulate."""
-    entries = () if settings.robots or settings.site_folder is None else workspace.robots
+    entries = () if settings.no_robots or settings.robots or settings.site_folder is None else workspace.robots
     return tuple(one for one in entries if not isinstance(one, SimulatedRobotEntry))
 
 
@@ -421,32 +430,65 @@ def _refusal(card: CapabilityCard, *, vocabulary: Vocabulary, admissions: Admiss
 def _addressed_over_http(
     stack: ExitStack, entry: HttpRobotEntry, workspace: Workspace, *, refusal: Refusal
 ) -> AddressedRobot:
-    """The robot of an entry, and the program that gives its evidence where the entry names one."""
-
-    def client(address: HttpRobotEntry | EvidencePath) -> HttpRobot:
-        opened = HttpRobot(address.address, token_of(address, workspace.folder), timeout_s=CONNECT_S)
-        stack.callback(opened.close)
-        return opened
-
+    """The robot of an entry, and what gives its evidence where the entry names that."""
     return addressed_over_http(
-        client(entry),
+        _client(stack, entry, workspace),
         name=entry.name,
         refusal=refusal,
         speed_limit_mps=entry.speed_limit_mps,
         camera=entry.camera,
-        witness=client(entry.evidence) if entry.evidence is not None else None,
+        witness=_witness(stack, entry.evidence, workspace) if entry.evidence is not None else None,
     )
+
+
+def _client(stack: ExitStack, address: HttpRobotEntry | EvidencePath, workspace: Workspace) -> HttpRobot:
+    opened = HttpRobot(address.address, token_of(address, workspace.folder), timeout_s=CONNECT_S)
+    stack.callback(opened.close)
+    return opened
+
+
+def _witness(
+    stack: ExitStack, path: EvidencePath, workspace: Workspace
+) -> Callable[[ports.Robot, ports.Clock], ports.Robot]:
+    """What gives the evidence of a robot apart from who executes: another program, or the robot's own topics."""
+    transport, topics = path.kind, path.topics
+    if transport == "http" or topics is None:
+        return lambda robot, clock: _client(stack, path, workspace)
+    named = {role: name for role in ROLES if (name := getattr(topics, role)) is not None}
+    frames = TopicFrames(
+        frame=workspace.site.frame,
+        map_version=workspace.site.map_version,
+        base_frame=path.base_frame,
+        laser=path.laser,
+    )
+
+    def opened(robot: ports.Robot, clock: ports.Clock) -> ports.Robot:
+        return stack.enter_context(
+            topic_witness(
+                robot,
+                transport=transport,
+                address=path.address,
+                token=token_of(path, workspace.folder),
+                topics=named,
+                frames=frames,
+                now_s=lambda: clock.now().mission_s,
+            )
+        )
+
+    return opened
 
 
 def _addressed_vehicle(
     stack: ExitStack, entry: VehicleEntry, workspace: Workspace, folder: DataFolder, *, refusal: Refusal
 ) -> AddressedRobot:
     vehicle = stack.enter_context(met_vehicle(entry, workspace, folder.root))
+    clock = RobotClock(vehicle.now_s, REAL_TIME)
     return AddressedRobot(
         vehicle,
         name=entry.name,
         refusal=refusal,
-        clock=RobotClock(vehicle.now_s, REAL_TIME),
+        clock=clock,
+        witness=_witness(stack, entry.evidence, workspace)(vehicle, clock) if entry.evidence is not None else None,
         speed_limit_mps=entry.speed_limit_mps,
         camera=entry.camera,
     )
@@ -494,7 +536,7 @@ def _addressed_member(parts: Parts, entry: AddressedEntry, robot: AddressedRobot
         camera=robot.live_camera,
         hand=robot.hand if isinstance(entry, HttpRobotEntry) and entry.teleoperation else None,
         origin=entry.identity,
-        evidence_origin=entry.evidence.address if isinstance(entry, HttpRobotEntry) and entry.evidence else "",
+        evidence_origin=entry.evidence.address if entry.evidence else "",
         embodiment=entry.embodiment or robot.embodiment,
     )
 
@@ -525,6 +567,19 @@ def owner_of(data: Path) -> Owner | None:
 def open_lists(folder: Path | None) -> ports.ReadModels:
     """The console's lists, stored beside the log; in memory where there is no folder."""
     return SqlReadModels(f"sqlite:///{folder / 'lists.db'}") if folder else SqlReadModels()
+
+
+@contextmanager
+def open_reports(
+    database: str, received: Callable[[RobotReport], None]
+) -> Iterator[Callable[[RobotReport], None] | None]:
+    """What tells the other processes on a database how a robot is, while theirs are passed to `received`; None where
+    the log is a file. Raises StoreUnavailable."""
+    if not is_server(database):
+        yield None
+        return
+    with closing(ReportListener(database, received)), closing(ReportSender(database)) as sender:
+        yield sender.send
 
 
 def move_log(source: str, target: str) -> ports.LogHead:

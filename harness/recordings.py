@@ -18,7 +18,7 @@ from harness.adapters.providers.recording.segments import Segment
 from harness.adapters.providers.recording.topics import TopicSettings, topic_settings
 from harness.adapters.providers.recording.writer import RecordedLeg, WriteSummary, record_mission
 from harness.adapters.providers.recording.writer import RecordedMission as Recorded
-from harness.adapters.stores.blobs import owned_blobs
+from harness.adapters.stores.blob_address import open_owned_blobs
 from harness.adapters.stores.folder import prepare
 from harness.adapters.stores.log_address import open_log
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
@@ -176,7 +176,7 @@ def replayed(
         stack.callback(robot.close)
         parts = Parts(
             store=store,
-            blobs=owned_blobs(folder.blobs),
+            blobs=open_owned_blobs(settings.blobs, folder.blobs),
             spool=FileSpool(folder.spool),
             ids=ids,
             clock=robot,

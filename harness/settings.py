@@ -20,7 +20,10 @@ class HarnessSettings(BaseSettings):
 
     `robots` names every robot of the site; without it there is one, `robot_id`. `robot_command` starts a robot program,
     which serves the HTTP provider protocol; its robot's name, folder, speed and seed follow as options. `database` is
-    where the event log is: empty is SQLite in the data folder, else postgresql://USER:PASSWORD@HOST/NAME.
+    where the event log is: empty is SQLite in the data folder, else postgresql://USER:PASSWORD@HOST/NAME. `blobs` is
+    where evidence is: empty is the data folder, else s3://BUCKET/PREFIX?endpoint=URL&region=NAME.
+    `no_robots`: this process drives none, and other processes on the same database do. `worker` is the name by which
+    the fleet's list calls this process; without one, its host and process id.
     `snapshot_key_file` seals snapshots and lies outside the data folder; without one, a key is made in the user's
     state folder. While a process owns the folder it adds an anchor to `anchor_file`, outside the data folder, every
     `anchor_every` events, signed with `anchor_key_file` (Ed25519, PEM or 32 bytes) if there is one.
@@ -38,8 +41,11 @@ class HarnessSettings(BaseSettings):
     robot_id: RobotName = "vbot-1"
     robots: tuple[RobotName, ...] = ()
     robot_command: tuple[str, ...] = ROBOT_COMMAND
+    no_robots: bool = False
+    worker: Annotated[str, Field(max_length=80)] = ""
     failpoint: str = ""
     database: Annotated[str, Field(repr=False)] = ""
+    blobs: Annotated[str, Field(repr=False)] = ""
     snapshot_key_file: Path | None = None
     anchor_file: Path | None = None
     anchor_every: Annotated[int, Field(ge=1)] = 1000

@@ -9,12 +9,13 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import IO
+from typing import IO, get_args
 
 import uvicorn
 
 from harness.contracts.errors import HarnessError, StoreOwned, StoreUnavailable
 from harness.contracts.reasons import because
+from harness.contracts.simulation import Fidelity
 from harness.contracts.values import encode
 from harness.provider_protocol.wire import ATTACHMENT, Attachment, problem
 from simulator.robot import SimulatedRobot
@@ -117,7 +118,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--port", type=int, default=0, help="0 takes any free port")
     parser.add_argument("--speed", type=float, default=1.0, help="mission seconds per second; 0 is lockstep")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--fidelity", choices=("mujoco", "kinematic"), default="mujoco")
+    parser.add_argument("--fidelity", choices=get_args(Fidelity), default="mujoco")
     parser.add_argument("--robot-id", default="vbot-1")
     parser.add_argument("--epoch", type=float, default=0.0, help="first mission time; 0 is now")
     parser.add_argument("--linger-s", type=float, default=5.0, help="how long to stay after the parent is gone")

@@ -1,6 +1,7 @@
 """Simulates the robot's body in the world: its true pose, how a velocity command moves it, and what its lidar hits.
 
-Two fidelities with one interface. `MujocoBody` integrates contacts; `KinematicBody` moves a disc among footprints.
+Three fidelities with one interface. `MujocoBody` integrates the contacts of a sliding hull; `KinematicBody` moves a disc
+among footprints; `simulator.walking` has the body with legs.
 """
 
 import math
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from simulator.floor_plan import FloorPlan
 from simulator.mjcf import TIMESTEP_S, compile_site
-from simulator.solids import ROBOT_RADIUS_M, SiteModel
+from simulator.solids import ROBOT_RADIUS_M, SiteModel, Tilt
 
 TICK_S = 0.05
 LIDAR_HEIGHT_M = 0.45
@@ -35,7 +36,11 @@ class Velocity(msgspec.Struct, frozen=True):
 
 
 class BodyState(msgspec.Struct):
-    """Ground truth: planar pose in the map and the velocities, m, rad, m/s, rad/s. `sway_mps` is lateral."""
+    """Ground truth: planar pose in the map and the velocities, m, rad, m/s, rad/s. `sway_mps` is lateral.
+
+    A walking body also has its true roll, pitch and lift above its standing height, and may have fallen; `lying` is
+    ordered from outside.
+    """
 
     x_m: float
     y_m: float
@@ -43,6 +48,16 @@ class BodyState(msgspec.Struct):
     v_mps: float = 0.0
     w_radps: float = 0.0
     sway_mps: float = 0.0
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    lift_m: float = 0.0
+    fallen: bool = False
+    lying: bool = False
+
+    @property
+    def tilt(self) -> Tilt:
+        """How the trunk stands, for the camera on it."""
+        return Tilt(roll_rad=self.roll_rad, pitch_rad=self.pitch_rad, lift_m=self.lift_m)
 
     @property
     def still(self) -> bool:
@@ -66,6 +81,39 @@ class SimulatedBody(Protocol):
     def cloud(self) -> Floats:
         """One full sweep: hits in the body frame, shape (n, 3), metres, z = 0 on the floor."""
 
+    @property
+    def stance(self) -> tuple[float, ...]:
+        """What a restart needs beside the planar pose; empty for a body without legs."""
+
+    @property
+    def can_fall(self) -> bool:
+        """Whether it has legs to fall from."""
+
+    def push_over(self) -> None:
+        """Somebody pushes it hard from its side."""
+
+    def stand_up(self) -> bool:
+        """Begin to rise after a fall; whether the body can try."""
+
+    def set_on_feet(self) -> None:
+        """Somebody lifts a fallen body and sets it down where it is."""
+
+
+class UprightBody:
+    """What bodies without legs share: they cannot fall."""
+
+    stance: tuple[float, ...] = ()
+    can_fall = False
+
+    def push_over(self) -> None:
+        """It stays where it is."""
+
+    def stand_up(self) -> bool:
+        return True
+
+    def set_on_feet(self) -> None:
+        """It stands."""
+
 
 class Drive:
     """How the legs follow a command: limited acceleration, and a sway that comes with the gait."""
@@ -88,7 +136,7 @@ def _towards(value: float, goal: float, step: float) -> float:
     return goal if abs(goal - value) <= step else value + math.copysign(step, goal - value)
 
 
-class KinematicBody:
+class KinematicBody(UprightBody):
     """A disc that moves as commanded unless a footprint is in the way."""
 
     def __init__(self, site: SiteModel, state: BodyState) -> None:
@@ -138,7 +186,7 @@ class KinematicBody:
         return there < ROBOT_RADIUS_M and there < here
 
 
-class MujocoBody:
+class MujocoBody(UprightBody):
     """A velocity-controlled hull in MuJoCo: walls and boxes push back."""
 
     def __init__(self, site: SiteModel, state: BodyState) -> None:
@@ -171,9 +219,9 @@ class MujocoBody:
         return np.where(distances < 0, reach_m, np.minimum(distances, reach_m))
 
     def cloud(self) -> Floats:
-        distances = self._cast(_SWEEP, height_m=LIDAR_HEIGHT_M)
+        distances = self._cast(SWEEP, height_m=LIDAR_HEIGHT_M)
         hits = (distances > 0) & (distances < LIDAR_REACH_M)
-        points: Floats = _SWEEP[hits] * distances[hits, None]
+        points: Floats = SWEEP[hits] * distances[hits, None]
         points[:, 2] += LIDAR_HEIGHT_M
         return points
 
@@ -197,5 +245,5 @@ def _sweep() -> Floats:
     return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), np.sin(elevation)], axis=2).reshape(-1, 3)
 
 
-_SWEEP = _sweep()
+SWEEP = _sweep()
 _FLAT = np.linspace(-np.pi, np.pi, 360, endpoint=False)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from harness.contracts.observations import Camera
 from simulator.lettering import lettering
 from simulator.mjcf import CompiledSite, compile_site
-from simulator.solids import SiteModel
+from simulator.solids import LEVEL, TRUNK_HEIGHT_M, SiteModel, Tilt
 
 CAMERA = Camera(
     width_px=1280, height_px=720, fx_px=834.0, fy_px=834.0, cx_px=639.5, cy_px=359.5,
@@ -39,16 +39,21 @@ Singles = NDArray[np.float32]
 
 
 def render(
-    site: SiteModel, pose: tuple[float, float, float], camera: Camera = CAMERA, *, grain: bool = True
+    site: SiteModel,
+    pose: tuple[float, float, float],
+    camera: Camera = CAMERA,
+    *,
+    grain: bool = True,
+    tilt: Tilt = LEVEL,
 ) -> Picture:
     """What the camera sees from body pose (x_m, y_m, yaw_rad): uint8 RGB of shape (height_px, width_px, 3).
 
-    `grain`: with one that is always the same; captures get their own, see `with_grain`.
+    `grain`: with one that is always the same; captures get their own, see `with_grain`. `tilt`: of the trunk that the
+    camera is mounted on.
     """
-    x, y, yaw = pose
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    origin = np.array([x + cos * camera.forward_m, y + sin * camera.forward_m, camera.height_m])
+    turn = _attitude(pose[2], tilt)
+    trunk = np.array([pose[0], pose[1], TRUNK_HEIGHT_M + tilt.lift_m])
+    origin = trunk + np.array([camera.forward_m, 0.0, camera.height_m - TRUNK_HEIGHT_M]) @ turn
     with _one_at_a_time:
         view = _View(site=_compiled(site), origin=origin, lamp=_lamp(site, origin), brightness=site.brightness)
         bands = [_band(view, rays @ turn) for rays in _rays(camera)]
@@ -71,6 +76,20 @@ def jpeg(picture: Picture) -> bytes:
     """The frame as a JPEG file."""
     _, encoded = cv2.imencode(".jpg", picture[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return encoded.tobytes()
+
+
+def _attitude(yaw_rad: float, tilt: Tilt) -> Floats:
+    """Turns rows of body coordinates into the map's: by roll, pitch, then yaw."""
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    yaw = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    if tilt == LEVEL:
+        return yaw
+    cos, sin = math.cos(tilt.roll_rad), math.sin(tilt.roll_rad)
+    roll = np.array([[1.0, 0.0, 0.0], [0.0, cos, sin], [0.0, -sin, cos]])
+    cos, sin = math.cos(tilt.pitch_rad), math.sin(tilt.pitch_rad)
+    pitch = np.array([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]])
+    turn: Floats = roll @ pitch @ yaw
+    return turn
 
 
 class _View(msgspec.Struct, frozen=True):

@@ -21,7 +21,7 @@ _NAVIGATION = (
         name="heading_rad", type="number", required=False, unit="rad", minimum=-3.1416, maximum=3.1416
     ),
 )
-_NAVIGATION_FAILURES = ("no_progress", "route_not_reachable", "interrupted", "timeout", "robot_restarted")
+_NAVIGATION_FAILURES = ("no_progress", "route_not_reachable", "interrupted", "timeout", "robot_restarted", "fallen")
 _NAVIGATION_EVIDENCE = ("pose", "odometry", "imu", "scan", "receipt:arrival", "receipt:disarm")
 _SOURCES = ("localiser", "odometry", "lidar")
 
@@ -68,7 +68,7 @@ PANORAMA_CAMERA = capabilities.CapabilityCard(
     resources=(BASE, CAMERA),
     cancel=capabilities.CancelBehaviour(acknowledged=True, within_s=2.0),
     risk="low",
-    failure_words=("timeout", "robot_restarted"),
+    failure_words=("timeout", "robot_restarted", "fallen"),
     evidence=("image", "pose", "odometry", "receipt:rotation", "receipt:capture"),
     capability="capture_panorama",
     estimates=capabilities.Estimates(success=0.98, risk=0.05, uncertainty=0.05, cost=1.0),

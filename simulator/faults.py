@@ -18,13 +18,23 @@ from simulator.sensors import LocaliserMode
 FaultName = Literal[
     "stale-pose", "missing-pose", "frozen-localiser", "early-success", "duplicate-request", "interrupted",
     "blocked-passage", "lost-localisation", "biased-localiser", "follower-gives-up",
-    "hidden-passage",
+    "hidden-passage", "pushed-over",
 ]  # fmt: skip
 FAULT_NAMES: tuple[FaultName, ...] = get_args(FaultName)
 IN_MOTION: frozenset[FaultName] = frozenset(
-    {"biased-localiser", "stale-pose", "frozen-localiser", "early-success", "interrupted", "follower-gives-up"}
+    {
+        "biased-localiser",
+        "stale-pose",
+        "frozen-localiser",
+        "early-success",
+        "interrupted",
+        "follower-gives-up",
+        "pushed-over",
+    }
 )
 """Faults that wait for a navigation to come to a certain place."""
+ON_LEGS: frozenset[FaultName] = frozenset({"pushed-over"})
+"""Faults that strike only a body with legs."""
 CLEARED_AFTER_S = 10.0
 LOST_FOR_S = 8.0
 BIASED_BEFORE_M = 2.3
@@ -119,6 +129,10 @@ class FaultPlan:
         if share < MID_LEG:
             return False
         return self.strikes("interrupted") or (provider_id == FOLLOWER and self.strikes("follower-gives-up"))
+
+    def pushes(self, share: float) -> bool:
+        """Whether somebody pushes the robot over now, in the middle of the leg."""
+        return share >= MID_LEG and self.strikes("pushed-over")
 
     def strikes(self, name: FaultName) -> bool:
         """Whether a fault affects the running navigation; counts it once per navigation."""

@@ -15,7 +15,10 @@ BOOT_S = 2.0
 
 
 class SavedWorld(Value):
-    """Clock, body, odometer and counters; metres, radians, mission seconds."""
+    """Clock, body, odometer and counters; metres, radians, mission seconds.
+
+    `stance`: position, attitude and joints of a walking body. `believed`: the pose that its controller believed in.
+    """
 
     at_s: float
     seq: int
@@ -23,6 +26,8 @@ class SavedWorld(Value):
     odometer: tuple[float, float, float]
     charge: float
     reached_m: dict[str, float]
+    stance: tuple[float, ...] = ()
+    believed: tuple[float, float, float] | None = None
 
 
 class StartJournal:

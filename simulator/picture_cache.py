@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from harness.contracts.observations import Camera
 from simulator.camera import CAMERA, jpeg, render, with_grain
-from simulator.solids import SiteModel
+from simulator.solids import LEVEL, SiteModel, Tilt
 
 GRID_M = 0.05
 GRID_RAD = math.radians(2.0)
@@ -36,9 +36,9 @@ COARSE = _coarser(2)
 Pose = tuple[float, float, float]
 
 
-def photograph(site: SiteModel, pose: Pose, *, key: str) -> bytes:
-    """One JPEG from exactly this body pose, with the noise of its own capture."""
-    return jpeg(with_grain(render(site, pose, grain=False), key=key))
+def photograph(site: SiteModel, pose: Pose, *, key: str, tilt: Tilt = LEVEL) -> bytes:
+    """One JPEG from exactly this body pose and attitude, with the noise of its own capture."""
+    return jpeg(with_grain(render(site, pose, grain=False, tilt=tilt), key=key))
 
 
 def photograph_nearby(site: SiteModel, pose: Pose, *, key: str) -> bytes:
@@ -52,9 +52,9 @@ def photograph_nearby(site: SiteModel, pose: Pose, *, key: str) -> bytes:
     return jpeg(with_grain(np.asarray(whole, dtype=np.uint8), key=key))
 
 
-def live_frame(site: SiteModel, pose: Pose) -> bytes:
-    """One JPEG of LIVE's size from exactly this body pose."""
-    return jpeg(render(site, pose, LIVE))
+def live_frame(site: SiteModel, pose: Pose, *, tilt: Tilt = LEVEL) -> bytes:
+    """One JPEG of LIVE's size from exactly this body pose and attitude."""
+    return jpeg(render(site, pose, LIVE, tilt=tilt))
 
 
 @lru_cache(maxsize=REMEMBERED)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.control import Posture
 from harness.contracts.errors import FencingRefused, ProviderFailed, ProviderUnreachable
 from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId
 from harness.contracts.reasons import because
@@ -74,11 +75,11 @@ class SimulatedRobot:
         return protocol.RobotStatus(
             robot_id=self.robot_id,
             at_s=world.at_s,
-            posture="moving" if not world.still else "lying" if self.lying else "standing",
+            posture=self._posture(),
             armed=mover is not None and mover.report().status in ("accepted", "running", "stopping"),
             hardware_stop=world.hardware_stop,
             charge=world.sensors.charge,
-            localised=world.sensors.mode != "lost",
+            localised=world.sensors.localised,
             map_version=world.site.map_version,
             camera=CAMERA,
             pose_age_s=world.ring.pose_age_s(world.at_s),
@@ -91,7 +92,7 @@ class SimulatedRobot:
         pose = (state.x_m, state.y_m, state.yaw_rad)
         width, height = LIVE.width_px, LIVE.height_px
         return protocol.Picture(
-            at_s=self.at_s, width_px=width, height_px=height, body=live_frame(self.world.site, pose)
+            at_s=self.at_s, width_px=width, height_px=height, body=live_frame(self.world.site, pose, tilt=state.tilt)
         )
 
     def observations(self, after: int, limit: int = 5000) -> protocol.Observations:
@@ -126,8 +127,15 @@ class SimulatedRobot:
         """The red button on the robot: independent of all software, it holds the body still while engaged."""
         self.world.hardware_stop = engaged
 
+    def rest(self, posture: Posture) -> None:
+        """Lie down, or stand up: after a fall only if the legs can do it, and it stands only once it is seen to."""
+        body = self.world.body
+        if body.state.fallen and (posture == "lying" or not body.stand_up()):
+            raise ProviderFailed(because("robot_fallen"), where=self.robot_id)
+        self.lying = posture == "lying"
+
     def clear_way(self) -> None:
-        """Somebody takes away what stands in the robot's way."""
+        """Somebody comes: takes away what stands in the robot's way, and sets a fallen robot on its feet."""
         self.world.clear_way()
 
     def save(self) -> None:
@@ -141,6 +149,8 @@ class SimulatedRobot:
             self._same(card, request)
             return known
         self._check(card, request)
+        if card.moves and self.world.body.state.fallen:
+            raise ProviderFailed(because("robot_fallen"), where=card.provider_id)
         self.lying = self.lying and not card.moves
         world = self.world
         skill = skill_for(
@@ -198,6 +208,7 @@ class SimulatedRobot:
 
     def _tick(self) -> None:
         world = self.world
+        world.body.state.lying = self.lying
         world.tick(tuple(self._running.values()))
         for request, invocation in list(self._running.items()):
             if invocation.terminal:
@@ -207,6 +218,11 @@ class SimulatedRobot:
         while self._repeats and self._repeats[0][0] <= world.at_s:
             _, card, repeated = self._repeats.pop(0)
             self.begin(card, repeated)
+
+    def _posture(self) -> protocol.BodyPosture:
+        if self.world.body.state.fallen:
+            return "fallen"
+        return "moving" if not self.world.still else "lying" if self.lying else "standing"
 
     def _mover(self) -> RunningSkill | None:
         return next((invocation for invocation in self._running.values() if invocation.card.moves), None)

@@ -44,6 +44,7 @@ class Sensors:
         self.fix: Fix | None = None
         self.odometer: Fix = (0.0, 0.0, 0.0)
         self.charge = 0.92
+        self.confidence = 0.95
         self._held: observations.Pose | None = None
         self._before: Fix | None = None
         self._twist = (0.0, 0.0)
@@ -69,6 +70,17 @@ class Sensors:
         if tick % BATTERY_TICKS == 0:
             self.charge = max(0.0, self.charge - (0.0004 if abs(state.v_mps) > 0.01 else 0.00005))
             self._ring.add(observations.Battery(seq=self._ring.next(), at_s=at_s, source="battery", charge=self.charge))
+
+    @property
+    def still(self) -> bool:
+        """Whether odometry shows that the robot stands still."""
+        v, w = self._twist
+        return abs(v) < 0.01 and abs(w) < 0.02
+
+    @property
+    def localised(self) -> bool:
+        """Whether the localiser knows where the robot is."""
+        return self.mode != "lost"
 
     @property
     def seed(self) -> int:
@@ -158,7 +170,7 @@ class Sensors:
             x, y, yaw = self.fix
             pose = observations.Pose(
                 seq=seq, at_s=at_s, source="localiser", frame=self._frame, map_version=self._map_version,
-                x_m=x, y_m=y, yaw_rad=yaw, confidence=0.95,
+                x_m=x, y_m=y, yaw_rad=yaw, confidence=self.confidence,
             )  # fmt: skip
             self._held = pose
         else:

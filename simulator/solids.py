@@ -10,6 +10,19 @@ Kind = Literal["wall", "box", "shelf", "desk", "chair", "poster", "mark", "door"
 FLAT: frozenset[str] = frozenset({"poster", "mark", "sign"})
 ROBOT_RADIUS_M = 0.25
 ROBOT_HEIGHT_M = 0.6
+TRUNK_HEIGHT_M = 0.303
+"""Of a walking body's trunk when it stands: lidar and camera turn with it about this height."""
+
+
+class Tilt(Value):
+    """How a body's trunk stands: rolled to its right side, pitched nose down, lifted above its standing height."""
+
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    lift_m: float = 0.0
+
+
+LEVEL = Tilt()
 
 
 class Solid(Value):

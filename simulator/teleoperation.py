@@ -93,7 +93,7 @@ class SimulatedTeleoperation:
         robot.admit({BASE: order.token}, where="posture")
         if not robot.world.still:
             raise ProviderFailed(because("body_moves"), where=robot.robot_id)
-        robot.lying = order.posture == "lying"
+        robot.rest(order.posture)
         return robot.status()
 
     def _begin(self, order: protocol.DriveOrder) -> RunningSkill:
@@ -104,6 +104,8 @@ class SimulatedTeleoperation:
             raise ProviderFailed(because("hardware_stop_engaged"), where=robot.robot_id)
         if robot.lying:
             raise ProviderFailed(because("robot_lies"), where=robot.robot_id)
+        if robot.world.body.state.fallen:
+            raise ProviderFailed(because("robot_fallen"), where=robot.robot_id)
         robot.admit({BASE: order.token}, where="hand")
         skill = TeleoperationSkill()
         self._skills = {order.session: skill}

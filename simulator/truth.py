@@ -5,11 +5,13 @@ from typing import IO, Literal
 
 from harness.contracts.values import Value, encode
 
+TruthKind = Literal["pose", "start", "terminal", "struck", "mission", "fell"]
+
 
 class Truth(Value):
     """One line. Poses are the body's true planar pose in the map frame: metres, radians, m/s."""
 
-    kind: Literal["pose", "start", "terminal", "struck", "mission"]
+    kind: TruthKind
     at_s: float
     x_m: float
     y_m: float

@@ -10,7 +10,7 @@ from harness.contracts.observations import Image
 from harness.contracts.regularities import HiddenSite, Regularity
 from harness.contracts.simulation import Fidelity
 from harness.contracts.values import Point, Value
-from simulator import bodies
+from simulator import bodies, fidelities
 from simulator.camera import CAMERA
 from simulator.disturbances import Disturbances
 from simulator.faults import Fault, FaultPlan
@@ -23,16 +23,16 @@ from simulator.picture_cache import photograph, photograph_nearby
 from simulator.pose_estimate import Estimate
 from simulator.routes import RouteLine
 from simulator.samples import SampleRing, SensorBlobs
-from simulator.sensors import Sensors
 from simulator.site import START, TROLLEY, storage_site
 from simulator.skill_interface import Outcome, Perception, Shot, Step
 from simulator.solids import SiteModel
-from simulator.truth import Truth, TruthLog
+from simulator.truth import Truth, TruthKind, TruthLog
 
 EPOCH_S = 1_790_000_000.0
 MOVING_TICKS = 4
 STANDING_TICKS = 20
 EARLY_CLAIM_M = 0.14
+FALLEN = "The robot has fallen and does not stand."
 
 
 class WorldSettings(Value):
@@ -58,18 +58,23 @@ class World:
         self._home: SiteModel = storage_site()
         self.site: SiteModel = self._home
         state = bodies.BodyState(x_m=pose[0], y_m=pose[1], yaw_rad=pose[2])
-        self.body: bodies.SimulatedBody = (
-            bodies.MujocoBody if settings.fidelity == "mujoco" else bodies.KinematicBody
-        )(self.site, state)
         self.ring = SampleRing(saved.seq if saved else 0)
+        believed = saved.believed or pose if saved else pose
+        embodiment = fidelities.embodiment(
+            settings.fidelity,
+            self.site,
+            state,
+            ring=self.ring,
+            streams=Streams(settings.seed),
+            stance=saved.stance if saved else (),
+            began=believed,
+        )
+        self.body, self.sensors = embodiment.body, embodiment.sensors
         self.blobs = SensorBlobs(folder and folder / "blobs")
         self.truth = TruthLog(folder and folder / "truth")
         self.faults = FaultPlan(None, (), began_s=0.0)
         self._disturbances: Disturbances | None = None
         self._standing: tuple[Regularity, ...] = ()
-        self.sensors = Sensors(
-            Streams(settings.seed), self.ring, frame=self.site.frame, map_version=self.site.map_version
-        )
         self.hardware_stop = False
         self.reached_m: dict[str, float] = dict(saved.reached_m) if saved else {}
         self._epoch_s = max(saved.at_s, settings.epoch_s) if saved else settings.epoch_s
@@ -79,14 +84,13 @@ class World:
         """Mission time, seconds since the Unix epoch."""
         if saved:
             self.sensors.odometer, self.sensors.charge = saved.odometer, saved.charge
-        self._estimate = Estimate(pose)
+        self._estimate = Estimate(believed)
         self._estimate.begin(self.sensors.odometer)
 
     @property
     def still(self) -> bool:
-        """Whether odometry shows that the robot stands still."""
-        v, w = self.sensors.twist
-        return abs(v) < 0.01 and abs(w) < 0.02
+        """Whether the robot's own sensors show that it stands still."""
+        return self.sensors.still
 
     @property
     def believed(self) -> Point:
@@ -110,9 +114,11 @@ class World:
         self.note("mission", text=f"{mission_id} seed {seed}")
 
     def clear_way(self) -> None:
-        """Somebody took away what a fault had put in the way."""
+        """Somebody came: took away what a fault had put in the way, and set a fallen robot on its feet."""
         self.faults.forget_obstacles()
         self._furnish(self._home)
+        if self.body.state.fallen:
+            self.body.set_on_feet()
 
     def invocation_starts(self, invocation: RunningSkill, node: str) -> None:
         """A skill was accepted and begins with the next tick."""
@@ -155,6 +161,8 @@ class World:
         if not (coarse and invocations and all(one.cruising for one in invocations)):
             self._command = self._decided(invocations)
         self.body.step(bodies.Velocity() if self.hardware_stop else self._command)
+        if self.body.state.fallen:
+            self._fall(invocations)
         self._ticks += 1
         at_s = self.at_s = self._epoch_s + self._ticks * bodies.TICK_S
         state = self.body.state
@@ -186,7 +194,15 @@ class World:
                 command = bodies.Velocity()
         return command
 
-    def note(self, kind: Literal["pose", "start", "terminal", "struck", "mission"], **facts: str) -> None:
+    def _fall(self, invocations: Sequence[RunningSkill]) -> None:
+        """What moved the body ends as failed: it has fallen, and nothing that it does moves it on."""
+        self._command = bodies.Velocity()
+        for invocation in invocations:
+            if invocation.card.moves and not invocation.terminal and not invocation.braking:
+                self.note("fell", request_id=invocation.request.identity.request_id)
+                invocation.brake_for(Step(outcome=Outcome(status="failed", failure="fallen", message=FALLEN)))
+
+    def note(self, kind: TruthKind, **facts: str) -> None:
         """Write one line of ground truth."""
         state = self.body.state
         x, y, yaw = state.x_m, state.y_m, state.yaw_rad
@@ -203,6 +219,8 @@ class World:
                 odometer=self.sensors.odometer,
                 charge=self.sensors.charge,
                 reached_m=self.reached_m,
+                stance=self.body.stance,
+                believed=(self._estimate.x_m, self._estimate.y_m, self._estimate.yaw_rad),
             )
             save_world(self._file, world, durable=durable)
 
@@ -215,6 +233,8 @@ class World:
         whole_m = max(skill.route.length_m - skill.begin_m, 1e-6)
         share, remaining_m = (skill.at_m - skill.begin_m) / whole_m, skill.remaining_m
         self.faults.navigation_moves(share=share, remaining_m=remaining_m)
+        if self.body.can_fall and self.faults.pushes(share):
+            self.body.push_over()
         if self.faults.ends_early(remaining_m):
             invocation.brake_for(skill.claim(self.at_s, distance_m=EARLY_CLAIM_M))
         elif self.faults.interrupts(share, invocation.card.provider_id):
@@ -305,9 +325,12 @@ class World:
 
     def _capture(self, heading_rad: float, request: RequestId) -> Shot:
         state = self.body.state
-        take = photograph if self._settings.fidelity == "mujoco" else photograph_nearby
         noise = f"{self._name}\n{self.sensors.seed}\n{self.at_s!r}"
-        blob = self.blobs.keep_image(take(self.site, (state.x_m, state.y_m, state.yaw_rad), key=noise))
+        pose = (state.x_m, state.y_m, state.yaw_rad)
+        if self._settings.fidelity == "kinematic":
+            blob = self.blobs.keep_image(photograph_nearby(self.site, pose, key=noise))
+        else:
+            blob = self.blobs.keep_image(photograph(self.site, pose, key=noise, tilt=state.tilt))
         image = Image(
             seq=self.ring.next(),
             at_s=self.at_s,

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 
 import hypothesis
@@ -42,16 +43,25 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("campaign_seed", range(first, first + missions))
 
 
-class BrowserOnOneWorker(LoadScopeScheduling):
-    """Gives one worker all browser tests, from the beginning; the others take the rest test by test."""
+class SharedOnOneWorker(LoadScopeScheduling):
+    """Gives one worker all browser tests, and a module whose tests share a fixture; the rest goes test by test."""
 
     def _split_scope(self, nodeid: str) -> str:
-        return "browser" if nodeid.startswith("tests/browser/") else nodeid
+        if nodeid.startswith("tests/browser/"):
+            return "browser"
+        file, _, _ = nodeid.partition("::")
+        return file if shares(file) else nodeid
 
 
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> BrowserOnOneWorker:
+@cache
+def shares(file: str) -> bool:
+    """Whether the tests of a file share what one of them made: two workers would both make it."""
+    return 'scope="module"' in Path(file).read_text(encoding="utf-8")
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> SharedOnOneWorker:
     """Chromium takes more than one processor where two workers drive it at once."""
-    return BrowserOnOneWorker(config, log)
+    return SharedOnOneWorker(config, log)
 
 
 @pytest.hookimpl(tryfirst=True)

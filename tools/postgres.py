@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
@@ -28,8 +28,9 @@ class PostgresServer:
         self._folder = folder
         self._binaries = binaries
         self._options = f"-k {folder} {_SETTINGS.format(fsync='on' if fsync else 'off')}"
-        self._numbers = count(1)
-        self._run("initdb", "-U", "postgres", "-A", "trust", "-E", "UTF8", "--no-locale", "--no-sync")
+        self._numbers = count(1)  # of databases made by this process
+        if not (folder / "data").exists():
+            self._run("initdb", "-U", "postgres", "-A", "trust", "-E", "UTF8", "--no-locale", "--no-sync")
 
     def start(self) -> None:
         """Returns once it accepts connections."""
@@ -91,6 +92,25 @@ def running_server(*, fsync: bool = False) -> Iterator[PostgresServer]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
+@contextmanager
+def standing_server(folder: Path) -> Iterator[PostgresServer]:
+    """A server whose databases stay in `folder` and are there again at the next start."""
+    folder.mkdir(parents=True, exist_ok=True)
+    folder.chmod(0o755)
+    account = _account()
+    if account is not None:
+        shutil.chown(folder, account)
+    server = PostgresServer(folder, binaries=_binaries(folder))
+    if (folder / "data" / "postmaster.pid").exists():
+        with suppress(RuntimeError):
+            server.stop("immediate")
+    server.start()
+    try:
+        yield server
+    finally:
+        server.stop()
+
+
 def _binaries(folder: Path) -> Path:
     """The folder of initdb, pg_ctl and postgres, readable by the account that runs them."""
     for found in (*sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=_version, reverse=True), _on_path()):
@@ -107,7 +127,8 @@ def _bundled(folder: Path) -> Path:
     package = Path(spec.origin).parent
     for part in (package / "pginstall", package.with_name(f"{_WHEEL}.libs")):
         if part.is_dir():
-            shutil.copytree(part, folder / part.relative_to(package.parent), symlinks=True)
+            copy = folder / part.relative_to(package.parent)
+            shutil.copytree(part, copy, symlinks=True, dirs_exist_ok=True)
     return folder / _WHEEL / "pginstall" / "bin"
 
 

@@ -55,7 +55,7 @@ KEYWORDS = ("lazy_gettext", "tr")
 VOCABULARY = (
     models.ModelRole,
     alert_events.AlertKind, alert_events.Priority, configuration.FailureClass,
-    configuration.RecoveryAction, control.Autonomy, control.Posture, effects.FactKind, handoff_events.NoAnswer,
+    configuration.RecoveryAction, control.Autonomy, protocol.BodyPosture, effects.FactKind, handoff_events.NoAnswer,
     handoff_events.EscalationLevel, memory.MemoryRole, memory.RecordStanding, memory.Verification, observations.Origin,
     observations.Source, protocol.InvocationStatus, verdicts.Verdict, alerts.AlertStatus, handoffs.HandoffStatus,
     handoffs.Decided, missions.MissionStatus, missions.NodeStatus, permissions.Role, pointers.Draining, reviews.Status,

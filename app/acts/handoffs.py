@@ -49,6 +49,7 @@ class ChooseActionAct(base.Act):
     """Propose another action of the recovery ladder instead; it needs an approval of its own digest.
 
     `wait_s`: how many seconds the start waits after the approval. `speed_cap_mps`: drive this slowly, this once.
+    `waiting_place`: go to this place first, stand there for `wait_s`, then go on; it is another plan (`local_replan`).
     """
 
     becomes = handoff_commands.ChooseAction
@@ -61,6 +62,7 @@ class ChooseActionAct(base.Act):
     claim: base.Text = ""
     wait_s: Annotated[float, Field(ge=0, le=LONGEST_WAIT_S)] = 0.0
     speed_cap_mps: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    waiting_place: base.Slug | None = None
 
 
 class AskColleagueAct(base.Act):

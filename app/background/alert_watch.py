@@ -100,7 +100,7 @@ class AlertWatch:
     def step(self) -> None:
         """Follow the log to its head, then check robots, disk, log and some blobs."""
         self.follow()
-        for robot_id in self.watched.fleet.names:
+        for robot_id in self.watched.fleet.own:
             self._robot(robot_id)
         self._house()
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from threading import Lock
 
+from app.background.fleet_reports import Arrived, ReportedRobots, mission_pose, newest_pose
 from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from app.views.robots import LiveFrame, RobotReportSeen, Shots
@@ -17,6 +18,7 @@ from harness.contracts.ids import Digest, RobotId
 from harness.contracts.observations import Pose, Scan
 from harness.contracts.ports import LiveCamera, Robot
 from harness.contracts.reasons import because
+from harness.runtime import Runtime
 from harness.workers import Worker
 
 KEPT_S = 20.0
@@ -51,15 +53,23 @@ class _Post:
 
 
 class Fleet:
-    """Polls every robot in the background once `watch` was called; before that, when somebody reads."""
+    """Polls every robot in the background once `watch` was called; before that, when somebody reads.
+
+    Robots of other processes are as `reported` says. `runtime` knows where a robot with a mission is.
+    """
 
     def __init__(
         self,
         robots: Mapping[RobotId, Robot],
         cameras: Mapping[RobotId, LiveCamera],
         clock: Callable[[], float],
+        *,
+        reported: ReportedRobots | None = None,
+        runtime: Runtime | None = None,
+        worker: str = "",
     ) -> None:
         self._robots, self._cameras, self._clock = robots, cameras, clock
+        self._reported, self._runtime, self._name = reported or ReportedRobots(clock), runtime, worker
         self._posts = {name: _Post(name, RobotReportSeen(name)) for name in robots}
         self._workers = tuple(
             Worker(f"fleet {name}", partial(self._watch, post), every_s=WORD_EVERY_S, close_within_s=1.0)
@@ -69,7 +79,18 @@ class Fleet:
 
     @property
     def names(self) -> tuple[RobotId, ...]:
+        """The robots of this process, and those that others report."""
+        return tuple(dict.fromkeys((*self._posts, *self._reported.names)))
+
+    @property
+    def own(self) -> tuple[RobotId, ...]:
+        """The robots that this process drives."""
         return tuple(self._posts)
+
+    def worker(self, robot_id: str) -> str:
+        """The process that drives a robot; empty for one that nobody named. Raises UnknownName."""
+        found = self._elsewhere(robot_id)
+        return found.report.worker if found else self._name
 
     def watch(self) -> None:
         """Start polling in the background, one thread per robot, so that a silent robot delays no other."""
@@ -84,6 +105,8 @@ class Fleet:
 
     def word(self, robot_id: str) -> RobotReportSeen:
         """Raises UnknownName for a robot that is not connected here."""
+        if found := self._elsewhere(robot_id):
+            return self._reported.word(found)
         post = self._post(robot_id)
         if not self._watching and self._clock() - (post.word.heard_s or 0.0) >= WORD_EVERY_S:
             self._ask(post)
@@ -92,10 +115,13 @@ class Fleet:
 
     def hear(self, robot_id: str) -> None:
         """Poll the robot now, because something was just done to it."""
-        self._ask(self._post(robot_id))
+        if not self._elsewhere(robot_id):
+            self._ask(self._post(robot_id))
 
     def shots(self, robot_id: str) -> Shots:
         """The pictures of the last KEPT_S; somebody looks, so that the next ones come sooner."""
+        if self._elsewhere(robot_id):
+            return Shots((), trouble=N_("its camera is seen by the process that drives it"))
         post = self._post(robot_id)
         post.asked_s = now_s = self._clock()
         newest = post.ring[-1].taken_s if post.ring else 0.0
@@ -120,6 +146,9 @@ class Fleet:
         """The last poses and sweeps of a robot that runs no mission, and the robot's own time: read on from where the
         last reading ended. Raises UnknownName; a robot that does not answer shows what it said last.
         """
+        if found := self._elsewhere(robot_id):
+            pose, at_s = found.report.pose, self._clock() - found.at_s + found.report.pose_age_s
+            return ((pose,), pose.at_s + at_s) if pose else ((), 0.0)
         post = self._post(robot_id)
         with post.reading:
             try:
@@ -127,6 +156,15 @@ class Fleet:
             except HarnessError as error:
                 post.trouble = reasoned(error.what)
             return tuple(post.seen), post.seen_s
+
+    def pose(self, robot_id: RobotId) -> tuple[Pose | None, float]:
+        """Where a robot says it is, and how old that is: by its mission's samples, else by its own. Raises
+        UnknownName."""
+        if self._runtime is not None and robot_id in self._posts:
+            found = mission_pose(self._runtime, robot_id)
+            if found[0] is not None:
+                return found
+        return newest_pose(*self.samples(robot_id))
 
     def _read_on(self, post: _Post) -> None:
         for _ in range(MOST_BATCHES):
@@ -139,6 +177,13 @@ class Fleet:
     def blob(self, robot_id: str, digest: Digest) -> bytes:
         """What a sample of this robot refers to. Raises UnknownName or BlobDamaged."""
         return self._robots[self._post(robot_id).robot_id].blob(digest)
+
+    def _elsewhere(self, robot_id: str) -> Arrived | None:
+        """The report of a robot that another process drives; None for one of this process. Raises UnknownName."""
+        found = None if robot_id in self._posts else self._reported.newest(robot_id)
+        if found is None:
+            self._post(robot_id)
+        return found
 
     def _post(self, robot_id: str) -> _Post:
         try:

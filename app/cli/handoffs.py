@@ -125,11 +125,14 @@ def choose(
     token: Claimed = "",
     wait_s: Annotated[float, typer.Option("--wait", help="How many seconds it waits after the approval.")] = 0.0,
     speed_cap_mps: Annotated[float | None, typer.Option("--speed", help="At most so many m/s, this once.")] = None,
+    waiting_place: Annotated[
+        str | None, typer.Option("--at", help="Go to this place first and wait there; `show` lists waiting places.")
+    ] = None,
 ) -> None:
-    """Ask anew with another action, later or slower. Nothing runs until its own digest is approved."""
+    """Ask anew with another action, later, slower or after a wait elsewhere. Its own digest needs an approval."""
 
     def act_of(handoff: Handoff) -> Act:
-        given = {"wait_s": wait_s, "speed_cap_mps": speed_cap_mps}
+        given = {"wait_s": wait_s, "speed_cap_mps": speed_cap_mps, "waiting_place": waiting_place}
         return acts.ChooseActionAct.of(action=action, cycle=handoff.cycle, claim=token, **given)
 
     _post(data, handoff_id, "choose", act_of, as_json=as_json)
@@ -271,6 +274,7 @@ def _row(handoff: Handoff) -> dict[str, Any]:
         "deadline_at_s": opened.deadline_at_s if opened else None,
         "no_answer": opened.no_answer if opened else "",
         "choices": list(opened.choices) if opened else [],
+        "waiting_places": list(opened.waiting_places) if opened else [],
         "holder": handoff.claim.actor.name if handoff.claim else "",
     }
 

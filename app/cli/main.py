@@ -36,6 +36,7 @@ GROUPS = {
 }
 COMMANDS = {
     "up": "service:up",
+    "worker": "workers:worker",
     "init": "sites:init",
     "check": "sites:check",
     "login": "logins:login",

@@ -53,7 +53,7 @@ def run(
     seed: Annotated[int, typer.Option(help="Seed of the simulated world.", min=0)] = 1,
     fault: Annotated[list[str] | None, typer.Option(help="NAME or NAME:persistent; may be given again.")] = None,
     argument: Annotated[list[str] | None, typer.Option("--set", help="NAME=VALUE of a template parameter.")] = None,
-    fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
+    fidelity: Annotated[str | None, typer.Option(help="mujoco, kinematic or walking.")] = None,
     record_to: Annotated[Path | None, typer.Option("--record", help="Write the mission as MCAP.")] = None,
     goal: Annotated[str, typer.Option(help="The goal in words, where the first argument names a template.")] = "",
     confirm_reading: Annotated[str, typer.Option(help="Digest of the reading to start, as the refusal shows it.")] = "",
@@ -127,7 +127,7 @@ def resume(
     site: output.Site = None,
     as_json: output.Json = False,
     speed: Annotated[float | None, typer.Option(help="Mission seconds per second; 0 is as fast as possible.")] = None,
-    fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
+    fidelity: Annotated[str | None, typer.Option(help="mujoco, kinematic or walking.")] = None,
 ) -> None:
     """Go on with a mission that a crash or an exit left open."""
     data = output.data_of(data, site)

@@ -101,7 +101,7 @@ def check_provider(
     data: output.Data = output.DEFAULT_DATA,
     fencing: Annotated[int, typer.Option(help="Fencing token to use: the newest given out.", min=1)] = FIRST_TOKEN,
     recording: Annotated[Path | None, typer.Option(help="What the recording navigator replays.")] = None,
-    fidelity: Annotated[str, typer.Option(help="mujoco or kinematic, for the simulated robot.")] = "kinematic",
+    fidelity: Annotated[str, typer.Option(help="mujoco, kinematic or walking, for the simulated robot.")] = "kinematic",
 ) -> None:
     """Try every row of the lifecycle contract. Exit 0: all rows met or exempt; 1: a row is not met.
 

@@ -13,14 +13,26 @@ from harness.contracts.control import LEVELS
 from harness.contracts.errors import HarnessError
 from harness.contracts.reasons import because
 
-HEAD = ["robot", "posture", "battery", "hardware stop", "localised", "mission", "status", "driver"]
+HEAD = [
+    "robot",
+    "worker",
+    "link",
+    "mode",
+    "posture",
+    "battery",
+    "hardware stop",
+    "localised",
+    "mission",
+    "status",
+    "driver",
+]
 app = typer.Typer(no_args_is_help=True, help="See and stop the robots of a running console.")
 Reason = Annotated[str, typer.Option(help="Why; it stands in the log.")]
 
 
 @app.command("list")
 def list_robots(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
-    """Every robot: posture, battery, hardware stop, mission, who drives it."""
+    """Every robot of the site: the process that drives it, link, mode, posture, battery, mission, who drives it."""
     rows = _owner(data).get("/robots")
     output.show({"robots": rows}, as_json=as_json, lines=output.table([HEAD, *map(_line, rows)]))
 
@@ -112,7 +124,10 @@ def _line(row: dict[str, Any]) -> list[str]:
         if status
         else ["unknown"] * 4
     )
-    return [row["robot_id"], *cells, *(row[name] or "-" for name in ("mission_id", "mission_status", "driver"))]
+    age_s = row["link_age_s"]
+    link = "never" if age_s is None else f"{age_s:.1f} s"
+    first = [row["robot_id"], row["worker"] or "-", link, row["mode"].replace("_", "-")]
+    return [*first, *cells, *(row[name] or "-" for name in ("mission_id", "mission_status", "driver"))]
 
 
 def _owner(data: Path) -> OwnerApi:

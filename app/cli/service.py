@@ -1,6 +1,8 @@
 """regen up: the console with the runtime and simulated robots; regen doctor: checks a data folder."""
 
+import os
 import secrets
+import socket
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -19,6 +21,7 @@ from app.auth.oidc_settings import identity_provider
 from app.background.evaluation_jobs import EvaluationJobs
 from app.background.evaluations import evaluator_folder
 from app.background.mission_history import Histories
+from app.background.fleet_reports import ReportedRobots, Reporter
 from app.background.release_watch import ReleaseWatch
 from app.background.replays import ReplayJobs
 from app.background.retention import Retention
@@ -38,16 +41,18 @@ from app.settings import ConsoleSettings
 from app.web.starting_page import starting
 from harness.adapters.providers.http.robot import HttpRobot
 from harness.anchors import compared_with_file
-from harness.bootstrap import Harness, open_harness, owner_of, read_harness, robot_names
+from harness.bootstrap import Harness, open_harness, open_reports, owner_of, read_harness, robot_names
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.erasure_events import ERASURES
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.ids import RobotId
 from harness.contracts.reasons import because
+from harness.contracts.ports import Signals
 from harness.extra_templates import begin
 from harness.recordings import replayed_beside
 from harness.runtime import Start
+from harness.settings import HarnessSettings
 from rsi_reviews.candidate_queries import on_trial, selected
 from rsi_reviews.deciders import DECIDERS
 from rsi_reviews.release_service import ReleaseService
@@ -61,8 +66,12 @@ def up(
     speed: Annotated[float | None, typer.Option(help="Mission seconds per second.")] = None,
     start: Annotated[str | None, typer.Option(help="Begin with this task template.")] = None,
     seed: Annotated[int, typer.Option(min=0)] = 1,
-    fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
+    fidelity: Annotated[str | None, typer.Option(help="mujoco, kinematic or walking.")] = None,
     robots: Annotated[str | None, typer.Option(help="Names of the simulated robots: vbot-1,vbot-2.")] = None,
+    no_robots: Annotated[
+        bool,
+        typer.Option("--no-robots", help="Only the console; `regen worker` on its database drives robots."),
+    ] = False,
     fault: Annotated[
         list[str] | None, typer.Option(help="ROBOT=NAME[:persistent], for the missions that --start begins.")
     ] = None,
@@ -82,6 +91,7 @@ def up(
         seed=seed,
         fidelity=fidelity,
         robots=named,
+        no_robots=no_robots or None,
     )
     fleet_names = robot_names(chosen)
     faults = _faults(fault or [], fleet_names)
@@ -97,7 +107,7 @@ def up(
         accounts = open_accounts(console, chosen.data_folder)
         stack.callback(accounts.store.close)
         steps = Steps()
-        steps.begin(f"Opening {chosen.data_folder} and starting {', '.join(fleet_names)}")
+        steps.begin(f"Opening {chosen.data_folder} and starting {', '.join(fleet_names) or 'no robot'}")
         with starting(console, listener, fleet_names):
             harness = stack.enter_context(
                 open_harness(
@@ -123,8 +133,7 @@ def up(
         harness.supervisor.serve()
         harness.teleoperation.watch()
         stack.callback(harness.teleoperation.close)
-        fleet = Fleet(harness.robots, harness.cameras, time.time)
-        fleet.watch()
+        fleet = reported_fleet(stack, harness, chosen, broker)
         evaluations = EvaluationJobs(
             harness.runtime,
             evaluator_folder(chosen.data_folder),
@@ -187,6 +196,22 @@ def up(
         if link:
             sys.stderr.write(f"A lost link: regen account link --data {chosen.data_folder} prints a new one.\n")
         serve(app, listener)
+
+
+def reported_fleet(
+    stack: ExitStack, harness: Harness, settings: HarnessSettings, signals: Signals | None = None
+) -> Fleet:
+    """The robots of this process, watched and reported to the others on the same database, and those of the others."""
+    worker = settings.worker or f"{socket.gethostname()}-{os.getpid()}"
+    reported = ReportedRobots(time.time, worker=worker, signals=signals)
+    fleet = Fleet(harness.robots, harness.cameras, time.time, reported=reported, runtime=harness.runtime, worker=worker)
+    fleet.watch()
+    send = stack.enter_context(open_reports(settings.database, reported.receive))
+    if send is not None:
+        reporter = Reporter(fleet, send, worker=worker, clock=time.time)
+        reporter.watch()
+        stack.callback(reporter.close)
+    return fleet
 
 
 def _clear_way(harness: Harness) -> ClearWay:

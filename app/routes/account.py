@@ -181,7 +181,7 @@ def _people(
         roles=account.role_choices(("admin", "operator") if not accounts else ("viewer",)),
         tokens=tuple(tokens),
         scopes=account.scope_choices(),
-        robots=tuple(console.settings.robots),
+        robots=console.robots,
         errors=tuple(errors),
         secret=secret,
         typed=typed,

@@ -13,10 +13,7 @@ from app.routes.queue import proposed_goals
 from app.views.readings import reading_json
 from app.web.security import PrincipalDep
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import UnknownName
 from harness.contracts.goal_proposals import PROPOSED_GOALS, GoalProposed
-from harness.contracts.ids import RobotId
-from harness.contracts.reasons import because
 from harness.runtime import Start
 
 router = APIRouter(
@@ -42,12 +39,10 @@ def propose(console: ConsoleDep, principal: PrincipalDep, body: ProposeGoalAct) 
     A goal that is not understood is refused with what was understood of it, and does not wait.
     """
     actor = principal.acting("suggest")
-    robot_id = body.robot_id or console.settings.robots[0]
-    if robot_id not in console.settings.robots:
-        raise UnknownName(because("unknown_robot", robot_id=robot_id[:40], known=tuple(console.settings.robots)))
-    understood = console.runtime.understood(Start(actor=actor, robot_id=RobotId(robot_id), goal=body.goal))
+    robot_id = console.robot(body.robot_id)
+    understood = console.runtime.understood(Start(actor=actor, robot_id=robot_id, goal=body.goal))
     proposal_id = body.name_of(actor.name, robot_id)
-    command = body.to_command(actor, proposal_id=proposal_id, robot_id=RobotId(robot_id))
+    command = body.to_command(actor, proposal_id=proposal_id, robot_id=robot_id)
     decision = console.runtime.decide([(PROPOSED_GOALS, command)])
     if isinstance(decision, Refused):
         return api_requests.refusal(decision)

@@ -87,9 +87,7 @@ def places(console: ConsoleDep) -> Any:
 @router.get("/templates", responses=api_requests.answers(TaskTemplate, many=True))
 def templates(console: ConsoleDep, robot_id: RobotId | None = None) -> Any:
     """Task templates that a new mission of this robot can have: its configuration's, then those beside H_0."""
-    return [
-        api_requests.plain(one) for one in offered(console.runtime, robot_id or RobotId(console.settings.robots[0]))
-    ]
+    return [api_requests.plain(one) for one in offered(console.runtime, robot_id or console.robot())]
 
 
 @router.get("/providers", responses=api_requests.answers(CapabilityCard, many=True))

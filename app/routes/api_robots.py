@@ -11,7 +11,10 @@ from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_requests, robot_acts
 from app.routes import api_schemas as schemas
 from app.routes.driving import turned
+from app.routes.fleet import FilterDep, rows
+from app.routes.fleet import row as fleet_row
 from app.routes.robots import RobotPath, card, newest_picture
+from app.views.fleet import FleetRow
 from app.web.security import PrincipalDep
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decisions import Decision, Refused
@@ -33,6 +36,12 @@ router = APIRouter(
 def robots(console: ConsoleDep) -> Any:
     """Every robot of this console."""
     return [_row(console, name) for name in console.fleet.names]
+
+
+@router.get("/fleet", responses=api_requests.answers(schemas.FleetResource, many=True))
+def fleet(console: ConsoleDep, chosen: FilterDep) -> Any:
+    """Every robot of the site, those of other processes as their workers report them. Narrowed by words and values."""
+    return [api_requests.plain(_fleet_row(one)) for one in rows(console) if chosen.shows(one)]
 
 
 @router.get("/control", responses=api_requests.answers(schemas.SiteControlResource))
@@ -141,6 +150,27 @@ def _control(console: Console) -> Any:
     )
 
 
+def _fleet_row(row: FleetRow) -> schemas.FleetResource:
+    mission, mark, word = row.mission, row.mark, row.word
+    return schemas.FleetResource(
+        robot_id=row.robot_id,
+        worker=row.worker,
+        here=row.here,
+        mode=row.mode,
+        charge=word.charge if word.heard else None,
+        link=word.link,
+        link_age_s=word.link_age_s if word.heard else None,
+        trouble=word.trouble,
+        mission_id=mission.mission_id if mission else None,
+        mission_status=mission.status if mission else None,
+        handoff_id=mission.handoff_id if mission else None,
+        queued=row.queued,
+        x_m=mark.x if mark else None,
+        y_m=-mark.y if mark else None,
+        pose_old=row.old,
+    )
+
+
 def _row(console: Console, robot_id: RobotId) -> Any:
     if robot_id not in console.fleet.names:
         raise UnknownName(because("unknown_robot", robot_id=robot_id, known=tuple(console.fleet.names)))
@@ -149,6 +179,8 @@ def _row(console: Console, robot_id: RobotId) -> Any:
     return api_requests.plain(
         schemas.RobotResource(
             robot_id=robot_id,
+            worker=console.fleet.worker(robot_id),
+            mode=fleet_row(console, robot_id).mode,
             status=word.status,
             link_age_s=robot_card.word.link_age_s if robot_card.word.heard else None,
             trouble=word.trouble,

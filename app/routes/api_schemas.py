@@ -5,6 +5,7 @@ from typing import Any, Literal
 import msgspec
 
 from app.i18n.reasons.rendering import sentence
+from app.views.fleet import OperatingMode
 from app.views.review_results import CaseRow, Family
 from harness.contracts.control import Autonomy
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
@@ -495,9 +496,11 @@ class IssuedToken(TokenResource):
 
 
 class RobotResource(Value):
-    """One robot: its last report with its age, its mission, and who is in control."""
+    """One robot: the process that drives it, its last report with its age, its mission, and who is in control."""
 
     robot_id: str
+    worker: str
+    mode: OperatingMode
     status: RobotStatus | None
     link_age_s: float | None
     trouble: str
@@ -508,6 +511,29 @@ class RobotResource(Value):
     queued: Count
     driver: str | None
     watchers: tuple[str, ...]
+
+
+class FleetResource(Value):
+    """One robot of the site, whichever process drives it: where it says it is, and how it is reached.
+
+    `here`: the process that answers drives it. `link` is good, old or lost.
+    """
+
+    robot_id: str
+    worker: str
+    here: bool
+    mode: OperatingMode
+    charge: float | None
+    link: str
+    link_age_s: float | None
+    trouble: str
+    mission_id: MissionId | None
+    mission_status: str | None
+    handoff_id: HandoffId | None
+    queued: Count
+    x_m: float | None
+    y_m: float | None
+    pose_old: bool
 
 
 class SiteControlResource(Value):

@@ -74,6 +74,7 @@ def page_of(
         services=tuple(console.settings.notify),
         scene=scene,
         form=form,
+        places={one.place_id: one.name for one in console.runtime.site.places},
     )
     topics = (topic, f"mission/{mission.mission_id}", f"live/{mission.mission_id}")
     shell = console.shell(handoffs.title(handoff, mission), "handoffs", actor, topics=topics)

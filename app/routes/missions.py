@@ -37,7 +37,6 @@ from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.read_models import MissionItem
 from harness.contracts.readings import ReadingQuestion
-from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskTemplate
 from harness.extra_templates import begin, draft, offered
 from harness.projections.mission import Mission
@@ -127,9 +126,7 @@ def start(console: ConsoleDep, actor: ActorDep, typed: SpokenFormDep) -> Respons
 
 def ordered(console: Console, actor: Actor, act: StartMissionAct, *, channel: str) -> Start:
     """What is asked for, over which channel; raises UnknownName for a robot that this console does not have."""
-    robot_id = act.robot_id or console.settings.robots[0]
-    if robot_id not in console.settings.robots:
-        raise UnknownName(because("unknown_robot", robot_id=robot_id[:40], known=tuple(console.settings.robots)))
+    robot_id = console.robot(act.robot_id)
     return dataclasses.replace(act.model_copy(update={"robot_id": robot_id}).to_command(actor), channel=channel)
 
 
@@ -168,7 +165,7 @@ def event(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, position:
 
 def _offered(console: Console, typed: dict[str, str]) -> tuple[TaskTemplate, ...]:
     """What the chosen robot can be asked: the templates of its current configuration, and those beside H_0."""
-    return offered(console.runtime, RobotId(typed.get("robot_id") or console.settings.robots[0]))
+    return offered(console.runtime, RobotId(typed.get("robot_id") or console.robot()))
 
 
 def _template(console: Console, typed: dict[str, str]) -> TaskTemplate | None:
@@ -184,7 +181,7 @@ def _compiled(
     if typed.get("rerun_of"):
         console.runtime.mission(MissionId(typed["rerun_of"]))
     try:
-        submitted = StartMissionAct.from_form(typed, template=_template(console, typed), robots=console.settings.robots)
+        submitted = StartMissionAct.from_form(typed, template=_template(console, typed), robots=console.robots)
         return submitted if isinstance(submitted, tuple) else act(ordered(console, actor, submitted, channel="page"))
     except GoalNotUnderstood as error:
         return error.question
@@ -230,8 +227,8 @@ def _form(
     question: ReadingQuestion | None = None,
 ) -> HTMLResponse:
     """The form again; 422 where something must be corrected, or a reading confirmed."""
-    robots = console.settings.robots
-    robot_id = typed.get("robot_id") or robots[0]
+    robots = console.robots
+    robot_id = typed.get("robot_id") or console.robot()
     page = forms.start_page(
         console.shell(N_("Start a mission"), "missions", actor),
         FormOptions(_offered(console, typed), console.runtime.site.places, robots),

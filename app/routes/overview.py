@@ -1,6 +1,6 @@
 """/: what runs, who waits for a person, and what ended last."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse
@@ -28,9 +28,12 @@ def regions(console: Console) -> OverviewRegions:
         (*running, *ended),
         console.lists.open_handoffs(),
         [strip for strip in strips if strip is not None],
-        robots=console.settings.robots,
+        robots=console.robots,
         site=console.runtime.site,
-        marks=_marks(running, observations, {one.robot_id: one.handoff_id for one in console.lists.open_handoffs()}),
+        marks=(
+            *_marks(running, observations, {one.robot_id: one.handoff_id for one in console.lists.open_handoffs()}),
+            *_resting(console, {one.robot_id for one in running}),
+        ),
         now_s=console.clock(),
     )
 
@@ -45,6 +48,16 @@ def _marks(
         if poses:
             found.append(overview_mark(mission.robot_id, poses, handoff_id=asking.get(mission.robot_id, "")))
     return found
+
+
+def _resting(console: Console, busy: Set[str]) -> Iterator[OverviewMark]:
+    """Where the robots without a mission say that they are; one that does not answer is not asked again here."""
+    for robot_id in console.fleet.names:
+        if robot_id in busy or console.fleet.word(robot_id).trouble:
+            continue
+        samples, _ = console.fleet.samples(robot_id)
+        if poses := [one for one in samples if isinstance(one, Pose)]:
+            yield overview_mark(robot_id, poses, handoff_id="")
 
 
 @router.get("/")

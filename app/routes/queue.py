@@ -55,7 +55,7 @@ def withdraw(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, typed:
 
 def page_of(console: Console, actor: Actor, errors: Sequence[str] = ()) -> QueuePage:
     shell = console.shell("Queue", "missions", actor)
-    robots = dict.fromkeys([*console.settings.robots, *(one.robot_id for one in console.open_missions())])
+    robots = dict.fromkeys([*console.robots, *(one.robot_id for one in console.open_missions())])
     return queue_page(shell, {name: waiting_line(console, name) for name in robots}, proposed_goals(console), errors)
 
 

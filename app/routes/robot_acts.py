@@ -21,7 +21,7 @@ from harness.contracts.control import (
     SetAutonomy,
 )
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
-from harness.contracts.errors import ProviderFailed, UnknownName
+from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import MissionId, RobotId, mission_stream
 from harness.contracts.reasons import UNEXPLAINED, because
 from harness.contracts.retreat_events import SendRetreat, StopRetreat
@@ -38,9 +38,7 @@ def stopped(
     Missions and moves to safety are stopping first, for they are stopping in an instant; a person's hand is waited for.
     """
     principal.acting("stop")
-    if robot_id not in (*console.settings.robots, *console.fleet.names):
-        raise UnknownName(because("unknown_robot", robot_id=robot_id[:40], known=tuple(console.settings.robots)))
-    return _stopped(console, principal, (robot_id,), act.reason)
+    return _stopped(console, principal, (console.robot(robot_id),), act.reason)
 
 
 def stopped_all(
@@ -51,7 +49,7 @@ def stopped_all(
     `safe`: then send every robot to safety.
     """
     principal.acting("stop")
-    robots = (*console.settings.robots, *console.fleet.names, *(one.robot_id for one in console.open_missions()))
+    robots = (*console.robots, *(one.robot_id for one in console.open_missions()))
     stopping, left = _stopped(console, principal, tuple(dict.fromkeys(map(RobotId, robots))), act.reason)
     return stopping, (*left, *(all_made_safe(console, principal, act.reason or UNSAID) if act.safe else ()))
 
@@ -224,6 +222,8 @@ def signed(
         raise NotPermitted(
             because("token_of_other_robot", robot_id=principal.robot_id), where=because("at_token", name=principal.name)
         )
+    if robot_id in console.fleet.names and robot_id not in console.fleet.own:
+        return refused("no_robot", because("robot_elsewhere", robot_id=robot_id, worker=console.fleet.worker(robot_id)))
     if teleoperation is None:
         return refused("no_supervisor", because("no_supervisor_here"))
     try:

@@ -352,7 +352,7 @@ def _stop_page(console: Console, actor: Actor, *, errors: tuple[str, ...] = ()) 
         missions=missions,
         driven=driven,
         retreating=retreating,
-        idle=tuple(name for name in console.settings.robots if name not in busy),
+        idle=tuple(name for name in console.robots if name not in busy),
         reasons=forms.STOP_REASONS,
         errors=errors,
     )

@@ -84,7 +84,7 @@ def entry(stored: StoredEvent) -> AuditEvent:
         kind=name_of(stored.kind),
         stream=stored.stream,
         mission_id=name if family == "mission" else str(body.get("mission_id", "")),
-        robot_id=str(body.get("robot_id", "")),
+        robot_id=str(body.get("robot_id") or ""),
         actor=str(actor.get("name", "")),
         role=listed(str(actor.get("role", "")).split("+")),
         channel=str(actor.get("channel", "human")) if actor else "",

@@ -1,6 +1,7 @@
 """Shapes what a person is shown before a decision: typed data, the same in every language and under every template."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,11 +13,12 @@ from app.views.budgets import Budget, budget, spent_of_limits
 from app.views.history import ShownDifference
 from app.views.measures import quantity
 from harness.contracts.handoff_events import HandoffOpened, ProposedAction
-from harness.contracts.ids import sha256
+from harness.contracts.ids import PlaceId, sha256
 from harness.contracts.values import Value, encode
 from harness.contracts.verdicts import NodeVerdict
 from harness.projections.mission import Mission, Spend
 
+NO_NAMES: Mapping[PlaceId, str] = {}
 ACTIONS = {
     "verify_again": N_("Judge the stage again, without motion"),
     "re_perceive": N_("Look again with its own sensors"),
@@ -77,18 +79,20 @@ def shown_record(opened: HandoffOpened, mission: Mission) -> ShownRecord:
     )
 
 
-def shown_question(opened: HandoffOpened, mission: Mission) -> ShownQuestion:
-    """The question as it stands, from the handoff and the mission's state alone."""
+def shown_question(opened: HandoffOpened, mission: Mission, names: Mapping[PlaceId, str] = NO_NAMES) -> ShownQuestion:
+    """The question as it stands, from the handoff and the mission's state alone; `names` are those of places."""
     state = mission.nodes.get(opened.node_id)
     return ShownQuestion(
         opened=opened,
         verdict=state.verdicts[-1] if state and state.verdicts else None,
         budget=budget(mission, opened.node_id),
-        action=action_view(opened.proposal, subject=opened.subject),
+        action=action_view(opened.proposal, subject=opened.subject, names=names),
     )
 
 
-def action_view(proposal: ProposedAction | None, *, subject: str) -> ActionView | None:
+def action_view(
+    proposal: ProposedAction | None, *, subject: str, names: Mapping[PlaceId, str] = NO_NAMES
+) -> ActionView | None:
     """The rows are read from the canonical bytes, so that only what is digested can be shown."""
     if proposal is None:
         return None
@@ -98,7 +102,7 @@ def action_view(proposal: ProposedAction | None, *, subject: str) -> ActionView 
     limits |= {"wait_s": arguments.pop("wait_s")} if "wait_s" in arguments else {}
     first = action == "retry" and arguments["attempt"] == 1
     return ActionView(
-        title=_title(N_("Begin this stage") if first else ACTIONS.get(action, word(action)), proposal),
+        title=_title(N_("Begin this stage") if first else ACTIONS.get(action, word(action)), proposal, names),
         cost=N_("one of the recovery budget") if arguments["spends"] else N_("nothing of the recovery budget"),
         rows=(("action", action), *((name.replace("_", " "), _text(value)) for name, value in arguments.items())),
         parameters=tuple((quantity(name, "")[0], _valued(name, value)) for name, value in parameters.items()),
@@ -109,11 +113,19 @@ def action_view(proposal: ProposedAction | None, *, subject: str) -> ActionView 
     )
 
 
-def _title(title: str, proposal: ProposedAction) -> str:
+def _title(title: str, proposal: ProposedAction, names: Mapping[PlaceId, str]) -> str:
     """What would start, and after which wait."""
     if isinstance(proposal.wait_s, UnsetType):
         return title
+    if not isinstance(proposal.waiting_place, UnsetType):
+        place = proposal.waiting_place
+        return waits_aside(names.get(place, word(place)), proposal.wait_s)
     return lazy_gettext("{what}, after {seconds:g} s", what=title, seconds=proposal.wait_s)
+
+
+def waits_aside(place: str, wait_s: float) -> str:
+    """Going to another place, waiting there, and going on with the stage."""
+    return lazy_gettext("Wait {seconds:g} s at {place}, then go on", seconds=wait_s, place=place)
 
 
 def differences(was: HandoffOpened, now: HandoffOpened) -> tuple[ShownDifference, ...]:

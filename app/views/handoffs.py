@@ -1,14 +1,14 @@
 """Shapes the list of handoffs and the page of one: the question, what happens without an answer, and what followed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from msgspec import UnsetType
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned, word
 from app.i18n.task_texts import bound_text, task_text
-from app.views.handoff_question import ACTIONS, ShownQuestion, shown_question
+from app.views.handoff_question import ACTIONS, ShownQuestion, shown_question, waits_aside
 from app.views.history import HistoryLine, ShownDifference
 from app.views.places import SiteMap
 from app.views.robots import CameraView, LastReport
@@ -18,6 +18,7 @@ from app.views.svg_floor import polyline
 from app.views.tabbed_list import Group, ListShape
 from harness.contracts.effects import Condition
 from harness.contracts.handoff_events import LONGEST_WAIT_S, SLOWEST_MPS, HandoffEvent, HandoffOpened, ProposedAction
+from harness.contracts.ids import PlaceId
 from harness.contracts.read_models import HandoffItem
 from harness.contracts.routine_approvals import is_routine
 from harness.contracts.values import Point
@@ -33,7 +34,7 @@ GROUPS: tuple[Group, ...] = (
 )
 LIST = ListShape("/handoffs", GROUPS, filters=(("robot", "robot"), ("failure", "why")), by_length=False)
 FRESH_S = 60.0
-WAIT_S = 30.0
+WAIT_S, WAIT_ASIDE_S = 30.0, 60.0
 """How long a start waits that is offered at one press."""
 REASONS = (N_("seen on camera"), N_("checked on site"), N_("path is clear now"), N_("not safe"))
 OUTSIDE = frozenset({"next_person", "outside"})
@@ -85,6 +86,7 @@ class AlternativeAction:
     title: str
     wait_s: float = 0.0
     speed_cap_mps: float | None = None
+    waiting_place: str = ""
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,7 @@ class HandoffInputs:
     """What the page is made from beside the handoff and its mission.
 
     `live_at` is x and y in metres and yaw in radians, by the robot's localiser; None where it is not connected.
-    `services` are the external services that this installation notifies.
+    `services` are the external services that this installation notifies; `places` are the names of the site's places.
     """
 
     now_s: float
@@ -164,6 +166,7 @@ class HandoffInputs:
     scene: HandoffScene
     form: HandoffForm
     services: tuple[str, ...] = ()
+    places: Mapping[PlaceId, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -238,7 +241,7 @@ def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, inputs: Hando
         handoff=handoff,
         scene=inputs.scene,
         form=inputs.form,
-        question=shown_question(opened, mission),
+        question=shown_question(opened, mission, inputs.places),
         title=title(handoff, mission),
         no_answer=no_answer(opened),
         fresh_until_s=opened.snapshot.taken_at_s + FRESH_S,
@@ -247,7 +250,7 @@ def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, inputs: Hando
         hold=_holding(handoff, inputs),
         viewers=tuple(name for name in inputs.viewers if name != inputs.person),
         notified=inputs.services if set(handoff.escalated) & OUTSIDE else (),
-        options=_options(opened, mission),
+        options=_options(opened, mission, inputs.places),
         attestable=_attestable(opened, mission),
         steps=steps(handoff, mission, inputs.told),
         paused=mission.status == "paused",
@@ -324,7 +327,7 @@ def _mark(name: str, at: Point, yaw_rad: float, *, live: bool) -> RobotMark:
     return RobotMark(name=name, x=round(at[0], 2), y=round(-at[1], 2), yaw_deg=round(-yaw_rad * 57.29578, 1), live=live)
 
 
-def _options(opened: HandoffOpened, mission: Mission) -> ProposalOptions:
+def _options(opened: HandoffOpened, mission: Mission, names: Mapping[PlaceId, str]) -> ProposalOptions:
     proposal = opened.proposal
     now = proposal.action if proposal else ""
     limit_mps = proposal.limits["speed_cap_mps"] if proposal else None
@@ -338,6 +341,7 @@ def _options(opened: HandoffOpened, mission: Mission) -> ProposalOptions:
             *(one for one in actions if one.action != now),
             *_slower(now, limit_mps if moves else None, wait_s=waits),
             *(() if waits or now not in opened.choices else (_later(now, speed_mps=chosen_mps),)),
+            *(_aside(one, names) for one in opened.waiting_places if proposal is None or proposal.waiting_place != one),
         ),
         actions=actions,
         chosen=now,
@@ -356,6 +360,12 @@ def _slower(action: str, limit_mps: float | None, *, wait_s: float) -> tuple[Alt
     speed_mps = round(limit_mps / 2, 2)
     title = lazy_gettext("Slower: at most {speed:g} m/s", speed=speed_mps)
     return (AlternativeAction(action=action, title=title, wait_s=wait_s, speed_cap_mps=speed_mps),)
+
+
+def _aside(place_id: PlaceId, names: Mapping[PlaceId, str]) -> AlternativeAction:
+    """Waiting out of the way before the stage goes on: another plan."""
+    title = waits_aside(names.get(place_id, word(place_id)), WAIT_ASIDE_S)
+    return AlternativeAction(action="local_replan", title=title, wait_s=WAIT_ASIDE_S, waiting_place=place_id)
 
 
 def _later(action: str, *, speed_mps: float | None) -> AlternativeAction:

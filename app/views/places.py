@@ -9,6 +9,7 @@ from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, word
 from app.views.shell import Shell
 from app.views.svg_floor import polyline, view_box
+from harness.contracts.ids import PlaceId
 from harness.contracts.places import Retreat, Route, Site
 from harness.contracts.values import Point
 
@@ -83,11 +84,16 @@ def length_m(route: Route) -> float:
     return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(route.waypoints_m))
 
 
-def safe_place(retreat: Retreat) -> str:
+def place_name(site: Site, place_id: PlaceId) -> str:
+    """A place's own name; its id as words where the site has no such place."""
+    return next((one.name for one in site.places if one.place_id == place_id), word(place_id))
+
+
+def safe_place(retreat: Retreat, site: Site) -> str:
     """Where a zone sends its robot if nobody answers, by which route and on whose authority."""
     return lazy_gettext(
         "safe place {place} by {route}, at most {speed} m/s, authorised by {authority} on {day}",
-        place=word(retreat.place_id),
+        place=place_name(site, retreat.place_id),
         route=retreat.route,
         speed=retreat.speed_cap_mps,
         authority=retreat.authorised_by,

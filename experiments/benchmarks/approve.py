@@ -10,7 +10,7 @@ import argparse
 from statistics import median, quantiles
 
 from experiments.benchmarks.arms import Recipe, arms, rounds
-from experiments.benchmarks.overhead import said_by
+from experiments.benchmarks.overhead import environment_of
 from experiments.benchmarks.records import Figure, Target, figure, keep, table
 
 RECIPES = (
@@ -24,7 +24,7 @@ def measure(*, count: int, approvals: int) -> list[Figure]:
     """One row: the 99th percentile in milliseconds; medians stand in the detail."""
     with arms(RECIPES) as started:
         replies = rounds(started, {key: ({"approvals": approvals},) for key in started}, count=count)
-        environment = said_by(started)
+        environment = environment_of(started)
     waits = {key: [1e3 * wait for reply in replies[key, 0] for wait in reply["waits_s"]] for key in started}
     p99 = {key: quantiles(found, n=100)[98] for key, found in waits.items()}
     return [

@@ -28,23 +28,36 @@ class ArmFailed(Exception):
 
 @dataclass(frozen=True)
 class Recipe:
-    """How to start an arm: a module, its arguments after the folder, and whether it runs in the peers' environment."""
+    """How to start an arm: a module or a file, its arguments after the folder, and whether it runs beside the peers.
+
+    `checkout`: the sources that it imports, such as those of an earlier commit.
+    """
 
     key: str
     module: str
     arguments: tuple[str, ...] = ()
     peer: bool = False
+    checkout: Path = ROOT
+
+    def command(self, folder: Path) -> list[str]:
+        """What is started. A file is started by its path, so that it can drive a checkout that does not have it."""
+        python = PEERS if self.peer else Path(sys.executable)
+        started = (self.module,) if self.module.endswith(".py") else ("-m", self.module)
+        return [str(python), *started, str(folder), *self.arguments]
 
 
 class RunningArm:
     """A running arm. Between turns it is stopped, its background threads included."""
 
     def __init__(self, recipe: Recipe, folder: Path) -> None:
-        python = PEERS if recipe.peer else Path(sys.executable)
-        command = [str(python), "-m", recipe.module, str(folder), *recipe.arguments]
         self._errors = (folder / "errors.log").open("w+b")
         self._process = subprocess.Popen(
-            command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors
+            recipe.command(folder),
+            cwd=recipe.checkout,
+            env={**os.environ, "PYTHONPATH": str(recipe.checkout)},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
         )
         try:
             self.said = self._line()

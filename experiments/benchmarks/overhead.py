@@ -28,7 +28,7 @@ def measure(*, count: int, missions: int) -> list[Figure]:
     with arms(RECIPES) as started:
         requests = dict.fromkeys(started, both) | {"floor": ({"appends": APPENDS},)}
         replies = rounds(started, requests, count=count)
-        environment = said_by(started)
+        environment = environment_of(started)
     floor_us = median(median(reply["waits_s"]) for reply in replies["floor", 0]) * 1e6
     systems = [key for key in started if key != "floor"]
     alone = {key: 1e6 * _per_step(replies[key, 0], "wall_s") for key in systems}
@@ -68,7 +68,7 @@ def measure(*, count: int, missions: int) -> list[Figure]:
     ]
 
 
-def said_by(started: dict[str, RunningArm]) -> dict[str, Any]:
+def environment_of(started: dict[str, RunningArm]) -> dict[str, Any]:
     """Versions of everything that ran, and the durability setting of each."""
     versions: dict[str, str] = {}
     for arm in started.values():

@@ -10,7 +10,7 @@ import argparse
 from statistics import median
 
 from experiments.benchmarks.arms import Recipe, arms, rounds
-from experiments.benchmarks.overhead import said_by
+from experiments.benchmarks.overhead import environment_of
 from experiments.benchmarks.records import Figure, Target, figure, keep, table
 
 
@@ -24,7 +24,7 @@ def measure(*, events: int, count: int) -> list[Figure]:
     )
     with arms(recipes) as started:
         replies = rounds(started, {key: ({},) for key in started}, count=count)
-        environment = said_by(started)
+        environment = environment_of(started)
     per_s = {key: median(reply["events"] / reply["wall_s"] for reply in replies[key, 0]) for key in started}
     return [
         figure(

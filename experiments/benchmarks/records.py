@@ -34,7 +34,7 @@ class Figure(msgspec.Struct, frozen=True, kw_only=True):
     floor: float | None = None
     ratio: dict[str, float] = {}
     targets: tuple[Target, ...] = ()
-    verdict: bool | None = None
+    met: bool | None = None
     n: int
     versions: dict[str, str]
     durability: dict[str, Any]
@@ -92,8 +92,8 @@ def table(figures: Sequence[Figure]) -> str:
         peers = "; ".join(f"{name} {value:g} ({one.ratio.get(name, 0):g}x)" for name, value in one.peer.items())
         floor = "" if one.floor is None else f"{one.floor:g} ({one.ratio.get('floor', 0):g}x)"
         targets = "; ".join(target.text for target in one.targets)
-        verdict = "" if one.met is None else "yes" if one.met else "no"
-        lines.append(f"| {one.name} | {one.ours:g} {one.unit} | {peers} | {floor} | {targets} | {verdict} |")
+        reached = "" if one.met is None else "yes" if one.met else "no"
+        lines.append(f"| {one.name} | {one.ours:g} {one.unit} | {peers} | {floor} | {targets} | {reached} |")
     return "\n".join(lines)
 
 

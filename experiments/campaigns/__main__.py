@@ -1,5 +1,5 @@
-"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `verifier`, `fuzz`, `hostile`, `replay SEED`,
-`check NAME`.
+"""Fault campaigns: `python -m experiments.campaigns run`, `recovery`, `verifier`, `fleet`, `fuzz`, `hostile`,
+`replay SEED`, `check NAME`.
 
 `run` does everything, prints what it found and publishes it where it was of the full size (or with --publish).
 CAMPAIGN_MISSIONS and CAMPAIGN_SEED, or --missions and --seed, ask for another run; a smaller one leaves docs/ alone.
@@ -15,8 +15,9 @@ from typing import Any, get_args
 
 import msgspec
 
-from experiments.campaigns import fuzz, hostile, models, recovery_steps, seeds
+from experiments.campaigns import fleet, fuzz, hostile, models, recovery_steps, seeds
 from experiments.campaigns.adjudicate import judged
+from experiments.campaigns.code import code_digest
 from experiments.campaigns.damage import DamageReport, damages
 from experiments.campaigns.declared_effects import declared_offences
 from experiments.campaigns.hammer import HammerReport, hammer
@@ -28,7 +29,6 @@ from experiments.campaigns.planted_bugs import RED, Check, PlantedReport, plante
 from experiments.campaigns.publish import publish
 from experiments.campaigns.races import RaceReport, races
 from experiments.campaigns.random_kills import RandomKillReport, random_kills
-from experiments.campaigns.regen import ROOT
 from experiments.campaigns.release_races import release_races
 from experiments.campaigns.rivals import rival_rounds
 from experiments.campaigns.simulate import one_mission, seeds_of, simulated_campaign
@@ -36,7 +36,6 @@ from experiments.campaigns.suspended_holders import SuspensionReport, suspension
 from experiments.campaigns.tally import summary
 from experiments.campaigns.workers import WorkersReport, worked_missions
 from experiments.verifier import campaign as verifier
-from harness.contracts.ids import sha256
 
 MISSIONS, SEED = 100_000, 1
 MISSIONS_EACH, SEEDS_EACH = 20, 200
@@ -110,6 +109,7 @@ def main() -> None:
     steps = commands.add_parser("recovery", help="how often each recovery step helped")
     steps.add_argument("--missions", type=int, default=MISSIONS_EACH, help="missions for each fault and template")
     steps.add_argument("--seed", type=int, default=SEED)
+    steps.add_argument("--minutes", type=float, default=None, help="begin no further round after this")
     steps.add_argument("--publish", action="store_true", help="write docs/recovery.md")
     many = commands.add_parser("seeds", help="the shipped missions without a fault")
     many.add_argument("--missions", type=int, default=SEEDS_EACH, help="seeds of each mission")
@@ -118,6 +118,12 @@ def main() -> None:
     many.add_argument("--minutes", type=float, default=None, help="play no longer than this")
     many.add_argument("--processes", type=int, default=PROCESSES)
     many.add_argument("--publish", action="store_true", help="write docs/reliability.md and docs/results/seeds.json")
+    several = commands.add_parser("fleet", help="three workers with eight robots each on one database")
+    several.add_argument("--missions", type=int, default=fleet.MISSIONS_EACH, help="of each robot")
+    several.add_argument("--seed", type=int, default=SEED)
+    several.add_argument("--minutes", type=float, default=None, help="begin no mission after so long")
+    several.add_argument("--folder", type=Path, default=None, help="kept: the same command goes on from there")
+    several.add_argument("--publish", action="store_true", help="write docs/reliability.md and docs/results/fleet.json")
     fuzzing = commands.add_parser("fuzz", help="changed bytes for every parser of foreign files")
     fuzzing.add_argument("--minutes", type=float, default=10.0, help="for each parser")
     fuzzing.add_argument("--seed", type=int, default=SEED)
@@ -155,6 +161,8 @@ def main() -> None:
             recovery_steps.run(arguments)
         case "seeds":
             seeds.run(arguments)
+        case "fleet":
+            fleet.run(arguments)
         case "fuzz":
             fuzz.run(arguments)
         case "hostile":
@@ -172,7 +180,7 @@ def main() -> None:
 def _run(arguments: argparse.Namespace) -> None:
     share = min(1.0, arguments.missions / MISSIONS)
     full = arguments.missions >= MISSIONS and arguments.minutes is None
-    made = {"command": _command(arguments), "code": _code()}
+    made = {"command": _command(arguments), "code": code_digest()}
     found = _found(arguments, share=1.0 if full or arguments.publish else share)
     result: dict[str, Any] = {"seed": arguments.seed, "command": made["command"]}
     for figures, _ in found.values():
@@ -259,14 +267,6 @@ def _command(arguments: argparse.Namespace) -> str:
     words += ["--only", arguments.only] if arguments.only else []
     words += ["--minutes", f"{arguments.minutes:g}"] if arguments.minutes is not None else []
     return shlex.join([*words, *(["--publish"] if arguments.publish else [])])
-
-
-def _code() -> str:
-    """Which code was tried: the SHA-256 of the sources of harness, simulator and campaigns, in order of their paths."""
-    files = sorted(
-        path for folder in ("experiments/campaigns", "harness", "simulator") for path in (ROOT / folder).rglob("*.py")
-    )
-    return sha256(b"".join(path.read_bytes() for path in files))
 
 
 def _replay(seed: int) -> None:

@@ -1,6 +1,7 @@
 """Runs the whole hostile provider kit and publishes its counts: `python -m experiments.campaigns hostile --publish`."""
 
 import argparse
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -9,6 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import msgspec
+from msgspec import field
+from msgspec.structs import replace
+
+from experiments.campaigns.code import code_digest
 from experiments.campaigns.hostile_console import met_under_console
 from experiments.campaigns.regen import ROOT
 from harness.bootstrap import simulated
@@ -17,7 +23,7 @@ from harness.conformance.hostile.lies import WHOLE, Mode
 from harness.conformance.hostile.missions import KIT, ROBOT, MissionUnderLie, met, met_at
 from harness.contracts.events import PacketRetained, VerdictRecorded
 from harness.contracts.reasons import plain
-from harness.contracts.values import decode
+from harness.contracts.values import Value, decode
 from harness.gate.decide import DECIDER
 from harness.provider_protocol.wire import Attachment
 from harness.runtime import Start
@@ -25,8 +31,9 @@ from harness.settings import HarnessSettings
 from simulator.in_process import SIMULATOR
 
 PAGE = ROOT / "docs" / "reliability.md"
+RESULTS = ROOT / "docs" / "results" / "hostile.json"
 BEGIN, END = "<!-- hostile robots: written by `make campaign` -->", "<!-- end of hostile robots -->"
-COMMAND = "python -m experiments.campaigns hostile --publish"
+COMMAND = "python -m experiments.campaigns hostile"
 COPIES = ("image_of_earlier_capture", "image_copies_earlier", "images_are_copies")
 """The reasons for which images are taken for copies."""
 
@@ -40,13 +47,26 @@ AT_ONCE = 6
 def run(arguments: argparse.Namespace) -> None:
     """Every lie, or those that are named, at every place, or at those. Exit 1 if something happened that must not."""
     modes, places = chosen(arguments.modes), tuple(arguments.at or PLACES)
-    found = {place: _met(place, modes, seed=arguments.seed) for place in PLACES if place in places}
-    looks = second_looks(0 if arguments.modes else arguments.second_looks, seed=arguments.seed)
-    print(*counts(found, looks), sep="\n")
+    made_by, made = _made_by(arguments), HostileResults()
+    for place in PLACES:
+        if place in places:
+            report = _met(place, modes, seed=arguments.seed)
+            made = made.with_place(place, PlaceResult(**made_by, report=report))
+    if wanted := 0 if arguments.modes else arguments.second_looks:
+        made = replace(made, looks=LooksResult(**made_by, looks=second_looks(wanted, seed=arguments.seed)))
+    print(*counts(made), sep="\n")
     if arguments.publish:
-        publish(found, looks, seed=arguments.seed)
-    if looks.refused or not all(one.ok for one in found.values()):
+        publish(made)
+    refused = made.looks.looks.refused if made.looks is not None else 0
+    if refused or not all(one.report.ok for one in made.places.values()):
         raise SystemExit(1)
+
+
+def _made_by(arguments: argparse.Namespace) -> dict[str, str]:
+    """The command without what it says about publishing, and the code that it tries."""
+    words = [*COMMAND.split(), *arguments.modes, "--seed", str(arguments.seed)]
+    words += [word for place in arguments.at or () for word in ("--at", place)]
+    return {"command": shlex.join([*words, "--second-looks", str(arguments.second_looks)]), "code": code_digest()}
 
 
 def _met(place: str, modes: Sequence[Mode], *, seed: int) -> LieReport:
@@ -89,13 +109,47 @@ def simulator_at_an_address(*, seed: int) -> Iterator[SimulatorAtAddress]:
             child.wait()
 
 
-@dataclass(frozen=True)
-class SecondLooks:
+class SecondLooks(Value):
     """Honest images of one place that one log holds, and the missions of which one was taken for a copy."""
 
     missions: int
     images: int
     refused: int
+
+
+class PlaceResult(Value):
+    """The counts at one place, and the run that made them."""
+
+    command: str
+    code: str
+    report: LieReport
+
+
+class LooksResult(Value):
+    """The honest second looks, and the run that made them."""
+
+    command: str
+    code: str
+    looks: SecondLooks
+
+
+class HostileResults(Value):
+    """What is published: of each place the newest run."""
+
+    places: dict[str, PlaceResult] = field(default_factory=dict)
+    looks: LooksResult | None = None
+
+    def with_place(self, place: str, result: PlaceResult) -> "HostileResults":
+        """With another run at this place, in the order of the places."""
+        places = {**self.places, place: result}
+        return replace(self, places={name: places[name] for name in PLACES if name in places})
+
+    def newer(self, other: "HostileResults") -> "HostileResults":
+        """With what the other run made anew."""
+        made = self
+        for place, result in other.places.items():
+            made = made.with_place(place, result)
+        return replace(made, looks=other.looks or made.looks)
 
 
 def second_looks(least: int, *, seed: int) -> SecondLooks:
@@ -116,21 +170,34 @@ def second_looks(least: int, *, seed: int) -> SecondLooks:
     return SecondLooks(missions=missions, images=images, refused=refused)
 
 
-def publish(found: Mapping[str, LieReport], looks: SecondLooks, *, seed: int, page: Path = PAGE) -> None:
-    """Replace the part of the page between its two marks. Raises ValueError without the marks."""
+def publish(made: HostileResults, *, page: Path = PAGE, results: Path = RESULTS) -> None:
+    """Replace the part of the page between its two marks, and the figures; a place that was not tried stays as it is.
+
+    Raises ValueError without the marks.
+    """
     before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:
         raise ValueError(f"{page.name} has no place for figures: {BEGIN} ... {END}")
-    undetectable = next(iter(found.values())).undetectable
-    made = [
-        *counts(found, looks),
+    if results.exists():
+        made = decode(results.read_bytes(), HostileResults).newer(made)
+    results.write_bytes(msgspec.json.format(msgspec.json.encode(made), indent=1) + b"\n")
+    reports = {place: one.report for place, one in made.places.items()}
+    undetectable = next(iter(reports.values())).undetectable
+    lines = [
+        *counts(made),
         "",
-        *_each(found),
+        *_each(reports),
         "",
-        f"Made by `{COMMAND} --seed {seed}`. Nobody can see through: {', '.join(undetectable)}.",
+        "In each cell: how the mission ended, stages accepted / motions begun. Nobody can see through: "
+        f"{', '.join(undetectable)}.",
+        "",
+        "| made by | on code |",
+        "|---|---|",
+        *(f"| {TITLES[place]}: `{one.command}` | `{one.code[:12]}` |" for place, one in made.places.items()),
+        *([f"| second looks: `{made.looks.command}` | `{made.looks.code[:12]}` |"] if made.looks else []),
     ]
-    page.write_text(f"{before}{BEGIN}\n\n" + "\n".join(made) + f"\n\n{END}{after}", encoding="utf-8")
+    page.write_text(f"{before}{BEGIN}\n\n" + "\n".join(lines) + f"\n\n{END}{after}", encoding="utf-8")
 
 
 def _each(found: Mapping[str, LieReport]) -> Iterator[str]:
@@ -151,8 +218,9 @@ def _cell(one: MissionUnderLie | None) -> str:
 TITLES = {"process": "one process", "address": "a simulator at an address", "console": "`regen up`"}
 
 
-def counts(found: Mapping[str, LieReport], looks: SecondLooks) -> list[str]:
+def counts(made: HostileResults) -> list[str]:
     """The counts as a table in Markdown."""
+    found = {place: one.report for place, one in made.places.items()}
     rows: tuple[tuple[str, Callable[[LieReport], object]], ...] = (
         ("missions, each under one lie", lambda one: one.missions),
         ("of these, accepted stages compared with the simulated truth", lambda one: one.against_truth),
@@ -171,10 +239,13 @@ def counts(found: Mapping[str, LieReport], looks: SecondLooks) -> list[str]:
         "| what must not happen | " + " | ".join(TITLES[place] for place in found) + " |",
         "|---|" + "---:|" * len(found),
         *(f"| {title} | {' | '.join(str(of(one)) for one in found.values())} |" for title, of in rows),
-        "",
-        f"Of {looks.missions} honest missions in one log, with {looks.images} images of one place, {looks.refused} had "
-        "an image taken for a copy.",
+        *(_looks(made.looks.looks) if made.looks is not None else ()),
     ]
+
+
+def _looks(looks: SecondLooks) -> tuple[str, str]:
+    counted = f"Of {looks.missions} honest missions in one log, with {looks.images} images of one place, "
+    return "", f"{counted}{looks.refused} had an image taken for a copy."
 
 
 def _tell(one: MissionUnderLie) -> None:

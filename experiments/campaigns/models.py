@@ -15,6 +15,7 @@ from typing import Any
 
 import msgspec
 
+from experiments.campaigns.explorers import ExplorerFigures, explorers, table
 from experiments.campaigns.injection import InjectionReport, injections
 from experiments.campaigns.recovery_steps import ACTOR, ROBOT
 from experiments.campaigns.regen import ROOT
@@ -42,6 +43,7 @@ RESULTS = ROOT / "docs" / "results" / "models.json"
 PAGE = ROOT / "docs" / "models.md"
 MOST_TOKENS = 64
 MISSIONS = 100
+EXPLORED = 20
 FALSE_M = 0.45
 """How far from its target a body truly may be at an accepted arrival: the tolerance, and the localiser's noise."""
 FAULTS = ("", "early-success", "interrupted", "stale-pose", "early-success:persistent", "missing-pose")
@@ -102,6 +104,7 @@ class ModelsReport(Value):
     isolation: RoleReport
     colluding: RoleReport
     injection: InjectionReport
+    explorers: tuple[ExplorerFigures, ...]
 
     @property
     def offences(self) -> tuple[str, ...]:
@@ -328,7 +331,7 @@ def campaign(arguments: argparse.Namespace, stack: ExitStack) -> ModelsReport:
         retries=0,
     )
     model = model_at(endpoint, stack)
-    share_s: float = 60.0 * arguments.minutes / 4
+    share_s: float = 60.0 * arguments.minutes / 5
 
     def until() -> float:
         return time.monotonic() + share_s
@@ -349,6 +352,9 @@ def campaign(arguments: argparse.Namespace, stack: ExitStack) -> ModelsReport:
     measured, pair = isolation(
         endpoint, stack, trials=arguments.trials, controls=arguments.trials // 3, seed=arguments.seed
     )
+    proposers = explorers(
+        model, f"{arguments.model} (reads text only)", missions=EXPLORED, seed=arguments.seed, until_s=until()
+    )
     return ModelsReport(
         model=arguments.model,
         most_tokens=MOST_TOKENS,
@@ -359,6 +365,7 @@ def campaign(arguments: argparse.Namespace, stack: ExitStack) -> ModelsReport:
         isolation=measured,
         colluding=pair,
         injection=injections(arguments.every),
+        explorers=proposers,
     )
 
 
@@ -386,6 +393,7 @@ def page(report: ModelsReport) -> str:
             "",
         ]
     lines += ["## Role isolation, with and without", "", *_isolation(report.isolation), *_isolation(report.colluding)]
+    lines += table(report.explorers)
     found = report.injection
     lines += [
         "## Texts that give orders",

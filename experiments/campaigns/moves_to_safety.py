@@ -49,6 +49,13 @@ PATIENCE_S = 240.0
 Kind = Literal["person", "no_answer"]
 
 
+class Stop(msgspec.Struct, frozen=True):
+    """How long a person's stop took from its press, in wall milliseconds: into the log, and to the robot's answer."""
+
+    logged_ms: float
+    answered_ms: float
+
+
 class Move(msgspec.Struct, frozen=True):
     """How one move to safety ended, by the log; `truth_m` is the distance from the place by the robot's newest pose."""
 
@@ -56,7 +63,7 @@ class Move(msgspec.Struct, frozen=True):
     outcome: str
     fallback_measured: bool
     reason: str
-    stop_ms: float
+    stop: Stop | None
 
 
 def main() -> None:
@@ -96,7 +103,7 @@ def cell(*, speed: float, load: int, moves: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder, _busy(load):
         done = list(_moved(Path(folder), speed=speed, moves=moves))
         average = os.getloadavg()[0]
-    waits = sorted(one.stop_ms for one in done if one.kind == "person")
+    stops = [one.stop for one in done if one.stop is not None]
     return {
         "speed": speed,
         "busy_processes": load,
@@ -106,9 +113,15 @@ def cell(*, speed: float, load: int, moves: int) -> dict[str, Any]:
         "fallback_measured": sum(one.outcome != "reached" and one.fallback_measured for one in done),
         "said_why_not": sum(one.outcome not in ("reached", "no end") and not one.fallback_measured for one in done),
         "without_an_end": sum(one.outcome == "no end" for one in done),
-        "stop_to_robot_ms_p95": round(waits[ceil(0.95 * len(waits)) - 1], 1) if waits else None,
+        "stops": len(stops),
+        "stop_in_log_ms_p95": _p95([one.logged_ms for one in stops]),
+        "stop_to_robot_ms_p95": _p95([one.answered_ms for one in stops]),
         "reasons": sorted({one.reason for one in done if one.outcome != "reached"}),
     }
+
+
+def _p95(values_ms: list[float]) -> float | None:
+    return round(sorted(values_ms)[ceil(0.95 * len(values_ms)) - 1], 1) if values_ms else None
 
 
 def _moved(folder: Path, *, speed: float, moves: int) -> Iterator[Move]:
@@ -143,16 +156,16 @@ def _move(harness: Harness, kind: Kind, *, seed: int) -> Move:
     assert isinstance(decision, Accepted), decision
     mission_id = next(event.mission_id for event in decision.events if isinstance(event, MissionCreated))
     before = _newest(harness)
-    stop_ms = _sent(harness, mission_id) if kind == "person" else _unanswered(harness, mission_id)
+    stop = _sent(harness, mission_id) if kind == "person" else _unanswered(harness, mission_id)
     until_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < until_s:
         newest = harness.runtime.fold(CONTROL).retreats.get(ROBOT)
         if newest is not None and newest.version != before and newest.ended is not None:
             ended = newest.ended
             fallback = ended.outcome == "short" and ended.then_done
-            return Move(kind, ended.outcome, fallback, plain(ended.reason), stop_ms)
+            return Move(kind, ended.outcome, fallback, plain(ended.reason), stop)
         time.sleep(0.1)
-    return Move(kind, "no end", False, harness.runtime.mission(mission_id).status, stop_ms)
+    return Move(kind, "no end", False, harness.runtime.mission(mission_id).status, stop)
 
 
 def _newest(harness: Harness) -> int:
@@ -161,23 +174,23 @@ def _newest(harness: Harness) -> int:
     return newest.version if newest is not None else -1
 
 
-def _sent(harness: Harness, mission_id: MissionId) -> float:
-    """Stop it on its way and send it to safety; milliseconds from the stop's commit to the robot's answer to it."""
+def _sent(harness: Harness, mission_id: MissionId) -> Stop:
+    """Stop it on its way and send it to safety."""
     _until(lambda: _away_m(harness, mission_id) > OUT_M)
     began = time.perf_counter()
     harness.runtime.submit(mission_id, StopMission(actor=PERSON, reason="a move to safety"))
+    logged_ms = 1000.0 * (time.perf_counter() - began)
     harness.supervisor.halt(ROBOT)
-    took_ms = 1000.0 * (time.perf_counter() - began)
+    answered_ms = 1000.0 * (time.perf_counter() - began)
     decision = harness.teleoperation.to_safety(ROBOT, actor=PERSON, reason="a move to safety")
     assert not isinstance(decision, Refused), decision
-    return took_ms
+    return Stop(logged_ms, answered_ms)
 
 
-def _unanswered(harness: Harness, mission_id: MissionId) -> float:
+def _unanswered(harness: Harness, mission_id: MissionId) -> None:
     """Nobody answers; by then nothing interrupts the robot's motions any more."""
     _until(lambda: harness.runtime.mission(mission_id).status in ("awaiting_human", "safe_stopped"))
     harness.robots[ROBOT].configure(MissionId("healed"), 3, ())  # type: ignore[attr-defined]
-    return 0.0
 
 
 def _away_m(harness: Harness, mission_id: MissionId) -> float:

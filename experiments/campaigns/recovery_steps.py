@@ -1,11 +1,14 @@
 """Measures what each recovery step changes: of each failure class and step, how often what followed was committed."""
 
 import argparse
+import math
+import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Literal
 
+from experiments.campaigns.code import code_digest
 from experiments.campaigns.regen import ROOT
 from harness.bootstrap import simulated
 from harness.contracts import events
@@ -17,7 +20,7 @@ from harness.contracts.values import Count, Value
 from harness.gate.decide import DECIDER
 from harness.runtime import Start
 from harness.settings import HarnessSettings
-from simulator.faults import FAULT_NAMES
+from simulator.faults import FAULT_NAMES, ON_LEGS
 from simulator.in_process import SIMULATOR
 
 PAGE = ROOT / "docs" / "recovery.md"
@@ -54,20 +57,27 @@ class StepReport(Value):
     """All steps of a campaign. `offences` are steps that stand in a ladder and change nothing."""
 
     missions: Count
+    rounds: Count
+    """Missions of each fault with each template."""
     seed: Count
     steps: tuple[StepEffect, ...]
     offences: tuple[str, ...]
 
 
-def recovery_steps(missions: int, *, seed: int) -> StepReport:
-    """So many missions for each fault, transient and persistent by turns, on the kinematic robot."""
+def recovery_steps(missions: int, *, seed: int, minutes: float | None = None) -> StepReport:
+    """So many missions for each fault and template, transient and persistent by turns, on the kinematic robot.
+
+    A round plays each fault with each template once; with `minutes`, no further round begins after that time.
+    """
+    until_s = math.inf if minutes is None else time.monotonic() + 60.0 * minutes
     taken: Counter[tuple[str, str]] = Counter()
     committed: Counter[tuple[str, str]] = Counter()
     passed: Counter[tuple[str, str]] = Counter()
-    count = 0
-    for fault, template in faults_and_templates():
-        for number in range(missions):
-            persistent = ":persistent" if number % 2 else ""
+    count = rounds = 0
+    while rounds < missions and (not rounds or time.monotonic() < until_s):
+        number, rounds = rounds, rounds + 1
+        persistent = ":persistent" if number % 2 else ""
+        for fault, template in faults_and_templates():
             log = mission_log(template, f"{fault}{persistent}", seed=seed + number)
             count += 1
             for failure, action, helped in steps_in(log):
@@ -79,12 +89,14 @@ def recovery_steps(missions: int, *, seed: int) -> StepReport:
         for one, times in sorted(taken.items())
     )
     offences = tuple(f"{one.action} after {one.failure}: 0 of {one.taken}" for one in steps if one.ineffective)
-    return StepReport(missions=count, seed=seed, steps=steps, offences=offences)
+    return StepReport(missions=count, rounds=rounds, seed=seed, steps=steps, offences=offences)
 
 
 def faults_and_templates() -> Iterator[tuple[str, str]]:
     """Each fault with each template in which it can strike."""
     for fault in FAULT_NAMES:
+        if fault in ON_LEGS:
+            continue
         for template in TEMPLATES:
             if template == TEMPLATES[-1] or fault not in ONLY_INSPECTION:
                 yield fault, template
@@ -125,7 +137,8 @@ def steps_in(log: Iterable[events.MissionEvent]) -> Iterator[tuple[str, str, Ste
 def table(report: StepReport) -> str:
     """The figures in Markdown."""
     lines = [
-        f"{report.missions:,} missions with a fault each, seeds from {report.seed}, kinematic fidelity.",
+        f"{report.missions:,} missions with a fault each, {report.rounds} of each fault with each template, seeds from "
+        f"{report.seed}, kinematic fidelity.",
         "",
         "| failure class | step | taken | committed next | share | did not apply |",
         "|---|---|---:|---:|---:|---:|",
@@ -141,22 +154,24 @@ def _row(step: StepEffect) -> str:
     return f"| {step.failure} | {step.action} | {step.taken:,} | {step.committed:,} | {share} | {step.passed_over:,} |"
 
 
-def publish(report: StepReport, *, command: str, page: Path = PAGE) -> None:
+def publish(report: StepReport, *, command: str, code: str, page: Path = PAGE) -> None:
     """Replace the part of the page between its two marks. Raises ValueError without the marks."""
     before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:
         raise ValueError(f"{page.name} has no place for figures: {BEGIN} ... {END}")
-    made = f"{table(report)}\n\nMade by `{command}`."
+    made = f"{table(report)}\n\nMade by `{command}` on code `{code[:12]}`."
     page.write_text(f"{before}{BEGIN}\n\n{made}\n\n{END}{after}", encoding="utf-8")
 
 
 def run(arguments: argparse.Namespace) -> None:
     """`python -m experiments.campaigns recovery`: print the table; publish it if asked. Exit 1 for a useless step."""
-    report = recovery_steps(arguments.missions, seed=arguments.seed)
+    code = code_digest()
+    report = recovery_steps(arguments.missions, seed=arguments.seed, minutes=arguments.minutes)
     print(table(report))
     if arguments.publish:
         sizes = f"--missions {arguments.missions} --seed {arguments.seed}"
-        publish(report, command=f"python -m experiments.campaigns recovery {sizes} --publish")
+        sizes += f" --minutes {arguments.minutes:g}" if arguments.minutes is not None else ""
+        publish(report, command=f"python -m experiments.campaigns recovery {sizes} --publish", code=code)
     if report.offences:
         raise SystemExit(1)

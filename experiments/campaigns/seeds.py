@@ -16,6 +16,7 @@ from pathlib import Path
 
 import msgspec
 
+from experiments.campaigns.code import code_digest
 from experiments.campaigns.recovery_steps import ACTOR, ROBOT
 from experiments.campaigns.regen import ROOT
 from harness.bootstrap import simulated
@@ -77,6 +78,8 @@ class SeedReport(Value):
     missions: Count
     command: str
     templates: tuple[TemplateSeeds, ...]
+    code: str = ""
+    """The digest of what was tried; empty in figures of before it was written down."""
 
     @property
     def offences(self) -> tuple[str, ...]:
@@ -145,13 +148,14 @@ def all_seeds(
                 return
 
 
-def report(results: Iterable[SeedResult], *, seed: int, missions: int, command: str) -> SeedReport:
+def report(results: Iterable[SeedResult], *, seed: int, missions: int, command: str, code: str = "") -> SeedReport:
     """The results by template."""
     known = list(results)
     return SeedReport(
         seed=seed,
         missions=missions,
         command=command,
+        code=code,
         templates=tuple(_of_template(name, [one for one in known if one.template == name]) for name in ENDS),
     )
 
@@ -170,6 +174,7 @@ def _of_template(name: str, results: list[SeedResult]) -> TemplateSeeds:
 
 def table(found: SeedReport) -> str:
     """The figures in Markdown."""
+    made_on = f" on code `{found.code[:12]}`" if found.code else ""
     lines = [
         f"Seeds from {found.seed}, kinematic robot in virtual time, no fault.",
         "",
@@ -182,7 +187,7 @@ def table(found: SeedReport) -> str:
         "",
         *(f"- {offence}" for offence in found.offences),
         *([""] if found.offences else []),
-        f"Made by `{found.command}`.",
+        f"Made by `{found.command}`{made_on}.",
     ]
     return "\n".join(lines)
 
@@ -201,6 +206,7 @@ def run(arguments: argparse.Namespace) -> None:
     """`python -m experiments.campaigns seeds`: print the table; publish it if asked. Exit 1 where a seed failed."""
     command = f"python -m experiments.campaigns seeds --missions {arguments.missions} --seed {arguments.seed}"
     command += f" --minutes {arguments.minutes:g}" if arguments.minutes is not None else ""
+    code = code_digest()
     results = []
     for one in all_seeds(
         arguments.only or ENDS,
@@ -212,7 +218,7 @@ def run(arguments: argparse.Namespace) -> None:
         results.append(one)
         word = "; ".join(one.wrong) or one.status
         print(f"{one.template} {one.seed}: {word} ({one.failures} failures)", file=sys.stderr, flush=True)
-    found = report(results, seed=arguments.seed, missions=arguments.missions, command=command)
+    found = report(results, seed=arguments.seed, missions=arguments.missions, command=command, code=code)
     print(table(found))
     if arguments.publish:
         publish(found)

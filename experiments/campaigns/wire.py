@@ -5,7 +5,7 @@ Nothing here is part of the harness. Which disturbance strikes, and which call, 
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from msgspec.structs import replace
 
@@ -57,6 +57,14 @@ class SteppedClock:
         return offset_s
 
 
+class Wire(Protocol):
+    """What carries the calls between harness and robot."""
+
+    def carry(self, call: Callable[[], Answer], *, older: Answer | None = None, acts: bool = False) -> Answer: ...
+
+    def strikes(self, name: DisturbanceName) -> Disturbance | None: ...
+
+
 class FaultyWire:
     """Carries calls. One counter of calls per mission keys every draw, so that a seed replays exactly."""
 
@@ -99,9 +107,7 @@ class FaultyWire:
 class WiredProvider:
     """A provider at the other end of the wire. `local` providers may stop answering by themselves."""
 
-    def __init__(
-        self, provider: Callable[[], Provider], wire: FaultyWire, *, card: CapabilityCard, local: bool
-    ) -> None:
+    def __init__(self, provider: Callable[[], Provider], wire: Wire, *, card: CapabilityCard, local: bool) -> None:
         self._provider, self._wire, self._card, self._local = provider, wire, card, local
         self._before: dict[str, InvocationReport] = {}
 
@@ -148,7 +154,7 @@ class WiredProvider:
 class WiredRobot:
     """A robot at the other end of the wire. Its start journal is read beside the wire, for counting."""
 
-    def __init__(self, robot: Callable[[], Robot], wire: FaultyWire) -> None:
+    def __init__(self, robot: Callable[[], Robot], wire: Wire) -> None:
         self._robot, self._wire = robot, wire
         self._batch: Observations | None = None
         self._providers = [

@@ -32,7 +32,7 @@ from harness.contracts.ids import (
     leased,
 )
 from harness.contracts.ports import StoredEvent
-from harness.runtime import Start
+from harness.runtime import Runtime, Start
 
 RETRY_S = 0.1
 LONGEST_AWAY_S = 120.0
@@ -216,7 +216,7 @@ class _ShiftWorker:
         truth.
         """
         runtime, robot = self._harness.runtime, self._robots.robots[name]
-        log = self._log(name, errand)
+        log = mission_log(runtime, errand.mission_id, RobotId(name), lease_version=errand.lease_version)
         mission = runtime.mission(errand.mission_id)
         record = PlayedMission(
             plan=errand.plan,
@@ -236,15 +236,17 @@ class _ShiftWorker:
         with (Path(self._shift.folder) / f"done-{self._shift.number}").open("ab") as done:
             done.write(b".")
 
-    def _log(self, name: str, errand: _MissionInProgress) -> tuple[StoredEvent, ...]:
-        """Everything about one mission, in the log's order: its events, its questions, its robot's lease since."""
-        store = self._harness.runtime
-        mine = store.events(errand.mission_id)
-        requests = (event for event in mine if event.kind == HandoffRequested.__name__)
-        questions = [HandoffId(msgspec.json.decode(event.body)["handoff_id"]) for event in requests]
-        events = [event for one in questions for event in store.stream(handoff_stream(one))]
-        leases = store.stream(lease_stream(leased(RobotId(name), BASE)))[errand.lease_version :]
-        return tuple(sorted((*mine, *events, *leases), key=lambda event: event.position))
+
+def mission_log(
+    runtime: Runtime, mission_id: MissionId, robot_id: RobotId, *, lease_version: int
+) -> tuple[StoredEvent, ...]:
+    """Everything about one mission, in the log's order: its events, its questions, its robot's lease since then."""
+    mine = runtime.events(mission_id)
+    requests = (event for event in mine if event.kind == HandoffRequested.__name__)
+    questions = [HandoffId(msgspec.json.decode(event.body)["handoff_id"]) for event in requests]
+    events = [event for one in questions for event in runtime.stream(handoff_stream(one))]
+    leases = runtime.stream(lease_stream(leased(robot_id, BASE)))[lease_version:]
+    return tuple(sorted((*mine, *events, *leases), key=lambda event: event.position))
 
 
 def as_errand(plan: MissionPlan) -> MissionPlan:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from random import Random
 
+from experiments.campaigns.code import code_digest
 from experiments.verifier import floors, messages, motion, passages, pictures, speech, stages
 from experiments.verifier.cases import VerifierCase
 from experiments.verifier.matrix import PredicateCounts, VerifierReport, counted, matrix, offences
@@ -154,12 +155,13 @@ def _drawn(
 
 def run(arguments: argparse.Namespace) -> None:
     """`python -m experiments.campaigns verifier`: print the matrix; publish it if asked. Exit 1 for an offence."""
+    code = code_digest("experiments/verifier")
     report = measured(arguments.cases, seed=arguments.seed, say=print)
     print(summary(report))
     if arguments.publish:
         words = ["python", "-m", "experiments.campaigns", "verifier"]
         words += ["--cases", str(arguments.cases), "--seed", str(arguments.seed), "--publish"]
-        publish(report, command=shlex.join(words))
+        publish(report, command=shlex.join(words), code=code)
     for line in report.offences:
         print(line)
     if report.offences:

@@ -29,12 +29,12 @@ def summary(report: VerifierReport) -> str:
     return "\n".join([head, "|---|---:|---:|---:|---:|---:|---:|---:|---:|", *rows])
 
 
-def tables(report: VerifierReport, *, command: str) -> str:
+def tables(report: VerifierReport, *, command: str, code: str) -> str:
     """All of the page that is written by code."""
     whole = sum(one.total.cases for one in report.predicates)
     parts = [
         f"{whole:,} cases with a truth, {report.cases:,} or more of each of {len(report.predicates)} predicates, seed "
-        f"{report.seed}. Made by `{command}`.",
+        f"{report.seed}. Made by `{command}` on code `{code[:12]}`.",
         summary(report),
         _offences(report),
         "![How often a false condition was satisfied](verifier/satisfied-though-false.svg)",
@@ -77,15 +77,17 @@ def plots(report: VerifierReport) -> dict[str, str]:
 VERDICTS = ("violated", "ambiguous", "stale", "unsafe", "refused by the gate")
 
 
-def publish(report: VerifierReport, *, command: str, docs: Path = DOCS) -> None:
+def publish(report: VerifierReport, *, command: str, code: str, docs: Path = DOCS) -> None:
     """Write the page's tables, the plots and the figures. Raises ValueError for a page without the two marks."""
     page = docs / "verifier.md"
     before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:
         raise ValueError(f"{page.name} has no place for figures: {BEGIN} ... {END}")
-    page.write_text(f"{before}{BEGIN}\n\n{tables(report, command=command)}\n\n{END}{after}", encoding="utf-8")
-    body = msgspec.json.encode({"command": command, **msgspec.to_builtins(report)})
+    page.write_text(
+        f"{before}{BEGIN}\n\n{tables(report, command=command, code=code)}\n\n{END}{after}", encoding="utf-8"
+    )
+    body = msgspec.json.encode({"command": command, "code": code, **msgspec.to_builtins(report)})
     (docs / "results" / "verifier.json").write_bytes(msgspec.json.format(body, indent=1) + b"\n")
     folder = docs / "verifier"
     folder.mkdir(exist_ok=True)

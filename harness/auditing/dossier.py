@@ -115,7 +115,7 @@ def mission_blobs(runtime: Runtime, mission_id: ids.MissionId) -> dict[ids.Diges
 def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trusted: bool) -> DossierVerdict:
     """Fold and derive again what the dossier holds, and compare it with its own statements."""
     mission = runtime.mission(contents.mission_id)
-    report: ReplayReport = replay_mission(runtime, contents.mission_id)
+    report: ReplayReport = replay_mission(runtime, contents.mission_id, alone=True)
     differences = [*report.differences, *place_differences(runtime, mission), *_without_tombstone(runtime, contents)]
     if mission.status != contents.status:
         differences.append(f"the dossier says {contents.status}, its events fold to {mission.status}")

@@ -84,6 +84,7 @@ def _opening(event: handoff_events.HandoffOpened) -> commands.OpenHandoff:
         choices=event.choices,
         safe_place=event.safe_place,
         otherwise=event.otherwise,
+        waiting_places=event.waiting_places,
     )
 
 
@@ -95,6 +96,7 @@ def _refreshing(event: handoff_events.HandoffRefreshed) -> commands.RefreshHando
         evidence=event.evidence,
         choices=event.choices,
         actor=event.actor,
+        waiting_places=event.waiting_places,
     )
 
 

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from harness.auditing import legacy, legacy_neighbours
 from harness.auditing.commands import CommandUnreadable, command_at, tokens_in
+from harness.auditing.outcomes import OutcomeLog
 from harness.auditing.prose import is_old, same
 from harness.auditing.roles import RoleReplay
 from harness.contracts import ids, values
@@ -97,13 +98,26 @@ class _Replay:
         return False, None
 
 
-def replay_mission(runtime: Runtime, mission_id: ids.MissionId) -> ReplayReport:
+def outcomes_of(runtime: Runtime) -> OutcomeLog:
+    """The outcomes of the whole log, read as far as they are asked for."""
+    return OutcomeLog(
+        read=runtime.log,
+        stream=runtime.stream,
+        same_contract=runtime.memory.of_same_contract,
+    )
+
+
+def replay_mission(
+    runtime: Runtime, mission_id: ids.MissionId, *, outcomes: OutcomeLog | None = None, alone: bool = False
+) -> ReplayReport:
     """Reconstruct progress from the log and derive again every decision from what was stored with it.
 
-    Raises UnknownName for a mission that does not exist.
+    `outcomes`: those of the log, where several missions are replayed. `alone`: the log holds this mission only, so that
+    what its providers achieved in others cannot be derived. Raises UnknownName for a mission that does not exist.
     """
     live = runtime.mission(mission_id)
-    replay, roles = _Replay(runtime), RoleReplay(runtime)
+    replay = _Replay(runtime)
+    roles = RoleReplay(runtime, outcomes=None if alone else outcomes or outcomes_of(runtime))
     stored = runtime.events(mission_id)
     mission, decisions = _mission(replay, roles, stored)
     if values.encode(mission) != values.encode(live):
@@ -126,8 +140,9 @@ def replay_mission(runtime: Runtime, mission_id: ids.MissionId) -> ReplayReport:
 
 def replay_all(runtime: Runtime) -> Iterator[ReplayReport]:
     """Every mission of the log, oldest first."""
+    outcomes = outcomes_of(runtime)
     for stream in runtime.streams("mission/"):
-        yield replay_mission(runtime, ids.MissionId(stream.partition("/")[2]))
+        yield replay_mission(runtime, ids.MissionId(stream.partition("/")[2]), outcomes=outcomes)
 
 
 def _mission(replay: _Replay, roles: RoleReplay, stored: Sequence[StoredEvent]) -> tuple[Mission, int]:

@@ -9,6 +9,7 @@ from typing import TypeVar
 import msgspec
 
 from harness.auditing.exploration import map_differences, new_choices, target_differences
+from harness.auditing.outcomes import OutcomeLog
 from harness.auditing.prose import same
 from harness.contracts import events
 from harness.contracts.contexts import Blobs, Context
@@ -39,10 +40,14 @@ class Differs(Exception):
 
 
 class RoleReplay:
-    """Derives again what each event says a role decided. `derived` counts the results by kind."""
+    """Derives again what each event says a role decided. `derived` counts the results by kind.
 
-    def __init__(self, runtime: Runtime) -> None:
+    `outcomes`: the log that the sums which routing was told are folded from; None if it does not hold all missions.
+    """
+
+    def __init__(self, runtime: Runtime, *, outcomes: OutcomeLog | None) -> None:
         self._runtime = runtime
+        self._outcomes = outcomes
         self.old = False
         self.derived = dict.fromkeys((*ROLES, "unanswered", "erased"), 0)
         self._gone = False
@@ -111,12 +116,23 @@ class RoleReplay:
         question = self._stored(event.question, RoutingQuestion)
         if question.preferences != self._runtime.configuration_of(mission).routing:
             raise Differs(f"it was not routed under configuration {mission.configuration[:12]}, the mission's own")
+        self._sums(question)
         again = question.answer()
         self.derived["routings"] += 1
         if not same(again, stored, old=self.old):
             raise Differs(f"routing chose {stored.chosen}; again it chooses {again.chosen} or scores otherwise")
         if again.chosen != event.provider_id:
             raise Differs(f"routing chose {again.chosen}; {event.provider_id} was sent")
+
+    def _sums(self, question: RoutingQuestion) -> None:
+        """What routing was told of each provider, folded again from the verdicts of the log."""
+        cards = {card.provider_id: card for card in question.cards}
+        for told in question.need.history.settings if self._outcomes else ():
+            again = self._outcomes.differs(
+                told, cards[told.provider_id], half_life=question.preferences.history_half_life
+            )
+            if again is not None:
+                raise Differs(f"routing was told {told.sums} of {told.provider_id}; the log says {again}")
 
     def _skill(self, event: events.DispatchIntended) -> None:
         again = propose_skill(self._stored(event.context, Context))

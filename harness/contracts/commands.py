@@ -315,6 +315,7 @@ class OpenHandoff(Command, tag=True):
     choices: tuple[RecoveryAction, ...] = ()
     safe_place: str = ""
     otherwise: Otherwise | Literal[""] = ""
+    waiting_places: tuple[ids.PlaceId, ...] = ()
 
 
 class RefreshHandoff(Command, tag=True):
@@ -324,6 +325,7 @@ class RefreshHandoff(Command, tag=True):
     evidence: ids.Digest
     choices: tuple[RecoveryAction, ...] = ()
     actor: Actor | None = None
+    waiting_places: tuple[ids.PlaceId, ...] = ()
 
 
 class ApproveHandoff(Command, tag=True):

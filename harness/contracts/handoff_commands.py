@@ -3,6 +3,7 @@
 from harness.contracts.actors import Actor, Command
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.handoff_events import EscalationLevel, NoAnswer, Snapshot
+from harness.contracts.ids import PlaceId
 from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.values import Count, Name, NonNegative, Positive
 
@@ -115,6 +116,7 @@ class ChooseAction(Command, tag=True):
     """Propose another action of the ladder instead: becomes a RefreshHandoff, approved on its own digest.
 
     `wait_s`: how long the start waits after its approval. `speed_cap_mps`: a lower speed limit for this one start.
+    `waiting_place`: go to this place first and stand there for `wait_s` instead.
     """
 
     actor: Actor
@@ -123,3 +125,4 @@ class ChooseAction(Command, tag=True):
     claim: str = ""
     wait_s: NonNegative = 0.0
     speed_cap_mps: Positive | None = None
+    waiting_place: PlaceId | None = None

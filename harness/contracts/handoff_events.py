@@ -24,8 +24,9 @@ SLOWEST_MPS = 0.1
 class ProposedAction(Value):
     """Exactly what an approval would let run, once. Its canonical bytes are what the person sees and digests.
 
-    `wait_s`: how long the start waits after the approval. `plan`: the record of the revised plan that the start belongs
-    to; approving takes both, or neither.
+    `wait_s`: how long the start waits after the approval; with a `waiting_place`, how long the robot then stands there
+    before it goes on. `plan`: the record of the revised plan that the start belongs to; approving takes both, or
+    neither.
     """
 
     mission_id: ids.MissionId
@@ -41,6 +42,7 @@ class ProposedAction(Value):
     spends: Count
     wait_s: float | UnsetType = UNSET
     plan: ids.Digest | UnsetType = UNSET
+    waiting_place: ids.PlaceId | UnsetType = UNSET
 
 
 class Snapshot(Value):
@@ -59,7 +61,8 @@ class Snapshot(Value):
 class HandoffOpened(Event, tag=True):
     """A handoff was opened. `limit_at_s`: how far the deadline can be extended; None in logs without extensions.
 
-    `choices`: which other steps of the ladder could be proposed instead. `safe_place`: the name of the place a retreat
+    `choices`: which other steps of the ladder could be proposed instead; `waiting_places`: where the robot could wait
+    out of the way before it goes on. `safe_place`: the name of the place a retreat
     would go to, and `otherwise` what the robot does where it cannot go there; both empty without one.
     """
 
@@ -83,6 +86,7 @@ class HandoffOpened(Event, tag=True):
     choices: tuple[RecoveryAction, ...] = ()
     safe_place: str = ""
     otherwise: Otherwise | Literal[""] = ""
+    waiting_places: tuple[ids.PlaceId, ...] = ()
 
 
 class HandoffRefreshed(Event, tag=True):
@@ -96,6 +100,7 @@ class HandoffRefreshed(Event, tag=True):
     evidence: ids.Digest
     choices: tuple[RecoveryAction, ...] = ()
     actor: Actor | None = None
+    waiting_places: tuple[ids.PlaceId, ...] = ()
 
 
 class HandoffClaimed(Event, tag=True):

@@ -23,6 +23,8 @@ Verification = Literal["configured", "observed", "verified", "disputed"]
 RecordStanding = Literal["configured", "observed", "verified", "disputed", "superseded"]
 ADMISSIBLE: tuple[RecordStanding, ...] = ("configured", "observed", "verified")
 """What a query returns by default: neither superseded records nor sides of an open conflict (R69)."""
+SILENT: tuple[Verdict, ...] = ("ambiguous", "stale")
+"""Verdicts that say nothing about the effect."""
 
 
 class Provenance(values.Value):
@@ -136,6 +138,25 @@ class ProviderOutcome(Knowledge, tag="outcome"):
     residual: values.Share
     duration_s: values.NonNegative
     measured: dict[str, float]
+
+
+class OutcomeSums(values.Value):
+    """Decayed sums over the outcomes of one provider in one setting: what failed, and what counts at all (R60, D23).
+
+    Violated and unsafe count 1, satisfied counts its residual; ambiguous and stale do not count, since they do not
+    show the effect. An outcome counts half as much after `half_life` newer ones.
+    """
+
+    failed: values.NonNegative = 0.0
+    weight: values.NonNegative = 0.0
+
+    def after(self, verdict: Verdict, residual: float, *, half_life: float) -> "OutcomeSums":
+        """The sums with one more outcome, the newest."""
+        if verdict in SILENT:
+            return self
+        fading = 0.5 ** (1.0 / half_life)
+        failure = residual if verdict == "satisfied" else 1.0
+        return OutcomeSums(failed=failure + fading * self.failed, weight=1.0 + fading * self.weight)
 
 
 class KnownCard(Knowledge, tag="card"):

@@ -122,3 +122,11 @@ class Camera(Value):
     height_m: float
     forward_m: float
     pitch_rad: float
+
+
+class LaserMount(Value):
+    """Where the scan's origin is on the body, metres and radians."""
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    yaw_rad: float = 0.0

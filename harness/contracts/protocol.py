@@ -135,6 +135,10 @@ class InvocationReport(Value):
     proposed_facts: ProposedFacts = ()
 
 
+BodyPosture = Literal["standing", "lying", "moving", "fallen"]
+"""What a robot says of its own body; a fallen one neither stands nor lies down by order."""
+
+
 class RobotStatus(Value):
     """The robot's condition, for people and preconditions: all of it declared by the robot.
 
@@ -144,7 +148,7 @@ class RobotStatus(Value):
 
     robot_id: Name
     at_s: float
-    posture: Literal["standing", "lying", "moving"]
+    posture: BodyPosture
     armed: bool
     hardware_stop: bool
     charge: float

@@ -16,7 +16,7 @@ Default = Literal["return", "report"]
 """What the mission profile adds unless the goal says otherwise (R195)."""
 UnreadWhy = Literal[
     "unknown_words", "condition", "time", "alternative", "ambiguous", "quoted", "control_character",
-    "count", "negation", "no_object", "no_template", "order",
+    "count", "negation", "no_object", "no_template", "order", "statement",
 ]  # fmt: skip
 PROFILE = "profile"
 """How a completion condition cites a default of the mission profile: `profile.return`; a clause is cited by number."""

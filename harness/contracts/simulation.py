@@ -9,7 +9,7 @@ from harness.contracts.ids import Digest, MissionId
 from harness.contracts.ports import LiveCamera, Robot, Room, Teleoperable
 from harness.contracts.regularities import HiddenSite
 
-Fidelity = Literal["mujoco", "kinematic"]
+Fidelity = Literal["mujoco", "kinematic", "walking"]
 
 
 class TruePosition(msgspec.Struct, frozen=True):

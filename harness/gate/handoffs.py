@@ -130,6 +130,7 @@ def _open(handoff: Handoff, command: commands.OpenHandoff, now: Moment) -> Decis
         choices=command.choices,
         safe_place=command.safe_place,
         otherwise=command.otherwise,
+        waiting_places=command.waiting_places,
     )
     return Accepted((opened,))
 
@@ -153,6 +154,7 @@ def _refresh(handoff: Handoff, command: commands.RefreshHandoff, now: Moment) ->
         evidence=command.evidence,
         choices=command.choices,
         actor=command.actor,
+        waiting_places=command.waiting_places,
     )
     return Accepted((refreshed,))
 

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from msgspec import UNSET, UnsetType
 
 from harness.contracts.readings import Act, Clause, ClauseObject, PictureSubject, TextSpan, Unread, UnreadWhy
-from harness.goals.lexicon import LOOKING_AROUND, TELLING_SIGHT
+from harness.goals.lexicon import LIMITING, LOOKING_AROUND, STATING, TELLING_SIGHT
 from harness.goals.tokens import QUOTES, TextToken
 from harness.goals.words import Item, Meaning, Phrases
 
@@ -38,6 +38,14 @@ MOST_TIMES = 99
 DIRECTLY, FOR = frozenset({"verb", "name", "here", "pronoun"}), "for"
 """What a time may follow: "wait at most two minutes" is no wait of two minutes."""
 LOOKING: tuple[Act, ...] = ("photograph", "describe")
+FINITE = frozenset({"swing"})
+"""Verbs that end like a participle and are none."""
+MIND = frozenset({"would you mind", "do you mind", "how about"})
+"""What asks for something by a participle: "would you mind checking the storage area"."""
+ENDED = ("done", "finished")
+AND_THEN = frozenset({"and then", "and next", "and afterwards", "followed by"})
+LED = frozenset({"verb", "asks", "name", "and", "filler", "lead", "site", "around", "neg", "then"})
+"""What may follow a "go" that adds nothing."""
 SHOWN: tuple[Act, ...] = ("explore", "describe")
 """Acts whose outcome is told by the mission's own report: what they show."""
 
@@ -204,7 +212,7 @@ def _sentence(sentence: Sequence[Item], state: Parse) -> None:
     part: list[Item] = []
     began = len(state.clauses)
     ordering = _Ordering(state, began)
-    result = _led_on(_swallowed(sentence, state))
+    result = _orders(_led_on(_swallowed(sentence, state)))
     for index, item in enumerate(result):
         following = result[index + 1].kind if index + 1 < len(result) else "stop"
         if item.kind == "and" and part and (_joins_nothing(part) or ordering.names_only(part)):
@@ -220,6 +228,26 @@ def _sentence(sentence: Sequence[Item], state: Parse) -> None:
             part.append(item)
     ordering.part(links, part)
     ordering.close(() if part else links)
+
+
+def _orders(found: Sequence[Item]) -> list[Item]:
+    """ "检查了储物区" says that it was done: 了 is left unread, but under a "do not", and before what comes after it.
+
+    "When you are done walking the circuit" is after the circuit; with nothing behind, it is after what stands before.
+    """
+    made: list[Item] = []
+    for index, item in enumerate(found):
+        if item.kind == "perfective":
+            begin = max((at for at in range(index) if found[at].kind in CONNECTORS), default=-1) + 1
+            end = next((at for at in range(index, len(found)) if found[at].kind in CONNECTORS), len(found))
+            kinds = {one.kind for one in found[begin:end]}
+            follows = found[end].kind if end < len(found) - 1 else "stop"
+            if not kinds & VERBS or "neg" in kinds or follows in ("then", "before_post"):
+                item = Item(Meaning("filler"), item.start, item.end, item.text)
+        elif item.kind == "then" and item.text.endswith(ENDED) and index + 1 < len(found) and _doing(found[index + 1]):
+            item = Item(Meaning("after"), item.start, item.end, item.text)
+        made.append(item)
+    return made
 
 
 def _led_on(found: Sequence[Item]) -> list[Item]:
@@ -300,6 +328,7 @@ class _Ordering:
         if self._parts == 1 and self._relations and self._first is not None:
             self._state.unread.append(Unread(span=self._first, why="order"))
         self._complain(links)
+        self._state.unread.extend(Unread(span=_span(link), why="order") for link in links if _goes_on(link))
 
     def names_only(self, part: Sequence[Item]) -> bool:
         """Whether a part names things whose verb is still to come: "给基站和储物区各拍一张照片"."""
@@ -366,6 +395,8 @@ class _Builder:
         self._count: Item | None = None
         self._last: Item | None = None
         """The item before this one."""
+        self._forbids: Item | None = None
+        """The first "do not" of this part."""
 
     def take(self, item: Item, *, after: Item | None) -> None:
         """One item; `after` is the next one of the part."""
@@ -378,13 +409,15 @@ class _Builder:
                 self._last_for(item)
             case "subject":
                 self._show(item)
+            case "verb" | "asks" | "passes" if self._unasked(item):
+                self._leave(item, "statement")
             case "verb" | "asks" | "passes":
                 self._verb(item)
             case "done" if "after" in self._links:
                 self._verb(item)
             case "lead":
                 self._lead(item, after)
-            case "name" | "site" | "here" | "pronoun":
+            case "name" | "site" | "around" | "here" | "pronoun":
                 self._name(item)
             case "neg" | "avoid":
                 self._negate(item)
@@ -396,6 +429,8 @@ class _Builder:
                 self._leave(item, "ambiguous")
             case "preposition":
                 self._glue.append(_span(item))
+            case "filler" if item.word.number == LIMITING and self._forbids is not None:
+                self._leave(item, "negation")
             case "filler" | "stop" | "sep" | "and" | "then" | "first" | "both":
                 self._state.fillers.append(_span(item))
             case _:
@@ -466,6 +501,13 @@ class _Builder:
                 self._made.append(replace(draft, spans=()))
             self._name(one)
 
+    def _unasked(self, item: Item) -> bool:
+        """Whether a participle stands alone: "checking the storage area" says what is done, and asks for nothing."""
+        if not _doing(item) or self._negation is not None or self._links:
+            return False
+        asked = self._last is not None and self._last.text in MIND
+        return not asked and all(draft.asking for draft in self._made)
+
     def _led(self, draft: ClauseDraft) -> ClauseDraft:
         """ "go" without a place before another verb is only the way there: what forbids it forbids what follows."""
         before = self._made[-1] if self._made else None
@@ -476,7 +518,7 @@ class _Builder:
 
     def _lead(self, item: Item, after: Item | None) -> None:
         """ "go and" before another verb adds nothing; "go" that nothing follows asks for no place."""
-        if after is not None and after.kind in ("verb", "asks", "name", "and", "filler", "lead", "site", "neg", "then"):
+        if after is not None and after.kind in LED:
             self._glue.append(_span(item))
         else:
             self._leave(item, "no_object")
@@ -498,8 +540,6 @@ class _Builder:
             draft = replace(draft, act="walk_route")
         if draft.around and target.kind in ("place", "passage"):
             draft = replace(draft, act="inspect")
-        if draft.act == "photograph" and target.kind == "site":
-            target = ClauseObject(kind="here")
         accepted = (*ACCEPTED[draft.act], *(("region",) if draft.negated else ()))
         open_route = draft.object == ClauseObject(kind="route") and target.kind == "route"
         if (draft.object is None or open_route) and target.kind in accepted:
@@ -519,7 +559,9 @@ class _Builder:
 
     def _target_of(self, item: Item) -> ClauseObject | None:
         match item.kind:
-            case "site":
+            case "around" if self._made and self._made[-1].act in LOOKING:
+                return ClauseObject(kind="here")
+            case "site" | "around":
                 return ClauseObject(kind="site")
             case "here":
                 return ClauseObject(kind="here")
@@ -537,6 +579,7 @@ class _Builder:
         return looking and bool(earlier) and earlier[-1].act in LOOKING
 
     def _negate(self, item: Item) -> None:
+        self._forbids = self._forbids or item
         if item.kind == "avoid":
             self._made.append(ClauseDraft(act="go", spans=(*self._glue, _span(item)), negated=True))
             self._glue = []
@@ -591,6 +634,8 @@ class _Builder:
         draft = self._made[-1] if self._made else None
         if item.kind == "tail" and draft is not None and draft.act == "inspect" and draft.object is not None:
             self._made[-1] = replace(_grown(draft, _span(item)), asking=False, act=item.word.act or draft.act)
+        elif item.kind == "tail" and item.word.number == STATING and draft is None:
+            self._leave(item, "statement")
         elif item.kind == "tail" and draft is None and self._named:
             self._verb(Item(Meaning("verb", act="inspect"), item.start, item.end, item.text))
         elif item.kind == "attached" and draft is not None and draft.act == item.word.act:
@@ -626,7 +671,13 @@ class _Builder:
         return draft
 
     def _leave(self, item: Item, why: UnreadWhy | None = None) -> None:
-        reasons: dict[str, UnreadWhy] = {"quoted": "quoted", "control": "control_character", "neg": "negation"}
+        reasons: dict[str, UnreadWhy] = {
+            "quoted": "quoted",
+            "control": "control_character",
+            "neg": "negation",
+            "perfective": "statement",
+            "unclear": "ambiguous",
+        }
         self._state.unread.append(Unread(span=_span(item), why=why or reasons.get(item.kind, "unknown_words")))
 
 
@@ -642,6 +693,18 @@ def _repeats(before: ClauseDraft, draft: ClauseDraft) -> bool:
     """Whether a verb without an object stands before the same verb with one: "去看，看看储物区"."""
     alike = (before.act, before.negated) == (draft.act, draft.negated)
     return alike and before.object is None and not before.counted and draft.object is not None
+
+
+def _doing(item: Item) -> bool:
+    """Whether a verb is a participle: "checking"."""
+    first = item.text.split(" ")[0]
+    return item.kind in ("verb", "asks", "passes") and first.endswith("ing") and first not in FINITE
+
+
+def _goes_on(link: Item) -> bool:
+    """Whether a connector at the end of a sentence leaves open what was to follow: "check the storage area, and"."""
+    after_all = link.kind == "then" and link.text.isascii() and link.text not in AND_THEN
+    return link.kind in ("and", "but", "then") and not after_all
 
 
 def _same_subject(one: ClauseObject, other: ClauseObject) -> bool:

@@ -16,6 +16,10 @@ LOOKING_AROUND = 2
 """The `number` of a verb that explores where nothing is named, and inspects a place that is."""
 TELLING_SIGHT = 3
 """The `number` of a report that tells what is seen: of a picture, or at a place, that is a description."""
+STATING = 4
+"""The `number` of a tail that asks nothing by itself, in a language with verbs that ask: "the passage is clear"."""
+LIMITING = 5
+"""The `number` of a filler that limits what is said: "only"."""
 
 
 class Lexicon(Value):
@@ -37,6 +41,7 @@ class Lexicon(Value):
     appearances: str = ""
     done: dict[Act, str] = msgspec.field(default_factory=dict)
     asks: str = ""
+    only: str = ""
     attached: dict[Act, str] = msgspec.field(default_factory=dict)
 
 
@@ -60,8 +65,10 @@ def meanings() -> Iterator[tuple[str, Meaning]]:
         yield from _listed(lexicon.looks, Meaning("verb", act="explore", number=LOOKING_AROUND))
         yield from _listed(lexicon.passes, Meaning("passes", act="go"))
         yield from _listed(lexicon.asks, Meaning("asks"))
-        yield from _listed(lexicon.appearances, Meaning("tail", act="describe"))
-        yield from _listed(lexicon.tails, Meaning("tail"))
+        tail = STATING if lexicon.asks else 1
+        yield from _listed(lexicon.appearances, Meaning("tail", act="describe", number=tail))
+        yield from _listed(lexicon.tails, Meaning("tail", number=tail))
+        yield from _listed(lexicon.only, Meaning("filler", number=LIMITING))
         for act, text in lexicon.attached.items():
             yield from _listed(text, Meaning("attached", act=act))
         for kind, text in lexicon.words.items():

@@ -72,7 +72,7 @@ def read_goal(text: str, *, site: Site) -> Reading:
     return replace(reading, unread=_merged_unread([*unread, *missed], text))
 
 
-GRAMMAR_NAME, GRAMMAR_VERSION = "grammar", "4"
+GRAMMAR_NAME, GRAMMAR_VERSION = "grammar", "5"
 GRAMMAR = GoalReader(name=GRAMMAR_NAME, version=GRAMMAR_VERSION, read=lambda text, site: read_goal(text, site=site))
 """The deterministic reader: no model."""
 

@@ -76,12 +76,12 @@ def _sentences(english: Lexicon, names: Sequence[str]) -> Iterator[tuple[str, in
         for joint in _listed(english.words[kind]):
             yield from ((f"check {next(turn)} {joint} {verb}", SELDOM) for verb in COMMON)
     for kind in ("neg", "filler", "condition", "time", "lead", "or", "avoid"):
-        for phrase in _listed(english.words[kind]):
+        for phrase in (*_listed(english.words[kind]), *(_listed(english.only) if kind == "filler" else ())):
             yield from ((f"{phrase} {verb} {next(turn)}", SELDOM) for verb in COMMON)
             yield f"check {next(turn)} {phrase}", SELDOM
     for phrase in (*_listed(english.passes), *_listed(english.words["avoid"])):
         yield f"{phrase} {next(turn)}", SELDOM
-    for kind in ("pronoun", "here", "site"):
+    for kind in ("pronoun", "here", "site", "around"):
         yield from ((f"{verb} {word}", SELDOM) for word in _listed(english.words[kind]) for verb in COMMON)
     for text in english.attached.values():
         yield from ((f"check {next(turn)} {phrase}", SELDOM) for phrase in _listed(text))

@@ -2,11 +2,11 @@
 
 It writes no event and decides nothing; the log alone is authoritative. Every answer is given at the head of the log,
 also after a restart: it covers all that was committed before. A lost, truncated or outdated index is built again.
-A dispatch is answered from what is folded; the index is written behind it, before it is asked.
+A dispatch is answered from sums that follow each verdict; the index follows when somebody asks it.
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from threading import RLock
 
 from msgspec.structs import replace
@@ -14,37 +14,21 @@ from msgspec.structs import replace
 from harness.contracts import memory
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import ContextRecord
-from harness.contracts.errors import ConcurrencyConflict, UnknownName
+from harness.contracts.errors import UnknownName
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.ports import EventStore, MemoryIndex, StoredEvent
-from harness.contracts.reasons import because
 from harness.followers import Follower
 from harness.memory.examples import as_example
 from harness.memory.fold import FOLD, Fold
-from harness.memory.recent import Recent
+from harness.memory.history import OutcomeHistory
+from harness.memory.outcomes import HALF_LIVES, Setting, SettingOutcomes, folded, outcome_of
 
-BEHIND = 100
-"""The index is at most this many events behind what was folded; a crash costs folding them again."""
 SPATIAL = ("map", "place", "region", "relation", "pose", "sighting", "dispute")
 SEMANTIC = ("card", "rules")
+MOST_OUTCOMES = 10_000
+"""So many outcomes of one setting are read at most, when it is first asked about."""
 VERSIONS = 100
 """So many cards of one provider are compared, the newest."""
-
-
-@dataclass
-class UnindexedChanges:
-    """What was folded between two marks and is not in the index yet."""
-
-    after: memory.FollowPosition
-    upto: memory.FollowPosition
-    records: list[memory.MemoryRecord] = field(default_factory=list)
-
-    def touches(self, kind: str, subject: str) -> bool:
-        """Whether these records may change what the index holds of a subject.
-
-        A record supersedes only what is about its own subject; what it contradicts may be about another.
-        """
-        return any(one.conflicts or (one.kind, one.subject) == (kind, subject) for one in self.records)
 
 
 class MemoryFabric:
@@ -55,30 +39,20 @@ class MemoryFabric:
         self._index = index
         self._following = RLock()
         self._follower = Follower(self, head=store.head, read=store.read, fold=FOLD)
-        self._recent = Recent()
         self._idle: list[tuple[memory.FollowPosition, Fold]] = []
-        self._behind: UnindexedChanges | None = None
+        self._history = OutcomeHistory(store=store, read=self._setting)
 
     def catch_up(self) -> memory.FollowPosition:
-        """Follow the log to its head, index and all. Raises LogDamaged for an event that cannot be read."""
-        with self._following:
-            mark = self._followed()
-            while not self._written():
-                mark = self._followed()
-            return mark
-
-    def _followed(self) -> memory.FollowPosition:
-        """The mark at the head of the log, up to which everything is folded."""
+        """Follow the log to its head. Raises LogDamaged for an event that cannot be read."""
         with self._following:
             return self._follower.catch_up()
 
     def mark(self) -> memory.FollowPosition:
-        """How far the log is folded: in the index, or behind it."""
-        return self._behind.upto if self._behind else self._index.mark()
+        """How far the index has followed the log."""
+        return self._index.mark()
 
     def clear(self) -> None:
-        """Forget the index and what is behind it."""
-        self._behind = None
+        """Forget the index."""
         self._index.clear()
 
     def find(self, query: memory.MemoryQuery) -> list[memory.MemoryEntry]:
@@ -104,27 +78,18 @@ class MemoryFabric:
             standings=("verified",),
             limit=limit,
         )
-        return [one.record for one in reversed(self._recently(query))]
+        return [one.record for one in reversed(self.find(query))]
+
+    def history(self, card: CapabilityCard, *, place: str, configuration: Digest, half_life: float) -> SettingOutcomes:
+        """What this provider, as its card now declares it, achieved in one setting: verified outcomes only (R60)."""
+        return self._history.of(card, place=place, configuration=configuration, half_life=half_life)
 
     def examples(
-        self, card: CapabilityCard, *, place: str, configuration: Digest, limit: int
+        self, card: CapabilityCard, *, place: str, configuration: Digest, half_life: float, limit: int
     ) -> tuple[ContextRecord, ...]:
         """The newest executions by this provider, in this setting, whose effect was verified: for C2."""
-        query = memory.MemoryQuery(
-            kinds=("outcome",),
-            provider_id=card.provider_id,
-            capability=card.capability,
-            place=place,
-            configuration=configuration,
-            verdicts=("satisfied",),
-            standings=("verified",),
-            limit=limit,
-        )
-        found = self.of_same_contract([one.record for one in self._recently(query)], card)
-        known = ((record, record.knowledge) for record in found)
-        return tuple(
-            as_example(record, outcome) for record, outcome in known if isinstance(outcome, memory.ProviderOutcome)
-        )
+        known = self.history(card, place=place, configuration=configuration, half_life=half_life)
+        return tuple(as_example(record, outcome_of(record)) for record in known.examples[:limit])
 
     def spatial(self, region: memory.FloorBox, *, at_s: float, limit: int = 100) -> list[memory.MemoryEntry]:
         """What is known of a region at one instant of mission time, conflicts and expired records withheld (R69)."""
@@ -176,41 +141,29 @@ class MemoryFabric:
         """The capability contracts and rules that hold now."""
         return self.find(memory.MemoryQuery(kinds=SEMANTIC, limit=limit))
 
-    def _recently(self, query: memory.MemoryQuery) -> list[memory.MemoryEntry]:
-        """`find` for questions about outcomes, which are asked at every dispatch."""
-        known = self._recent.answer(query, at=self._followed())
-        if known is None:
-            mark = self.catch_up()
-            known = self._index.find(query)
-            self._recent.keep(query, known, at=mark)
-        return known
+    def _setting(
+        self, card: CapabilityCard, setting: Setting, half_life: float
+    ) -> tuple[memory.FollowPosition, SettingOutcomes]:
+        """A setting's outcomes from the index, and the head of the log at which the index gave them."""
+        provider_id, capability, place, configuration = setting
+        with self._following:
+            while True:
+                found = self.outcomes(
+                    provider_id,
+                    capability=capability,
+                    place=place,
+                    configuration=configuration,
+                    limit=min(MOST_OUTCOMES, math.ceil(HALF_LIVES * half_life)),
+                )
+                counted, head = self.of_same_contract(found, card), self._index.mark()
+                if self.catch_up() == head:
+                    return head, folded(counted, half_life=half_life, position=head.position)
 
     def take(self, fresh: Sequence[StoredEvent], *, after: memory.FollowPosition, upto: memory.FollowPosition) -> None:
         """Fold one stretch of the log. Raises ConcurrencyConflict if another process advanced the index."""
         fold = self._fold(after)
-        records = list(fold.advance(fresh))
-        behind = self._behind or UnindexedChanges(after=after, upto=after)
-        behind.upto = upto
-        behind.records += records
-        self._behind = behind
-        self._recent.follow(records, after=after, upto=upto)
+        self._index.add(list(fold.advance(fresh)), after=after, upto=upto)
         self._idle[:] = [(upto, fold)]
-        if upto.position - behind.after.position >= BEHIND:
-            self._written()
-
-    def _written(self) -> bool:
-        """Whether the index now holds all that was folded; if another process advanced it, that is forgotten."""
-        behind, self._behind = self._behind, None
-        if behind is not None:
-            try:
-                self._index.add(behind.records, after=behind.after, upto=behind.upto)
-            except ConcurrencyConflict:
-                self._idle.clear()
-                return False
-            except BaseException:
-                self._behind = behind
-                raise
-        return True
 
     def _fold(self, mark: memory.FollowPosition) -> Fold:
         """The fold that wrote up to this mark, if it is free; else a new one that loads from the log and the index."""
@@ -221,13 +174,7 @@ class MemoryFabric:
         return fold if at == mark else self._new_fold()
 
     def _new_fold(self) -> Fold:
-        return Fold(stream=self._store.load, current=self._current, read=self._artefact)
-
-    def _current(self, kind: str, subject: str) -> list[memory.MemoryEntry]:
-        """What is known of a subject. Raises ConcurrencyConflict if another process advanced the index."""
-        if self._behind and self._behind.touches(kind, subject) and not self._written():
-            raise ConcurrencyConflict(because("memory_index_taken"), where="memory index")
-        return self._index.current(kind, subject)
+        return Fold(stream=self._store.load, current=self._index.current, read=self._artefact)
 
     def _artefact(self, digest: Digest) -> bytes | None:
         try:

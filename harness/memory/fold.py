@@ -4,26 +4,22 @@ from collections.abc import Callable, Iterable, Iterator
 
 from msgspec.structs import replace
 
-from harness.contracts.decider import Codec
-from harness.contracts.events import MissionEvent
 from harness.contracts.ids import StreamId
 from harness.contracts.memory import MemoryEntry, MemoryRecord
 from harness.contracts.ports import StoredEvent
 from harness.memory.attempts import episodic, operational
 from harness.memory.captures import captured
 from harness.memory.disputes import disputed
-from harness.memory.draft import Key, MemoryDraft, MissionStep
+from harness.memory.draft import Key, MemoryDraft
 from harness.memory.relations import relate
 from harness.memory.semantic import ReadRecord, semantic
 from harness.memory.spatial import spatial
-from harness.projections.memory import MissionThread, follow
+from harness.memory.steps import LoadStream, MissionSteps
 
-FOLD = "2"
+FOLD = "3"
 """Raised whenever the same log would give other records: every index is then built again."""
 MISSIONS = "mission/"
 LoadCurrent = Callable[[str, str], list[MemoryEntry]]
-LoadStream = Callable[[StreamId], list[StoredEvent]]
-_codec: Codec[MissionEvent] = Codec(MissionEvent)
 
 
 class Fold:
@@ -34,43 +30,36 @@ class Fold:
     """
 
     def __init__(self, *, stream: LoadStream, current: LoadCurrent, read: ReadRecord) -> None:
-        self._stream = stream
+        self._steps = MissionSteps(stream=stream)
         self._load = current
         self._read = read
-        self._threads: dict[StreamId, MissionThread] = {}
         self._current: dict[Key, list[MemoryEntry]] = {}
         self._own: dict[StreamId, list[Key]] = {}
+        self._ended: set[StreamId] = set()
 
     def advance(self, events: Iterable[StoredEvent]) -> Iterator[MemoryRecord]:
         """The records of these events, in order. Raises LogDamaged for an event that cannot be read."""
+        for stream in self._ended:
+            self._forget(stream)
+        self._ended.clear()
         for stored in events:
             if stored.stream.startswith(MISSIONS):
                 related = (self._related(draft) for draft in self._drafts(stored))
                 yield from (record for record in related if record is not None)
 
     def _drafts(self, stored: StoredEvent) -> list[MemoryDraft]:
-        before, event = self._thread(stored), _codec.decode(stored)
-        step = MissionStep(stored=stored, event=event, before=before)
+        step = self._steps.step(stored)
+        if step is None:
+            return []
         learnt = (*spatial(step), *episodic(step), *operational(step), *semantic(step, read=self._read))
         drafts = [*learnt, *captured(step), *disputed(step)]
         self._own.setdefault(stored.stream, []).extend(draft.key for draft in drafts if draft.fresh)
-        self._threads[stored.stream] = follow(before, event)
-        if self._threads[stored.stream].ended:
-            self._forget(stored.stream)
+        if not self._steps.is_open(stored.stream):
+            self._ended.add(stored.stream)
         return drafts
 
-    def _thread(self, stored: StoredEvent) -> MissionThread:
-        """The mission as it was before this event."""
-        thread = self._threads.get(stored.stream, MissionThread())
-        if thread.version != stored.version - 1:
-            thread = MissionThread()
-            for event in self._stream(stored.stream)[: stored.version - 1]:
-                thread = follow(thread, _codec.decode(event))
-        return thread
-
     def _forget(self, stream: StreamId) -> None:
-        """Forgets an ended mission, and the records that only it can add to: neither is needed again."""
-        self._threads.pop(stream)
+        """Forgets the records that only an ended mission can add to: the index holds them since the last stretch."""
         for key in self._own.pop(stream):
             self._current.pop(key, None)
 

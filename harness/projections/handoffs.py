@@ -159,6 +159,7 @@ def _refreshed(h: Handoff, event: handoff_events.HandoffRefreshed) -> Handoff:
         snapshot=event.snapshot,
         evidence=event.evidence,
         choices=event.choices or h.opened.choices,
+        waiting_places=event.waiting_places,
     )
     return replace(h, opened=opened, cycle=event.cycle)
 

@@ -78,9 +78,14 @@ class MissionThread(Value):
         return place_of(self.contract, node_id) if self.contract else ""
 
 
+def passed(thread: MissionThread) -> MissionThread:
+    """The thread after an event that memory does not read."""
+    return replace(thread, version=thread.version + 1)
+
+
 def follow(thread: MissionThread, event: events.MissionEvent) -> MissionThread:
     """The thread after one more event."""
-    nxt = replace(thread, version=thread.version + 1)
+    nxt = passed(thread)
     match event:
         case events.MissionCreated():
             return replace(nxt, mission_id=event.mission_id, robot_id=event.robot_id, configuration=event.configuration)

@@ -13,6 +13,7 @@ _WORDS: dict[str, FailureClass] = {
     "collision": "unsafe_action",
     "safety_stop": "unsafe_action",
     "hardware_stop": "unsafe_action",
+    "fallen": "unsafe_action",
     "deadline": "timeout",
     "cancelled": "interrupted",
     "keepalive_lost": "interrupted",

@@ -134,6 +134,8 @@ def _unmet(name: str, status: RobotStatus | None) -> Reason | None:
         case "hardware_stop_released":
             return because("hardware_stop_is_engaged") if status.hardware_stop else None
         case "standing":
+            if status.posture == "fallen":
+                return because("robot_fell")
             return because("robot_lies_down") if status.posture == "lying" else None
         case "static":
             return because("robot_moves") if status.posture == "moving" else None

@@ -1,14 +1,12 @@
 """Computes the history penalty h from verified outcomes alone, never from a provider's own report (R60, D23). Pure."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 from harness.contracts.capabilities import Capability
 from harness.contracts.ids import Digest, ProviderId
-from harness.contracts.values import Share, Value
+from harness.contracts.memory import SILENT, OutcomeSums
+from harness.contracts.values import Count, Share, Value
 from harness.contracts.verdicts import Verdict
-
-SILENT: tuple[Verdict, ...] = ("ambiguous", "stale")
-"""Verdicts that say nothing about the effect."""
 
 
 class ExecutionOutcome(Value):
@@ -30,10 +28,7 @@ class ExecutionResult(Value, array_like=True):
 
 
 class OutcomeSeries(Value):
-    """The judged executions of one provider in one setting, oldest first.
-
-    Two hundred of them are stored with every dispatch, so the setting is stored once.
-    """
+    """The judged executions of one provider in one setting, oldest first, as earlier logs store them."""
 
     provider_id: ProviderId
     capability: Capability
@@ -42,23 +37,36 @@ class OutcomeSeries(Value):
     judged: tuple[ExecutionResult, ...]
 
 
-class RoutingHistory(Value):
-    """Judged executions, oldest first: one series for each setting. `outcomes`, one by one, come from older logs."""
+class SettingHistory(Value):
+    """What one provider achieved in one setting, as decayed sums over all that the log held up to `position`."""
 
+    provider_id: ProviderId
+    capability: Capability
+    place: str
+    configuration: Digest
+    sums: OutcomeSums
+    position: Count
+
+
+class RoutingHistory(Value):
+    """Decayed sums for each setting. In older logs the executions themselves: one series for each setting, oldest
+    first, or `outcomes` one by one."""
+
+    settings: tuple[SettingHistory, ...] = ()
     series: tuple[OutcomeSeries, ...] = ()
     outcomes: tuple[ExecutionOutcome, ...] = ()
 
     def penalty(
         self, provider_id: ProviderId, *, capability: Capability, place: str, configuration: Digest, half_life: float
     ) -> float:
-        """Decayed share of failure in [0, 1] with a Beta(1, 1) prior: 0.5 where nothing is known.
-
-        An outcome counts half as much after `half_life` newer ones. Violated and unsafe count 1, satisfied counts
-        its residual; ambiguous and stale do not count, since they do not show the effect.
-        """
+        """Decayed share of failure in [0, 1] with a Beta(1, 1) prior: 0.5 where nothing is known."""
+        setting = (provider_id, capability, place, configuration)
+        for one in self.settings:
+            if _setting(one) == setting:
+                return (1.0 + one.sums.failed) / (2.0 + one.sums.weight)
         failed, weight, total = 1.0, 1.0, 2.0
         fading = 0.5 ** (1.0 / half_life)
-        for one in self._newest_first((provider_id, capability, place, configuration)):
+        for one in self._newest_first(setting):
             if one.verdict in SILENT:
                 continue
             failed += weight * (one.residual if one.verdict == "satisfied" else 1.0)
@@ -75,10 +83,5 @@ class RoutingHistory(Value):
         yield from (one for one in reversed(self.outcomes) if _setting(one) == setting)
 
 
-def judged(outcomes: Iterable[tuple[Verdict, float]]) -> tuple[ExecutionResult, ...]:
-    """A series' executions from (verdict, residual), oldest first."""
-    return tuple([ExecutionResult(verdict=verdict, residual=residual) for verdict, residual in outcomes])
-
-
-def _setting(one: OutcomeSeries | ExecutionOutcome) -> tuple[ProviderId, Capability, str, Digest]:
+def _setting(one: SettingHistory | OutcomeSeries | ExecutionOutcome) -> tuple[ProviderId, Capability, str, Digest]:
     return (one.provider_id, one.capability, one.place, one.configuration)

@@ -60,7 +60,8 @@ class Approval:
 class DispatchAttempt:
     """One request to dispatch a node: the first attempt, or a recovery step that C4 proposed or a person chose.
 
-    A person may also have it wait, drive slower than the contract allows, or be the first on another `plan`.
+    A person may also have it wait, drive slower than the contract allows, or be the first on another `plan`; `aside`
+    is the place that such a plan waits at, and for how many seconds.
     """
 
     node_id: ids.NodeId
@@ -70,6 +71,7 @@ class DispatchAttempt:
     plan: RevisedPlan | None = None
     wait_s: float = 0.0
     speed_cap_mps: float | None = None
+    aside: tuple[ids.PlaceId, float] | None = None
 
     @property
     def verify_only(self) -> bool:

@@ -22,7 +22,7 @@ from harness.gate.handoffs import decide
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Failure, Mission, required_contract
 from harness.supervisor.dispatch import Approval, DispatchAttempt, Dispatcher
-from harness.supervisor.questions import Questions, Wish
+from harness.supervisor.questions import WAITS_BY, Questions, Wish
 from harness.supervisor.roles import RoleContexts, context_record
 from harness.supervisor.zones import patience, reserve_s
 
@@ -66,6 +66,7 @@ class HandoffService:
             choices=self._questions.choices(mission, failure.node_id),
             safe_place=next((one.name for one in site.places if one.place_id == goal), ""),
             otherwise=allowed.retreat.otherwise if allowed.retreat else "",
+            waiting_places=self._questions.waiting_places(mission, failure.node_id),
         )
         asking = commands.AskPerson(
             handoff_id=handoff_id,
@@ -125,9 +126,17 @@ class HandoffService:
         """Propose another action: the question is refreshed and approved, if at all, on its own digest."""
         if command.cycle != handoff.cycle:
             return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
-        if command.action not in self._questions.choices(mission, opened.node_id):
+        place = command.waiting_place
+        if place is not None and place not in self._questions.waiting_places(mission, opened.node_id):
+            return refused("no_choice", because("place_not_offered", place=place))
+        if place is None and command.action not in self._questions.choices(mission, opened.node_id):
             return refused("no_choice", because("action_not_offered", action=command.action))
-        wish = Wish(action=command.action, wait_s=command.wait_s, speed_cap_mps=command.speed_cap_mps)
+        wish = Wish(
+            action=command.action if place is None else WAITS_BY,
+            wait_s=command.wait_s,
+            speed_cap_mps=command.speed_cap_mps,
+            waiting_place=place,
+        )
         if outside := self._questions.outside(mission, wish):
             return refused("not_possible", outside)
         proposal = self._questions.proposal(mission, opened.node_id, wish)
@@ -155,6 +164,7 @@ class HandoffService:
             evidence=self._questions.evidence(mission, opened.node_id, snapshot),
             choices=self._questions.choices(mission, opened.node_id),
             actor=actor,
+            waiting_places=self._questions.waiting_places(mission, opened.node_id),
         )
         return self._answer_of(handoff, refreshed)
 

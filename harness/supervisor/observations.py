@@ -124,16 +124,25 @@ class ObservationBuffer:
         self._forget_old()
         return None
 
+    @property
+    def _horizon_s(self) -> float:
+        """What is older belongs to nothing that runs."""
+        return self._connection.clock.now().mission_s - RECENT_S
+
     def _forget_old(self) -> None:
-        horizon = self._connection.clock.now().mission_s - RECENT_S
-        while self._recent and self._recent[0].at_s < horizon:
+        horizon_s = self._horizon_s
+        while self._recent and self._recent[0].at_s < horizon_s:
             self._recent.popleft()
 
     def _take(self, batch: Observations, spooling: InvocationId | None) -> None:
+        """Keep what is new. A robot that ran for hours gives out all that it holds: no sweep or image of then is
+        fetched, unless it belongs to an open invocation."""
         until_s = self._connection.clock.now().mission_s + AHEAD_S
         fresh = [sample for sample in batch.samples if sample.seq > self._after]
         self._after = max((sample.seq for sample in fresh), default=self._after)
         fresh = [sample for sample in fresh if sample.at_s <= until_s]
+        if spooling is None:
+            fresh = [sample for sample in fresh if sample.at_s >= self._horizon_s]
         self._keep_blobs(fresh)
         if spooling is not None and fresh:
             self._connection.spool.add(spooling, fresh)

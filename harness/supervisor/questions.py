@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 
 from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
@@ -12,7 +12,7 @@ from harness.contracts.configuration import RecoveryAction
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.handoff_events import LONGEST_WAIT_S, SLOWEST_MPS, ProposedAction, Snapshot
-from harness.contracts.ids import Digest, NodeId, ProviderId
+from harness.contracts.ids import Digest, NodeId, PlaceId, ProviderId
 from harness.contracts.observations import Image, Odometry, Pose
 from harness.contracts.proposals import RecoveryProposal
 from harness.contracts.reasons import Reason, because
@@ -39,19 +39,24 @@ OFFERED: tuple[RecoveryAction, ...] = (
 ALWAYS: tuple[RecoveryAction, ...] = ("retry", "verify_again")
 PLANNED: tuple[RecoveryAction, ...] = ("re_perceive", "adjust_view", "local_replan")
 """Steps that go on with another plan, where one is found."""
+WAITS_BY: RecoveryAction = "local_replan"
+"""What waiting at another place counts as: the stage goes on with another plan."""
+MOST_PLACES = 3
 
 
 @dataclass(frozen=True)
 class Wish:
     """What a person wants proposed: a step, and for this one start a wait and a lower speed limit.
 
-    `plan` is the record of the plan that was shown with it; a new one is made where none is named.
+    `plan` is the record of the plan that was shown with it; a new one is made where none is named. With a
+    `waiting_place` the robot goes there first, stands there for `wait_s`, and then goes on.
     """
 
     action: RecoveryAction = "retry"
     wait_s: float = 0.0
     speed_cap_mps: float | None = None
     plan: Digest | None = None
+    waiting_place: PlaceId | None = None
 
 
 class Questions:
@@ -80,14 +85,22 @@ class Questions:
         )
         paid = cost and state.failure is not None
         c4 = recovery_context(self._roles.view(mission), node_id, self._connection.cards) if paid else None
-        plan = self._plan(mission, node_id, step, wish) if c4 is not None and action in PLANNED else None
+        planned = c4 is not None and (action in PLANNED or wish.waiting_place is not None)
+        plan = self._plan(mission, node_id, step, wish) if planned else None
         first = _first(mission, plan, step) if plan is not None else node_id
         if first is None or (plan is None and action == "local_replan"):
             return None
         if first != node_id:
             step = replace(step, provider_id=None)
+        aside = (wish.waiting_place, wish.wait_s) if wish.waiting_place is not None else None
         return DispatchAttempt(
-            node_id=first, recovery=step, c4=c4, plan=plan, wait_s=wish.wait_s, speed_cap_mps=wish.speed_cap_mps
+            node_id=first,
+            recovery=step,
+            c4=c4,
+            plan=plan,
+            wait_s=0.0 if aside else wish.wait_s,
+            speed_cap_mps=wish.speed_cap_mps,
+            aside=aside,
         )
 
     def proposal(self, mission: Mission, node_id: NodeId, wish: Wish) -> ProposedAction | None:
@@ -102,6 +115,7 @@ class Questions:
         if isinstance(prepared, Refused) or attempt.recovery is None:
             return None
         intent, cap_mps = prepared.intent, required_contract(mission).constraints.speed_cap_mps
+        place_id, wait_s = attempt.aside or (UNSET, attempt.wait_s)
         return ProposedAction(
             mission_id=mission.mission_id,
             node_id=attempt.node_id,
@@ -117,8 +131,9 @@ class Questions:
                 "timeout_s": round(intent.deadline_s - (intent.not_before_s or intent.dispatched_s), 3),
             },
             spends=attempt.recovery.cost,
-            wait_s=attempt.wait_s or UNSET,
+            wait_s=wait_s or UNSET,
             plan=self._runtime.keep(encode(attempt.plan)) if attempt.plan else UNSET,
+            waiting_place=place_id,
         )
 
     def first(self, mission: Mission, node_id: NodeId) -> Wish:
@@ -140,12 +155,15 @@ class Questions:
             wait_s=0.0 if isinstance(proposal.wait_s, UnsetType) else proposal.wait_s,
             speed_cap_mps=limit_mps if slower else None,
             plan=None if again or isinstance(proposal.plan, UnsetType) else proposal.plan,
+            waiting_place=None if isinstance(proposal.waiting_place, UnsetType) else proposal.waiting_place,
         )
 
     def outside(self, mission: Mission, wish: Wish) -> Reason | None:
         """Why no start may wait so long or drive so fast or slowly, or None."""
         if not 0 <= wish.wait_s <= LONGEST_WAIT_S:
             return because("wait_too_long", wait_s=wish.wait_s, limit_s=LONGEST_WAIT_S)
+        if wish.waiting_place is not None and not wish.wait_s:
+            return because("waits_no_time", place=wish.waiting_place)
         speed_mps, cap_mps = wish.speed_cap_mps, _cap_mps(mission)
         if speed_mps is None or SLOWEST_MPS <= speed_mps <= cap_mps:
             return None
@@ -178,11 +196,24 @@ class Questions:
             and not (action == "local_replan" and self.attempt(mission, node_id, Wish(action)) is None)
         )
 
+    def waiting_places(self, mission: Mission, node_id: NodeId) -> tuple[PlaceId, ...]:
+        """Where the robot could wait before it goes on with this stage: where a plan with that leg could begin now."""
+        ladder = ladder_of(mission.of(node_id).failures[-1].failure, required_policy(mission))
+        if WAITS_BY not in ladder or mission.of(node_id).failure is None or over_budget(mission, node_id, WAITS_BY):
+            return ()
+        names = (place.place_id for place in self._revisions.waiting_places(mission))
+        wishes = (Wish(WAITS_BY, wait_s=LONGEST_WAIT_S, waiting_place=one) for one in names)
+        found = (one.waiting_place for one in wishes if self.attempt(mission, node_id, one) is not None)
+        return tuple(islice((one for one in found if one is not None), MOST_PLACES))
+
     def _plan(self, mission: Mission, node_id: NodeId, step: RecoveryProposal, wish: Wish) -> RevisedPlan | None:
         """The plan that was shown, or another one; None where none is found that the gate would accept."""
         if wish.plan is not None:
             return decode(self._runtime.blob(wish.plan), RevisedPlan)
-        plan = self._revisions.plan(mission, node_id, step)
+        if wish.waiting_place is not None:
+            plan = self._revisions.waiting(mission, node_id, wish.waiting_place, wish.wait_s)
+        else:
+            plan = self._revisions.plan(mission, node_id, step)
         refused = plan and revision_refusal(mission, plan.contract, reopened=plan.reopened)
         return None if refused else plan
 

@@ -16,9 +16,10 @@ from harness.contracts.contexts import Context
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.effects import Metric
 from harness.contracts.exploration import GridMap
-from harness.contracts.ids import Digest, MissionId, NodeId, ProviderId
+from harness.contracts.ids import Digest, MissionId, NodeId, PlaceId, ProviderId
 from harness.contracts.memory import FloorBox, MemoryRecord
 from harness.contracts.observations import Trajectory
+from harness.contracts.places import Place
 from harness.contracts.ports import Record
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.reasons import Reason, because
@@ -31,6 +32,7 @@ from harness.exploration.paths import NARROWEST_CELLS, Cell, Ways
 from harness.exploration.viewpoints import Viewpoint, viewpoints
 from harness.memory.spatial import SIGHTING_HOLDS_S
 from harness.planning import views
+from harness.planning.waiting import waited_at
 from harness.projections.mission import Failure, Mission, required_contract
 from harness.projections.region import contains
 from harness.recovery.state import OBSERVING
@@ -39,6 +41,8 @@ from harness.supervisor.roles import RoleContexts, context_record, record
 PLANNER = "local-map-1"
 APART_M = 0.8
 """Another viewpoint is at least so far from where frames were taken before."""
+ASIDE_M = 1.5
+"""A place nearer than this is no other place to wait at."""
 BEFORE_LENS_M = 1.2
 """The floor nearer than this lies below the camera's picture."""
 LEAST_SHARE = 0.3
@@ -99,6 +103,43 @@ class Revisions:
             planner=PLANNER,
             reason=planned.reason,
         )
+
+    def waiting_places(self, mission: Mission) -> tuple[Place, ...]:
+        """Places of the site that the robot could wait at: a known way leads there, and it does not stand there."""
+        return tuple(place for place, _ in self._asides(mission))
+
+    def waiting(self, mission: Mission, node_id: NodeId, place_id: PlaceId, wait_s: float) -> RevisedPlan | None:
+        """The plan that goes to a place, waits there and then goes on with the stage; None where no way is known."""
+        contract = required_contract(mission)
+        node = contract.node(node_id)
+        for place, way_m in self._asides(mission):
+            if place.place_id == place_id:
+                length_m = math.fsum(math.dist(a, b) for a, b in pairwise(way_m))
+                return RevisedPlan(
+                    node_id=node_id,
+                    contract=waited_at(contract, node, place, route_m=way_m, wait_s=wait_s),
+                    reopened=(),
+                    planner=PLANNER,
+                    reason=because("waits_aside", stage=node_id, place=place.name, wait_s=wait_s, length_m=length_m),
+                )
+        return None
+
+    def _asides(self, mission: Mission) -> Iterator[tuple[Place, tuple[Point, ...]]]:
+        """Places with the ways to them on this mission's own map, the nearest first."""
+        contract, position = required_contract(mission), self._roles.position()
+        drawn = next(self._maps(mission, position), None) if position is not None else None
+        if position is None or drawn is None:
+            return
+        places = [
+            one
+            for one in self._runtime.site_of(mission).places
+            if (one.frame, one.map_version) == (contract.frame, contract.map_version)
+            and one.place_id not in contract.constraints.keep_out
+            and math.dist(one.approach_m, position) > ASIDE_M
+        ]
+        for place in sorted(places, key=lambda one: math.dist(one.approach_m, position)):
+            if way_m := drawn.ways.route_m(place.approach_m):
+                yield place, way_m
 
     def carry_out(self, mission: Mission, failure: Failure, proposal: RecoveryProposal, c4: Context) -> bool | Refused:
         """Whether the step is done with: as a revision, or passed over where no other route is planned that the gate

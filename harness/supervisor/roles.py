@@ -1,6 +1,5 @@
 """Compiles the state each role is shown, from one state version, and records it."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,14 +7,12 @@ from harness.contexts.view import StateView
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.ids import NodeId, sha256
-from harness.contracts.memory import ProviderOutcome
 from harness.contracts.observations import Pose
 from harness.contracts.ports import Record
 from harness.contracts.values import Point, encode
-from harness.contracts.verdicts import Verdict
 from harness.projections.memory import place_of
 from harness.projections.mission import Mission, required_contract, required_policy
-from harness.routing.history import OutcomeSeries, RoutingHistory, judged
+from harness.routing.history import RoutingHistory, SettingHistory
 from harness.runtime import Runtime
 from harness.supervisor.observations import ObservationBuffer
 from harness.supervisor.robot_connection import RobotConnection
@@ -29,10 +26,6 @@ def record(kind: str, value: Any) -> Record:
 
 def context_record(context: Context) -> Record:
     return Record(digest=context.digest, kind=f"context/{context.role}", body=context.body)
-
-
-HALF_LIVES = 10
-"""Outcomes older than this many half-lives weigh under a thousandth and are not asked for."""
 
 
 class RoleContexts:
@@ -66,29 +59,29 @@ class RoleContexts:
 
     def history(self, mission: Mission, node_id: NodeId, cards: Sequence[CapabilityCard]) -> RoutingHistory:
         """What memory holds of these providers in the node's setting: verified outcomes only (R60, D23)."""
-        half_life = self.runtime.configuration_of(mission).routing.history_half_life
-        place = self.place(mission, node_id)
+        half_life, place = self._half_life(mission), self.place(mission, node_id)
+        known = [
+            (
+                card,
+                self.runtime.memory.history(
+                    card, place=place, configuration=mission.configuration, half_life=half_life
+                ),
+            )
+            for card in cards
+        ]
         return RoutingHistory(
-            series=tuple(
-                OutcomeSeries(
+            settings=tuple(
+                SettingHistory(
                     provider_id=card.provider_id,
                     capability=card.capability,
                     place=place,
                     configuration=mission.configuration,
-                    judged=judged(self._outcomes(card, mission, place=place, most=math.ceil(HALF_LIVES * half_life))),
+                    sums=one.sums,
+                    position=one.position,
                 )
-                for card in cards
+                for card, one in known
             )
         )
-
-    def _outcomes(
-        self, card: CapabilityCard, mission: Mission, *, place: str, most: int
-    ) -> list[tuple[Verdict, float]]:
-        found = self.runtime.memory.outcomes(
-            card.provider_id, capability=card.capability, place=place, configuration=mission.configuration, limit=most
-        )
-        known = (one.knowledge for one in self.runtime.memory.of_same_contract(found, card))
-        return [(outcome.verdict, outcome.residual) for outcome in known if isinstance(outcome, ProviderOutcome)]
 
     def examples(self, mission: Mission, node_id: NodeId, card: CapabilityCard) -> tuple[ContextRecord, ...]:
         """Verified operational examples for C2, newest first (R139)."""
@@ -96,5 +89,9 @@ class RoleContexts:
             card,
             place=self.place(mission, node_id),
             configuration=mission.configuration,
+            half_life=self._half_life(mission),
             limit=self.runtime.configuration_of(mission).context_rules.c2_examples,
         )
+
+    def _half_life(self, mission: Mission) -> float:
+        return self.runtime.configuration_of(mission).routing.history_half_life

@@ -10,7 +10,7 @@ import msgspec
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import Blobs, Context, ContextRecord
 from harness.contracts.effects import Condition
-from harness.contracts.errors import HarnessError
+from harness.contracts.errors import HarnessError, StoreUnavailable
 from harness.contracts.evidence import CommittedFact, DeclaredEffect, EvidenceReference
 from harness.contracts.ids import Digest, NodeId, sha256
 from harness.contracts.observations import InstrumentReading, Odometry, Pose, Trajectory
@@ -203,9 +203,12 @@ class Evidence:
         )
 
     def bytes_of(self, digest: Digest) -> bytes:
-        """The blob, its checksum computed again. Raises Undecidable if it is missing or changed."""
+        """The blob, its checksum computed again. Raises Undecidable if it is missing or changed, and StoreUnavailable
+        where nobody can say now: an outage is no verdict."""
         try:
             body = self.blobs(digest)
+        except StoreUnavailable:
+            raise
         except (HarnessError, KeyError) as error:
             raise Undecidable(because("blob_unreadable", blob=digest[:12], error=_why(error))) from error
         if sha256(body) != digest:

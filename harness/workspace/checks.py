@@ -31,6 +31,7 @@ from harness.verification.finding import RECEIPTS
 from harness.verification.predicates.registry import PREDICATES
 from harness.workspace.contract_yaml import Lines, Step
 from harness.workspace.files import (
+    EvidencePath,
     HttpRobotEntry,
     ModelsFile,
     RobotEntry,
@@ -43,6 +44,13 @@ from harness.workspace.files import (
 STEP_M = 0.05
 SEEING_ROLES = frozenset({"visual_analysis", "description"})
 """Roles of models that are shown images."""
+SCHEMES: dict[str, tuple[str, ...]] = {
+    "http": ("http", "https"),
+    "rosbridge": ("ws", "wss"),
+    "foxglove": ("ws", "wss"),
+    "dds": ("dds",),
+}
+"""The addresses that each kind of path for evidence has."""
 LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 
 
@@ -141,12 +149,32 @@ def robot_problems(robots: RobotsFile, file: Path, lines: Lines) -> Iterator[Har
         for secret, path in _secrets(one):
             if not secret.has_one_place:
                 yield problem(because("secret_needs_one_place"), "robots", index, *path)
-        evidence = one.evidence if isinstance(one, HttpRobotEntry) else None
-        own = f"{one.name}/evidence"
-        if evidence is not None and addresses.setdefault(evidence.address.rstrip("/"), own) != own:
-            yield problem(because("evidence_not_apart", name=one.name), "robots", index, "evidence", "address")
+        if one.evidence is not None:
+            own = f"{one.name}/evidence"
+            shared = one.evidence.kind == "http" and addresses.setdefault(one.evidence.address.rstrip("/"), own) != own
+            if shared:
+                yield problem(because("evidence_not_apart", name=one.name), "robots", index, "evidence", "address")
+            for reason, key in _evidence_problems(one.name, one.evidence):
+                yield problem(reason, "robots", index, "evidence", key)
         if one.footprint_m and len(one.footprint_m) < 3:
             yield problem(because("footprint_too_small", name=one.name), "robots", index, "footprint_m")
+
+
+def _evidence_problems(name: str, evidence: EvidencePath) -> Iterator[tuple[Reason, str]]:
+    """What a path for evidence of this kind lacks or has too much, and at which key."""
+    scheme = urlsplit(evidence.address).scheme
+    if scheme not in SCHEMES[evidence.kind]:
+        wanted = tuple(f"{one}://" for one in SCHEMES[evidence.kind])
+        yield because("evidence_address_of_other_kind", name=name, kind=evidence.kind, schemes=wanted), "address"
+    if evidence.kind == "http":
+        if evidence.token is None:
+            yield because("evidence_token_missing", name=name), "address"
+        if evidence.topics is not None or evidence.laser is not None:
+            yield because("evidence_topics_unused", name=name), "topics" if evidence.topics else "laser"
+    elif evidence.topics is None:
+        yield because("evidence_topics_missing", name=name, kind=evidence.kind), "kind"
+    if evidence.kind == "dds" and evidence.token is not None:
+        yield because("evidence_token_unused", name=name), "token"
 
 
 def robot_notes(
@@ -167,8 +195,6 @@ def _secrets(entry: RobotEntry) -> Iterator[tuple[SecretReference, tuple[Step, .
     match entry:
         case HttpRobotEntry():
             yield entry.token, ("token",)
-            if entry.evidence is not None:
-                yield entry.evidence.token, ("evidence", "token")
         case VehicleEntry():
             if entry.password is not None:
                 yield entry.password, ("password",)
@@ -176,6 +202,8 @@ def _secrets(entry: RobotEntry) -> Iterator[tuple[SecretReference, tuple[Step, .
             return
         case _:
             assert_never(entry)
+    if entry.evidence is not None and entry.evidence.token is not None:
+        yield entry.evidence.token, ("evidence", "token")
 
 
 def channel_problems(channels: ChannelsFile, file: Path, lines: Lines) -> Iterator[HarnessError]:

@@ -7,13 +7,17 @@ from typing import Annotated, Literal
 import msgspec
 
 from harness.contracts.models import ModelEndpoint, ModelName, ModelRole
-from harness.contracts.observations import Camera
+from harness.contracts.observations import Camera, LaserMount
 from harness.contracts.places import Site
 from harness.contracts.secret_references import SecretReference as SecretReference
 from harness.contracts.values import Name, Point, Positive, Value
 
 RobotName = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9-]{0,30}$")]
 Address = Annotated[str, msgspec.Meta(pattern=r"^https?://[^\s/]+(/\S*)?$", max_length=300)]
+EvidenceAddress = Annotated[
+    str, msgspec.Meta(pattern=r"^((https?|wss?)://[^\s/]+(/\S*)?|dds://[^\s/:]+(/\d{1,3})?)$", max_length=300)
+]
+RosTopic = Annotated[str, msgspec.Meta(pattern=r"^/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*$", max_length=200)]
 BrokerAddress = Annotated[str, msgspec.Meta(pattern=r"^mqtts?://[^\s/@:]+(:\d{1,5})?/?$", max_length=300)]
 TopicLevel = Annotated[str, msgspec.Meta(pattern=r"^[^\s/+#]+$", max_length=200)]
 """One level of an MQTT topic."""
@@ -34,11 +38,30 @@ class SimulatedRobotEntry(Value, tag_field="kind", tag="simulator"):
     name: RobotName
 
 
-class EvidencePath(Value):
-    """A second program at the same robot that only observes: evidence comes from there, not from who executes."""
+class EvidenceTopics(Value):
+    """The ROS topics that witness for a robot, by their names; without a name that kind of sample is not read."""
 
-    address: Address
-    token: SecretReference
+    pose: RosTopic
+    odometry: RosTopic
+    scan: RosTopic | None = None
+    image: RosTopic | None = None
+    battery: RosTopic | None = None
+
+
+class EvidencePath(Value):
+    """A second path at the same robot that only observes: evidence comes from there, not from who executes.
+
+    `http` is another program that serves the provider protocol. The other kinds read `topics`: `rosbridge` and
+    `foxglove` from a WebSocket (`ws://`, `wss://`), `dds` from DDS itself (`dds://PEER/DOMAIN`). `laser`: where the
+    scan's origin is on the body, where scans are not in `base_frame`.
+    """
+
+    address: EvidenceAddress
+    kind: Literal["http", "rosbridge", "foxglove", "dds"] = "http"
+    token: SecretReference | None = None
+    topics: EvidenceTopics | None = None
+    base_frame: Name = "base_link"
+    laser: LaserMount | None = None
 
 
 class HttpRobotEntry(Value, tag_field="kind", tag="http"):
@@ -92,6 +115,7 @@ class VehicleEntry(Value, tag_field="kind", tag="vda5050"):
     speed_limit_mps: Positive | None = None
     camera: Camera | None = None
     embodiment: str = ""
+    evidence: EvidencePath | None = None
 
     @property
     def identity(self) -> str:

@@ -245,7 +245,12 @@ def open_workspace(folder: Path, *, reserved: Sequence[str] = (), foreign: bool 
 
 
 def token_of(entry: HttpRobotEntry | EvidencePath, folder: Path) -> str:
-    """The bearer token of a robot, or of its evidence path, at an address. Raises ContractInvalid."""
+    """The bearer token of a robot, or of its evidence path, at an address; empty where the path names none.
+
+    Raises ContractInvalid.
+    """
+    if entry.token is None:
+        return ""
     return secret(variable=entry.token.environment, file=entry.token.file, folder=folder)
 
 

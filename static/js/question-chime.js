@@ -14,7 +14,7 @@ document.addEventListener("click", (event) => { if (event.target.closest?.("[dat
 function call() {
   localStorage.setItem("call", called() ? "off" : "on");
   pressed();
-  say(called() ? tr("A chime and the page title will announce a new handoff.") : tr("New questions come without a tone."));
+  say(called() ? tr("A chime and the page title will announce a new handoff.") : tr("New handoffs come without a tone."));
   if (called()) tone();
 }
 
@@ -47,7 +47,7 @@ function flash() {
   let left = 20;
   flashing = setInterval(() => {
     left -= 1;
-    document.title = left % 2 ? tr("A question waits") : title;
+    document.title = left % 2 ? tr("A handoff waits") : title;
     if (left <= 0 || !questions()) { clearInterval(flashing); document.title = title; }
   }, 700);
 }

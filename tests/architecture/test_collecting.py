@@ -68,10 +68,20 @@ def test_browser_tests_and_campaigns_are_marked() -> None:
     assert cast(Collected, fault).added == ["campaign"]
 
 
-def test_one_worker_takes_all_browser_tests_and_the_others_the_rest(tmp_path: Path) -> None:
+PLAIN = "import pytest\n@pytest.mark.parametrize('n', range(6))\ndef test_x(n):\n    pass\n"
+SHARED = """import os, pytest
+@pytest.fixture(scope="module")
+def maker():
+    return os.getpid()
+@pytest.mark.parametrize('n', range(6))
+def test_x(n, maker):
+    pass
+"""
+
+
+def test_browser_tests_and_a_module_that_shares_a_fixture_each_go_to_one_worker(tmp_path: Path) -> None:
     (tmp_path / "conftest.py").write_text("from tests.conftest import pytest_xdist_make_scheduler\n", encoding="utf-8")
-    source = "import pytest\n@pytest.mark.parametrize('n', range(6))\ndef test_x(n):\n    pass\n"
-    for folder in ("browser", "unit"):
+    for folder, source in (("browser", PLAIN), ("unit", PLAIN), ("faults", SHARED)):
         (tmp_path / "tests" / folder).mkdir(parents=True)
         (tmp_path / "tests" / folder / f"test_{folder}.py").write_text(source, encoding="utf-8")
     command = [sys.executable, "-m", "pytest", "-n", "2", "-v", "--rootdir", ".", "-p", "no:cacheprovider"]
@@ -79,5 +89,6 @@ def test_one_worker_takes_all_browser_tests_and_the_others_the_rest(tmp_path: Pa
         command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=True
     )
     passed = [line for line in done.stdout.splitlines() if "PASSED" in line]
-    assert len(passed) == 12
-    assert len({line.split()[0] for line in passed if "tests/browser/" in line}) == 1
+    assert len(passed) == 18
+    for folder in ("browser", "faults"):
+        assert len({line.split()[0] for line in passed if f"tests/{folder}/" in line}) == 1

@@ -1,5 +1,6 @@
 """A Chromium for the console's pages, and a watch that fails a test on errors nobody expected."""
 
+import os
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -62,9 +63,9 @@ class OpenPage(Protocol):
 
 
 class TakePicture(Protocol):
-    """Writes artefacts/<name>.png of the whole page (or of what is in view) and returns its path."""
+    """Writes artefacts/<name>.png of the whole page, or of what is in view."""
 
-    def __call__(self, page: Page, name: str, *, whole: bool = True) -> Path: ...
+    def __call__(self, page: Page, name: str, *, whole: bool = True) -> None: ...
 
 
 @pytest.fixture(scope="package")
@@ -138,13 +139,13 @@ def browser_page(open_page: OpenPage) -> Page:
 
 @pytest.fixture
 def take_picture() -> TakePicture:
-    """Pictures for people to look at."""
+    """Pictures for people to look at, who ask for them with REGEN_PICTURES=1."""
+    wanted = os.environ.get("REGEN_PICTURES") == "1"
 
-    def take(page: Page, name: str, *, whole: bool = True) -> Path:
-        ARTEFACTS.mkdir(exist_ok=True)
-        path = ARTEFACTS / f"{name}.png"
-        page.screenshot(path=path, full_page=whole)
-        return path
+    def take(page: Page, name: str, *, whole: bool = True) -> None:
+        if wanted:
+            ARTEFACTS.mkdir(exist_ok=True)
+            page.screenshot(path=ARTEFACTS / f"{name}.png", full_page=whole)
 
     return take
 

@@ -100,5 +100,5 @@ def test_a_new_question_takes_no_focus_and_calls_only_who_asked_for_it(open_page
         served.asked.asked()
         expect(silent.locator("#rail .count").first).to_be_visible()
         expect(silent.locator("[name=goal]")).to_be_focused()
-        expect(called).to_have_title(re.compile("A question waits"))
-        assert "A question waits" not in silent.title()
+        expect(called).to_have_title(re.compile("A handoff waits"))
+        assert "A handoff waits" not in silent.title()

@@ -52,6 +52,7 @@ def speaking(playwright: Playwright, tmp_path: Path) -> Iterator[Speaking]:
         page.add_init_script(VIOLATIONS)
         page.route("**/scene/*/", lambda route: route.fulfill(content_type="text/html", body=NO_VIEWER))
         page.goto(f"http://127.0.0.1:{port}{stand.app.state.sessions.invite()}")
+        page.wait_for_url(re.compile(r"/$"))
         yield Speaking(stand, page)
         browser.close()
         server.should_exit = True

@@ -3,6 +3,7 @@
 import re
 import resource
 import signal
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -10,18 +11,31 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from harness.adapters.stores.blob_address import open_blobs
 from harness.adapters.stores.blobs import FileBlobStore
 from harness.adapters.stores.memory import MemoryBlobStore
-from harness.contracts.errors import BlobDamaged, StoreUnavailable
+from harness.contracts.errors import BlobDamaged, ContractInvalid, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.ports import BlobStore
+from tests.builders.object_store import ObjectStore, object_store
 from tests.saying import raises_saying
 from tests.unit.stores.processes import kill, lines, running
 
 
-@pytest.fixture(params=["memory", "files"])
-def blobs(request: pytest.FixtureRequest, tmp_path: Path) -> BlobStore:
-    return MemoryBlobStore() if request.param == "memory" else FileBlobStore(tmp_path / "blobs")
+@pytest.fixture(scope="module")
+def service() -> Iterator[ObjectStore]:
+    with pytest.MonkeyPatch.context() as monkeypatch, object_store(monkeypatch) as running_service:
+        yield running_service
+
+
+@pytest.fixture(params=["memory", "files", "bucket"])
+def blobs(request: pytest.FixtureRequest, tmp_path: Path, service: ObjectStore) -> BlobStore:
+    stores: dict[str, Callable[[], BlobStore]] = {
+        "memory": MemoryBlobStore,
+        "files": lambda: open_blobs("", tmp_path / "blobs"),
+        "bucket": lambda: open_blobs(service.address(), tmp_path / "blobs"),
+    }
+    return stores[request.param]()
 
 
 @pytest.fixture
@@ -48,6 +62,15 @@ def test_every_blob_is_found_again_under_its_sha256(kept: list[BlobStore], bodie
         listed = list(blobs.digests())
         assert set(digests) <= set(listed)
         assert listed == sorted(set(listed))
+
+
+@pytest.mark.parametrize("bodies", [[b""], [b"image", bytes(2000)], [bytes([number]) for number in range(20)]])
+def test_a_bucket_finds_every_blob_again_and_lists_it_in_order(
+    service: ObjectStore, folder: Path, bodies: list[bytes]
+) -> None:
+    blobs = open_blobs(service.address(), folder)
+    assert [blobs.get(blobs.put(body)) for body in bodies] == bodies
+    assert list(blobs.digests()) == sorted({sha256(body) for body in bodies})
 
 
 def test_what_was_never_put_is_missing(blobs: BlobStore) -> None:
@@ -87,6 +110,16 @@ def test_many_threads_may_put_the_same_blobs(blobs: BlobStore) -> None:
         found = list(pool.map(blobs.put, bodies * 8))
     assert set(found) == {sha256(body) for body in bodies} == set(blobs.digests())
     assert [blobs.get(sha256(body)) for body in bodies] == bodies
+
+
+def test_what_is_erased_is_gone_and_may_be_erased_again(blobs: BlobStore) -> None:
+    digest, other = blobs.put(b"voice"), blobs.put(b"scan")
+    blobs.erase(digest)
+    blobs.erase(digest)
+    assert not blobs.has(digest)
+    assert list(blobs.digests()) == [other]
+    with pytest.raises(BlobDamaged):
+        blobs.get(digest)
 
 
 def test_files_lie_in_two_levels_by_digest_and_nothing_else_is_left(folder: Path) -> None:
@@ -146,3 +179,75 @@ def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
     with raises_saying(StoreUnavailable, match=r"cannot be written.*file"):
         FileBlobStore(tmp_path / "file" / "blobs")
+
+
+@pytest.mark.parametrize("spoiled", [b"imagE", b"imag", b"", b"image "])
+def test_changed_objects_are_refused_and_mended_by_putting_them_again(
+    service: ObjectStore, folder: Path, spoiled: bytes
+) -> None:
+    address = service.address()
+    bucket = address.removeprefix("s3://").partition("/")[0]
+    blobs = open_blobs(address, folder)
+    digest = blobs.put(b"image")
+    service.write(bucket, f"evidence/{digest[:2]}/{digest[2:4]}/{digest}", spoiled)
+    with raises_saying(BlobDamaged, match="does not match") as caught:
+        blobs.get(digest)
+    assert caught.value.where == f"s3://{bucket}/evidence/{digest[:2]}/{digest[2:4]}/{digest}"
+    assert blobs.put(b"image") == digest
+    assert blobs.get(digest) == b"image"
+
+
+def test_two_hosts_share_a_bucket_and_what_lies_beside_its_blobs_is_none(service: ObjectStore, tmp_path: Path) -> None:
+    address = service.address()
+    bucket = address.removeprefix("s3://").partition("/")[0]
+    one, other = open_blobs(address, tmp_path / "one"), open_blobs(address, tmp_path / "other")
+    digest = one.put(b"image")
+    service.write(bucket, "evidence/README", b"what this is")
+    service.write(bucket, f"elsewhere/{digest[:2]}/{digest[2:4]}/{digest}", b"of another site")
+    assert other.get(digest) == b"image"
+    assert list(other.digests()) == [digest]
+    other.erase(digest)
+    assert not one.has(digest)
+
+
+def test_a_copy_that_cannot_be_erased_with_its_object_is_said(service: ObjectStore, folder: Path) -> None:
+    def no_copy(digest: Digest) -> None:
+        raise PermissionError("the outbox is read only")
+
+    blobs = open_blobs(service.address(), folder, copies=no_copy)
+    digest = blobs.put(b"voice")
+    with raises_saying(StoreUnavailable, match="read only"):
+        blobs.erase(digest)
+
+
+def test_a_service_that_is_gone_is_an_outage_and_no_damage(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+    with object_store(monkeypatch) as short_lived:
+        blobs = open_blobs(short_lived.address(), folder)
+        digest = blobs.put(b"image")
+        elsewhere = short_lived.address()
+    asks: list[Callable[[], object]] = [
+        lambda: blobs.put(b"image"),
+        lambda: blobs.get(digest),
+        lambda: blobs.has(digest),
+        lambda: list(blobs.digests()),
+        lambda: blobs.erase(digest),
+        lambda: open_blobs(elsewhere, folder),
+    ]
+    for ask in asks:
+        with raises_saying(StoreUnavailable, match="object store"):
+            ask()
+
+
+def test_a_bucket_that_is_not_there_is_said_when_it_is_opened(service: ObjectStore, folder: Path) -> None:
+    with raises_saying(StoreUnavailable, match="NoSuchBucket|404"):
+        open_blobs(service.address(make=False), folder)
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["https://bucket/evidence", "s3:///evidence", "s3://key:secret@bucket", "s3://bucket?password=x", "bucket"],
+)
+def test_an_address_of_another_kind_is_refused_without_being_shown(folder: Path, address: str) -> None:
+    with raises_saying(ContractInvalid, match="s3://BUCKET") as caught:
+        open_blobs(address, folder)
+    assert address not in str(caught.value)

@@ -218,7 +218,7 @@ def test_a_sweep_from_elsewhere_does_not_confirm_an_analysis() -> None:
 def test_the_page_keeps_its_words_and_gets_its_tables_and_plots(tmp_path: Path, report: VerifierReport) -> None:
     (tmp_path / "results").mkdir()
     (tmp_path / "verifier.md").write_text(f"Before.\n{BEGIN}\nBEFORE\n{END}\nAfter.\n", encoding="utf-8")
-    publish(report, command="make it", docs=tmp_path)
+    publish(report, command="make it", code="0" * 64, docs=tmp_path)
     page = (tmp_path / "verifier.md").read_text(encoding="utf-8")
     assert page.startswith("Before.") and page.endswith("After.\n") and "BEFORE" not in page and "`make it`" in page
     assert all(f"### {one.predicate}" in page for one in report.predicates)

@@ -11,15 +11,18 @@ from msgspec.structs import replace
 
 from harness.auditing.replay import NONE_STORED, UNEQUAL, ReplayReport, replay_all, replay_mission
 from harness.bootstrap import read_harness
+from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.commands import ApproveHandoff, PauseMission, ResumeMission, StopMission
 from harness.contracts.decisions import Accepted
 from harness.contracts.errors import LogDamaged
 from harness.contracts.handoff_commands import LookAgain
 from harness.contracts.ids import Digest, MissionId, StreamId, mission_stream
+from harness.contracts.memory import OutcomeSums
 from harness.contracts.ports import State, StoredEvent
 from harness.contracts.stored_commands import command_of
 from harness.contracts.upcasting import name_of
 from harness.projections.mission import Mission, all_required_settled
+from harness.routing.history import SettingHistory
 from harness.settings import HarnessSettings
 from tests.builders.connections import Failing, Stage, only, staged, template
 from tests.builders.missions_run import OPERATOR
@@ -252,6 +255,21 @@ def test_a_provider_that_routing_did_not_choose_is_named(told: Told) -> None:
     position = told.stored("DispatchIntended", 1).position
     report = told.replayed(events={position: lambda e: changed(e, "careful-local-planner", "provider_id")})
     assert any("routing chose route-follower; careful-local-planner was sent" in line for line in report.differences)
+
+
+class OtherVerdicts:
+    """A log that says something else of every provider than what was stored."""
+
+    def differs(self, stored: SettingHistory, card: CapabilityCard, *, half_life: float) -> OutcomeSums | None:
+        return OutcomeSums(failed=3.0, weight=4.0)
+
+
+@pytest.mark.ledger("R146", symbol="harness.auditing.roles:RoleReplay._sums")
+def test_what_routing_was_told_of_a_provider_is_compared_with_the_log(told: Told) -> None:
+    outcomes = OtherVerdicts()
+    report = replay_mission(told.stage.runtime, told.mission_id, outcomes=outcomes)  # type: ignore[arg-type]
+    assert any("the log says OutcomeSums(failed=3.0, weight=4.0)" in line for line in report.differences)
+    assert replay_mission(told.stage.runtime, told.mission_id).differences == ()
 
 
 def test_a_log_of_the_first_release_is_replayed_without_a_difference_of_the_gate(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ SENTENCES: Mapping[str, str] = {
     "alert_robot_lost": N_("does not answer"),
     "alert_safety_lies": N_("{robot_id} did not reach its safe place; it lies down where it is"),
     "alert_safety_unknown": N_("{robot_id} did not reach its safe place, and nothing shows what it does: look at it"),
-    "alert_unclaimed": N_("a question waits unclaimed at {stage:word}"),
+    "alert_unclaimed": N_("a handoff waits unclaimed at {stage:word}"),
     "alert_unsafe": N_("unsafe at {stage:word}"),
     "alert_veto": N_("{layer} vetoes motion"),
     "alert_with_goal": N_("{text}. Goal: {goal:word}"),

@@ -6,6 +6,7 @@ from app.i18n.catalogues import N_
 
 SENTENCES: Mapping[str, str] = {
     "no_permission_declared": N_("Nobody has declared who may give {command}."),
+    "robot_elsewhere": N_("{robot_id} is driven by {worker}: do it at that process's own console"),
     "no_supervisor_here": N_("No supervisor runs here, so no robot can be reached."),
     "role_revoked": N_("{actor} may no longer decide this: their role was taken back."),
     "unseen": N_("What was on your screen has changed since. Read it again, then decide."),

@@ -52,6 +52,7 @@ SENTENCES: Mapping[str, str] = {
     "unread_no_template": N_("nothing here can do this"),
     "unread_order": N_("an order that cannot be read"),
     "unread_quoted": N_("quoted words"),
+    "unread_statement": N_("says what is or was done, and orders nothing"),
     "unread_time": N_("a time, which nothing here can keep"),
     "unread_unknown_words": N_("words that are not known here"),
     "was_in_forbidden_region": N_("{poses} poses are in {region}, which the goal forbids"),

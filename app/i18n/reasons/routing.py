@@ -21,6 +21,7 @@ SENTENCES: Mapping[str, str] = {
     "risk_too_high": N_("risk {risk:word} exceeds the node's {stage_risk:word}"),
     "robot_condition_old": N_("the robot's condition is {age_s:.1f} s old, at most {bound_s:.1f} s"),
     "robot_condition_unknown": N_("the robot's condition is unknown"),
+    "robot_fell": N_("the robot has fallen"),
     "robot_lies_down": N_("the robot lies down"),
     "robot_moves": N_("the robot moves"),
     "no_provider_passed": N_("no provider passed the hard filter"),

@@ -6,6 +6,11 @@ from app.i18n.catalogues import N_
 
 SENTENCES: Mapping[str, str] = {
     "address_of_two": N_("{name} has the address of {other}"),
+    "evidence_address_of_other_kind": N_("The evidence of {name} is of kind {kind}; its address begins with {schemes}"),
+    "evidence_token_missing": N_("The evidence of {name} names no token"),
+    "evidence_token_unused": N_("DDS has no tokens"),
+    "evidence_topics_missing": N_("The evidence of {name} is of kind {kind} and names no topics"),
+    "evidence_topics_unused": N_("The evidence of {name} is of kind http, which has no topics"),
     "evidence_not_apart": N_("The evidence of {name} has the address of a robot"),
     "findings_unreadable": N_("These are no findings of the conformance kit: {error}"),
     "folder_not_empty": N_("The folder holds something already"),
@@ -63,6 +68,11 @@ SENTENCES: Mapping[str, str] = {
 }
 REMEDIES: Mapping[str, str] = {
     "address_of_two": N_("give each robot its own address"),
+    "evidence_address_of_other_kind": N_("correct `kind` or `address`"),
+    "evidence_token_missing": N_("add `token: {environment: NAME}` or `token: {file: PATH}`"),
+    "evidence_token_unused": N_("remove `token`"),
+    "evidence_topics_missing": N_("add `topics` with at least `pose` and `odometry`"),
+    "evidence_topics_unused": N_("remove it, or name the kind: rosbridge, foxglove or dds"),
     "evidence_not_apart": N_("give the address of a second program at the robot, which only observes"),
     "findings_unreadable": N_("send what `regen provider check --site` sends"),
     "folder_not_empty": N_("name a new folder"),

@@ -7,6 +7,8 @@ from app.i18n.catalogues import N_
 SENTENCES: Mapping[str, str] = {
     "stopped_at_console": N_("stopped at the console"),
     "action_changed_now": N_("What would run now is not what you saw. Look again, then decide."),
+    "place_not_offered": N_("No way to {place} is known that the robot could wait there now."),
+    "waits_no_time": N_("Waiting at {place} takes a time of more than 0 s."),
     "action_not_offered": N_("{action:word} is not a step that this stage's ladder and budget still offer."),
     "action_not_possible": N_("Nobody can do {action:word} now."),
     "action_drives_nowhere": N_("{action:capital} drives nowhere: it has no speed to lower."),

@@ -68,6 +68,16 @@ class SqlEventStore(SqlLog):
         self._unchanged.found(stream, events[-1].version if events else after, ticket=ticket)
         return events
 
+    def read(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
+        """Events of all streams with position > after, in global order, at most `limit`.
+
+        Reads no rows where this process appended them last and no other one wrote since.
+        """
+        self._check_open()
+        with self._failures:
+            events = self._unchanged.since(after)
+        return super().read(after, limit) if events is None else events[:limit]
+
     def head(self) -> LogHead:
         """The end of the log; the genesis head of an empty one."""
         self._check_open()

@@ -1,4 +1,6 @@
-"""Remembers the last version of each stream in an SQLite log until another connection writes. Reads no event.
+"""Remembers the last version of each stream and the newest events of an SQLite log until another connection writes.
+
+It reads no event: it holds those that this process appended, for whoever follows the log.
 
 SQLite counts, for each connection, the commits of all others (`PRAGMA data_version`). Two connections read it: the
 appending one, whose count excludes our own commits, and one that only watches. If the watching count has not changed,
@@ -7,12 +9,16 @@ Within a turn, a thread asks at its beginning only; a write transaction asks onc
 """
 
 import sqlite3
+from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from threading import Lock, local
 
 from harness.contracts.ids import StreamId
 from harness.contracts.ports import LogHead, StoredEvent
+
+HELD_EVENTS = 256
+"""So many of the newest events are held."""
 
 
 class _Turn(local):
@@ -38,6 +44,7 @@ class VersionCache:
         self._round = 0
         self._versions: dict[StreamId, int] = {}
         self._last: LogHead | None = None
+        self._newest: deque[StoredEvent] = deque(maxlen=HELD_EVENTS)
 
     @contextmanager
     def turn(self) -> Iterator[None]:
@@ -56,6 +63,16 @@ class VersionCache:
     def head(self) -> LogHead | None:
         """The end of the log, now or as of this turn's look; None where it is not known."""
         return None if self._moved() else self._last
+
+    def since(self, position: int) -> list[StoredEvent] | None:
+        """All events after a position, now or as of this turn's look; None where they have to be read."""
+        if self._moved():
+            return None
+        with self._knowing:
+            if self._last is None or not self._newest or self._newest[0].position > position + 1:
+                return None
+            behind = max(0, self._newest[-1].position - position)
+            return list(self._newest)[len(self._newest) - behind :]
 
     def ends(self, streams: Collection[StreamId]) -> tuple[LogHead | None, dict[StreamId, int]]:
         """Inside the write transaction: the end of the log and of these streams, as far as they are known."""
@@ -82,6 +99,7 @@ class VersionCache:
             self._last = None
             if not events:
                 self._versions.clear()
+                self._newest.clear()
             for event in events:
                 self._versions.pop(event.stream, None)
         yield
@@ -89,6 +107,9 @@ class VersionCache:
             self._round += 1
             self._versions.update((event.stream, event.version) for event in events)
             if events:
+                if self._newest and self._newest[-1].position + 1 != events[0].position:
+                    self._newest.clear()
+                self._newest.extend(events)
                 self._last = LogHead(position=events[-1].position, digest=events[-1].digest)
         self._notice()
 
@@ -123,6 +144,7 @@ class VersionCache:
             self._round += 1
             self._last = None
             self._versions.clear()
+            self._newest.clear()
         self._change = change
 
     def _data_version(self) -> int:

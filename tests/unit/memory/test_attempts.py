@@ -194,11 +194,11 @@ def test_examples_for_c2_are_the_newest_verified_successes_of_the_same_setting()
     log.went(log.begin("msn_bad"), "violated", distance_m=2.0)
     log.went(log.begin("msn_other"), provider="p2")
     able = card("p1")
-    examples = log.memory.examples(able, place="dock", configuration=CONFIGURATION, limit=3)
+    examples = log.memory.examples(able, place="dock", configuration=CONFIGURATION, half_life=20.0, limit=3)
     assert [one.content["measured"]["distance_m"] for one in examples] == [0.2, 0.15, 0.1]
     assert {(one.kind, one.origin, one.confidence) for one in examples} == {("example", "verifier", 0.9)}
-    assert log.memory.examples(able, place="elsewhere", configuration=CONFIGURATION, limit=3) == ()
-    assert log.memory.examples(able, place="dock", configuration=CONFIGURATION, limit=0) == ()
+    assert log.memory.examples(able, place="elsewhere", configuration=CONFIGURATION, half_life=20.0, limit=3) == ()
+    assert log.memory.examples(able, place="dock", configuration=CONFIGURATION, half_life=20.0, limit=0) == ()
 
 
 @pytest.mark.ledger("R139", symbol="harness.memory.fabric:MemoryFabric.outcomes")

@@ -2,7 +2,7 @@
 
 from harness.contracts.actors import Actor
 from harness.contracts.commands import EndMission
-from harness.contracts.ids import ConditionId, MissionId, ProviderId, mission_stream, packet_id
+from harness.contracts.ids import ConditionId, MissionId, mission_stream, packet_id
 from harness.contracts.ports import Batch
 from harness.contracts.revision_events import CompletionDisputed, GraphRevised
 from harness.contracts.tasks import TaskContract
@@ -50,7 +50,7 @@ def test_a_disputed_completion_leaves_episodes_outcomes_and_examples() -> None:
     log.memory.catch_up()
     dispute_arrival(log, bad)
     assert learnt(log) == [("episode", good), ("outcome", good)]
-    asked = {"place": "dock", "configuration": CONFIGURATION, "limit": 3}
+    asked = {"place": "dock", "configuration": CONFIGURATION, "half_life": 20.0, "limit": 3}
     assert len(log.memory.examples(card("p1"), **asked)) == 1  # type: ignore[arg-type]
     (dispute,) = log.found("dispute")
     assert dispute.record.provenance.sources == ("ada",)
@@ -60,16 +60,17 @@ def test_a_disputed_completion_leaves_episodes_outcomes_and_examples() -> None:
 
 def test_a_dispute_right_after_the_end_of_its_mission_reaches_what_the_index_has_not_yet() -> None:
     log = Log()
-    asked = {"capability": "navigate", "place": "dock", "configuration": CONFIGURATION, "limit": 3}
+    asked = {"place": "dock", "configuration": CONFIGURATION, "half_life": 20.0}
     log.went(log.begin("msn_good"))
-    log.memory.outcomes(ProviderId("p1"), **asked)  # type: ignore[arg-type]
+    log.memory.history(card("p1"), **asked)  # type: ignore[arg-type]
     bad = log.begin("msn_bad")
     log.went(bad)
     log.commit(bad, EndMission(status="failed", reason="enough"))
-    assert len(log.memory.outcomes(ProviderId("p1"), **asked)) == 2  # type: ignore[arg-type]
+    assert len(log.memory.history(card("p1"), **asked).examples) == 2  # type: ignore[arg-type]
     assert log.index.mark().position < log.store.head().position
     dispute_arrival(log, bad)
-    assert len(log.memory.outcomes(ProviderId("p1"), **asked)) == 1  # type: ignore[arg-type]
+    left = log.memory.history(card("p1"), **asked)  # type: ignore[arg-type]
+    assert ([one.provenance.mission_id for one in left.examples], left.sums.weight) == (["msn_good"], 1.0)
     assert learnt(log) == [("episode", "msn_good"), ("outcome", "msn_good")]
 
 
@@ -116,3 +117,12 @@ def _revision(contract: TaskContract | None) -> GraphRevised:
     return GraphRevised(
         revision=1, cause="planner", responsible=LOOK, reopened=(LOOK,), reason="another way", contract=contract
     )
+
+
+def test_an_index_that_is_built_anew_knows_what_was_disputed_after_the_end_of_its_mission() -> None:
+    log = Log()
+    mission_id = log.begin()
+    log.went(mission_id)
+    log.commit(mission_id, EndMission(status="failed", reason="enough"))
+    dispute_arrival(log, mission_id)
+    assert learnt(log) == []

@@ -13,12 +13,12 @@ from harness.adapters.stores.memory import MemoryEventStore
 from harness.adapters.stores.memory_index import VolatileMemoryIndex
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
 from harness.contracts.errors import LogDamaged, UnknownName
-from harness.contracts.ids import Digest, ProviderId, StreamId, mission_stream
+from harness.contracts.ids import StreamId, mission_stream
 from harness.contracts.memory import FollowPosition, KnownPose, MemoryQuery, MemoryRecord
 from harness.contracts.ports import Batch, MemoryIndex, NewEvent
 from harness.contracts.values import Moment, decode, encode
 from harness.followers import BATCH
-from harness.memory.fabric import BEHIND, MemoryFabric
+from harness.memory.fabric import MemoryFabric
 from harness.memory.fold import FOLD
 from tests.builders.gate import CONFIGURATION, GO
 from tests.saying import raises_saying
@@ -201,43 +201,26 @@ def test_a_record_is_found_by_its_name_and_an_unknown_name_is_an_error() -> None
         log.memory.get("mem_none")
 
 
-def test_a_dispatch_is_answered_from_what_is_folded_before_the_index_has_it() -> None:
+def test_a_dispatch_is_answered_at_the_head_of_the_log_and_the_index_follows_when_it_is_asked() -> None:
     log = Log()
     memory = MemoryFabric(store=log.store, index=log.index)
-    log.went(log.begin("msn_a"))
-    assert len(_outcomes(memory)) == 1
+    log.went(log.begin("msn_a"), "violated")
+    assert _weight(memory) == 1.0
     at = log.index.mark()
-    log.went(log.begin("msn_b"))
-    assert len(_outcomes(memory)) == 2
+    log.went(log.begin("msn_b"), "violated")
+    assert 1.9 < _weight(memory) < 2.0
     assert log.index.mark() == at
     assert len(memory.find(MemoryQuery(kinds=("outcome",)))) == 2
     assert log.index.mark() == _mark_of(log)
 
 
-def test_the_index_is_never_far_behind_and_a_crash_loses_nothing_of_it() -> None:
-    log = Log()
-    memory = MemoryFabric(store=log.store, index=log.index)
-    _outcomes(memory)
-    for number in range(BEHIND // 5):
-        log.went(log.begin(f"msn_{number}"))
-        assert len(_outcomes(memory)) == number + 1
-        assert log.store.head().position - log.index.mark().position < BEHIND
-    assert log.index.mark() != _mark_of(log)
-    alone = VolatileMemoryIndex()
-    for index in (log.index, alone):
-        MemoryFabric(store=log.store, index=index).catch_up()
-    assert everything(log.index) == everything(alone)
-
-
 def test_an_index_that_another_follower_took_further_is_followed_from_there() -> None:
     log = Log()
     memory = MemoryFabric(store=log.store, index=log.index)
-    _outcomes(memory)
+    memory.catch_up()
     log.went(log.begin("msn_a"))
-    assert len(_outcomes(memory)) == 1
     MemoryFabric(store=log.store, index=log.index).catch_up()
     log.went(log.begin("msn_b"))
-    assert len(_outcomes(memory)) == 2
     assert len(memory.find(MemoryQuery(kinds=("outcome",)))) == 2
     alone = VolatileMemoryIndex()
     MemoryFabric(store=log.store, index=alone).catch_up()
@@ -261,11 +244,9 @@ class Overtaken:
         self._index.add(records, after=after, upto=upto)
 
 
-def _outcomes(memory: MemoryFabric) -> list[MemoryRecord]:
-    """What routing asks before a dispatch."""
-    return memory.outcomes(
-        ProviderId("p1"), capability="navigate", place="dock", configuration=Digest(CONFIGURATION), limit=1000
-    )
+def _weight(memory: MemoryFabric) -> float:
+    """What routing is told before a dispatch: how much is known."""
+    return memory.history(card("p1"), place="dock", configuration=CONFIGURATION, half_life=20.0).sums.weight
 
 
 def _mark_of(log: Log) -> FollowPosition:

@@ -10,10 +10,11 @@ from msgspec.structs import replace
 from harness.contracts.capabilities import CapabilityCard, Estimates, Latency
 from harness.contracts.configuration import RoutingPreferences
 from harness.contracts.ids import Digest, NodeId, ProviderId
+from harness.contracts.memory import OutcomeSums
 from harness.contracts.values import decode, encode
 from harness.contracts.verdicts import Verdict
 from harness.routing.candidates import candidates
-from harness.routing.history import ExecutionOutcome, OutcomeSeries, RoutingHistory, judged
+from harness.routing.history import ExecutionOutcome, ExecutionResult, OutcomeSeries, RoutingHistory, SettingHistory
 from harness.routing.requirements import ProviderRequirements
 from harness.routing.score import latency, route_length_m, terms, total
 from tests.unit.planning.building import CONFIGURATION, card, contract
@@ -190,14 +191,23 @@ def test_a_series_weighs_what_its_outcomes_weigh_one_by_one_and_another_setting_
         "place": first.place,
         "configuration": first.configuration,
     }
-    mine = OutcomeSeries(**setting, judged=judged(told))  # type: ignore[arg-type]
-    elsewhere = OutcomeSeries(**{**setting, "place": "hall"}, judged=judged([("unsafe", 0.0)] * 9))  # type: ignore[arg-type]
+    executions = tuple(ExecutionResult(verdict=verdict, residual=residual) for verdict, residual in told)
+    refuted = (ExecutionResult(verdict="unsafe"),) * 9
+    mine = OutcomeSeries(**setting, judged=executions)  # type: ignore[arg-type]
+    elsewhere = OutcomeSeries(**{**setting, "place": "hall"}, judged=refuted)  # type: ignore[arg-type]
     asked = {**setting, "half_life": 4.0}
     fading = 0.5 ** (1 / 4)
     failed, total = 1 + fading + 0.25 * fading**2 + fading**3, 2 + 1 + fading + fading**2 + fading**3
     assert one_by_one == pytest.approx(failed / total)
     assert RoutingHistory(series=(mine, elsewhere)).penalty(**asked) == one_by_one  # type: ignore[arg-type]
     assert RoutingHistory(series=(elsewhere,)).penalty(**asked) == 0.5  # type: ignore[arg-type]
+    sums = OutcomeSums()
+    for verdict, residual in told:
+        sums = sums.after(verdict, residual, half_life=4.0)
+    summed = SettingHistory(**setting, sums=sums, position=9)  # type: ignore[arg-type]
+    aside = SettingHistory(**{**setting, "place": "hall"}, sums=sums, position=9)  # type: ignore[arg-type]
+    assert RoutingHistory(settings=(aside, summed)).penalty(**asked) == pytest.approx(one_by_one)  # type: ignore[arg-type]
+    assert RoutingHistory(settings=(aside,)).penalty(**asked) == 0.5  # type: ignore[arg-type]
 
 
 def test_a_history_from_an_older_log_is_read_as_it_was_written() -> None:
@@ -208,7 +218,6 @@ def test_a_history_from_an_older_log_is_read_as_it_was_written() -> None:
         capability="navigate",
         place="office_storage",
         configuration=CONFIGURATION.configuration_id,
-        judged=judged([("satisfied", 0.0)] * 200),
+        judged=(ExecutionResult(verdict="satisfied"),) * 200,
     )
     assert decode(encode(RoutingHistory(series=(series,))), RoutingHistory).series == (series,)
-    assert len(encode(RoutingHistory(series=(series,)))) < 4500

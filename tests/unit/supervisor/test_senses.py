@@ -12,8 +12,8 @@ from harness.adapters.pictures import PICTURES
 from harness.adapters.stores.memory import MemorySpool
 from harness.bootstrap import simulated
 from harness.contracts.errors import ProviderUnreachable
-from harness.contracts.ids import InvocationId, RobotId
-from harness.contracts.observations import AnySample, Pose
+from harness.contracts.ids import Digest, InvocationId, RobotId
+from harness.contracts.observations import AnySample, Pose, Scan
 from harness.contracts.ports import Clock, Robot
 from harness.contracts.protocol import Observations
 from harness.settings import HarnessSettings
@@ -44,11 +44,20 @@ class Gone(SimulatedRobot):
 
     off = False
 
+    def __init__(self, world: WorldSettings) -> None:
+        super().__init__(world)
+        self.asked: list[Digest] = []
+
     def observations(self, after: int, limit: int = 5000) -> Observations:
         """The robot's observations."""
         if self.off:
             raise ProviderUnreachable("The robot is off", where="vbot-1", do="switch it on")
         return super().observations(after, limit)
+
+    def blob(self, digest: Digest) -> bytes:
+        """The robot's blob."""
+        self.asked.append(digest)
+        return super().blob(digest)
 
 
 @dataclass
@@ -105,6 +114,23 @@ def test_samples_of_no_execution_are_spooled_for_nobody(watch: Watch) -> None:
     assert watch.observations.collect(OPEN)
     first = watch.spool.samples(OPEN)[0]
     assert first.at_s > watch.robot.at_s - 1.01 and watch.spool.names == {OPEN}
+
+
+def test_no_sweep_of_long_ago_is_fetched_from_a_robot_that_ran_before_this_harness_began(watch: Watch) -> None:
+    watch.after(10 * RECENT_S)
+    sweeps = [one for one in watch.robot.observations(0, 100_000).samples if isinstance(one, Scan)]
+    assert watch.observations.collect(None)
+    recent = {one.blob for one in sweeps if one.at_s >= watch.robot.at_s - RECENT_S}
+    assert set(watch.robot.asked) == recent and len(recent) < len({one.blob for one in sweeps})
+    assert min(one.at_s for one in watch.observations.recent) >= watch.robot.at_s - RECENT_S
+
+
+def test_the_sweeps_of_an_open_execution_are_fetched_however_old_they_are(watch: Watch) -> None:
+    watch.after(10 * RECENT_S)
+    assert watch.observations.collect(OPEN)
+    sweeps = {one.blob for one in watch.spool.samples(OPEN) if isinstance(one, Scan)}
+    assert sweeps == set(watch.robot.asked)
+    assert min(one.at_s for one in watch.spool.samples(OPEN)) < watch.robot.at_s - 9 * RECENT_S
 
 
 def test_only_the_last_seconds_are_kept_and_a_silent_robot_changes_nothing(watch: Watch) -> None:

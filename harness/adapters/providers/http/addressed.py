@@ -141,19 +141,21 @@ def addressed_over_http(
     refusal: Refusal,
     speed_limit_mps: float | None = None,
     camera: Camera | None = None,
-    witness: HttpRobot | None = None,
+    witness: Callable[[Robot, Clock], Robot] | None = None,
 ) -> AddressedRobot:
-    """A robot that serves the HTTP provider protocol. Raises as AddressedRobot does."""
+    """A robot that serves the HTTP provider protocol; `witness` is made with it and its clock. Raises as
+    AddressedRobot does."""
+    clock = clock_of(client)
     return AddressedRobot(
         client,
         name=name,
         refusal=refusal,
-        clock=clock_of(client),
+        clock=clock,
         live_camera=client if _shows(client) else None,
         hand=client,
         speed_limit_mps=speed_limit_mps,
         camera=camera,
-        witness=witness,
+        witness=witness(client, clock) if witness is not None else None,
     )
 
 

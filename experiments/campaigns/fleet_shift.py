@@ -1,0 +1,273 @@
+"""`python -m experiments.campaigns.fleet_shift FILE`: one worker of the fleet campaign, a process that may be killed.
+
+What it knows stands in the log, in its robots' folders and in two files: what was acknowledged, and what was judged.
+The next process with the same file goes on from there.
+"""
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import msgspec
+
+from experiments.campaigns.adjudicate import judged
+from experiments.campaigns.findings import Findings
+from experiments.campaigns.fleet_robots import FleetRobots
+from experiments.campaigns.kills import commits_of
+from experiments.campaigns.mission import ASKING, PlayedMission, template_of
+from experiments.campaigns.mission_course import LONGEST_S, MOST_STEPS, MissionCourse, answered
+from experiments.campaigns.plan import MissionPlan, mission_plan
+from experiments.campaigns.worker_shift import as_errand, mission_log
+from harness.adapters.stores.postgres import PostgresEventStore
+from harness.contracts.decisions import Accepted
+from harness.contracts.errors import ProviderUnreachable
+from harness.contracts.events import MissionCreated
+from harness.contracts.ids import MissionId, RobotId, leased
+from harness.contracts.ports import Batch, LogHead, Record
+from harness.contracts.values import Moment, Value, decode, encode
+from harness.projections.mission import Mission
+from harness.runtime import Start
+from simulator.truth import Truth
+
+BASE = "mobile_base"
+ENOUGH = "enough"
+CUT_AFTER_S = 6.0
+"""The link is cut so long after the mission's beginning: the robot is on its way then."""
+LOOK_AGAIN_S = 1.0
+"""A robot that nobody can look at is looked at again after so long: until then nobody frees its base."""
+
+
+class LinkCut(Value):
+    """Which robot's link goes down, in which of its missions, and for how many mission seconds."""
+
+    robot_id: str
+    mission: int
+    for_s: float = 60.0
+
+
+class FleetShift(Value):
+    """The work of one worker: seeds by robot, in order. `folder` is the campaign's, `number` the worker's."""
+
+    url: str
+    folder: str
+    number: int
+    seeds: dict[str, tuple[int, ...]]
+    cut: LinkCut | None = None
+
+    @property
+    def own(self) -> Path:
+        """Where the worker and its robots keep what outlives them."""
+        return Path(self.folder) / f"worker-{self.number}"
+
+    @property
+    def judged_file(self) -> Path:
+        return self.own / "judged.jsonl"
+
+    @property
+    def acknowledged_file(self) -> Path:
+        return self.own / "acknowledged"
+
+
+class JudgedMission(Value):
+    """One mission that is over, and what the adjudicator found. `begun_before`: an earlier process began it.
+
+    `cut`: how often its robot did not answer because the link was down.
+    """
+
+    seed: int
+    mission_id: MissionId
+    robot_id: str
+    findings: Findings
+    struck: dict[str, int]
+    end: str
+    begun_before: bool = False
+    cut: int = 0
+
+
+@dataclass
+class _Underway:
+    plan: MissionPlan
+    mission_id: MissionId
+    begun_s: float
+    lease_version: int
+    begun_before: bool
+    refused: int = 0
+    course: MissionCourse = field(default_factory=MissionCourse)
+
+
+class AcknowledgedFileStore(PostgresEventStore):
+    """The log in the shared database; which appends were answered is in a file that a kill leaves whole."""
+
+    def __init__(self, url: str, file: Path) -> None:
+        super().__init__(url)
+        self._file = file.open("a", encoding="ascii", buffering=1)
+
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
+        """The store's append."""
+        head = super().append(batches, records, now)
+        self._file.write(f"{head.position} {head.digest}\n")
+        return head
+
+
+class FleetWorker:
+    """One turn of each robot after the other, until every seed is judged or ENOUGH appears."""
+
+    def __init__(self, shift: FleetShift) -> None:
+        self._shift = shift
+        shift.own.mkdir(parents=True, exist_ok=True)
+        self._store = AcknowledgedFileStore(shift.url, shift.acknowledged_file)
+        first = next(iter(shift.seeds.values()))[0]
+        self._robots = FleetRobots(tuple(shift.seeds), shift.own, seed=first, store=self._store)
+        self._harness = self._robots.harness()
+        self._left: dict[str, list[int]] = {}
+        self._underway: dict[str, _Underway] = {}
+        self._waiting: dict[str, list[_Underway]] = {}
+        self._find_unjudged()
+
+    def run(self) -> None:
+        """Everything that is left."""
+        while waiting := [name for name in self._shift.seeds if not self._over(name)]:
+            for name in waiting:
+                self._turn(name)
+
+    def close(self) -> None:
+        self._store.close()
+
+    def _over(self, name: str) -> bool:
+        """Whether this robot has nothing under way, and nothing more to begin."""
+        idle = name not in self._underway and not self._waiting[name]
+        return idle and (not self._left[name] or (Path(self._shift.folder) / ENOUGH).exists())
+
+    def _find_unjudged(self) -> None:
+        """Missions that an earlier process began and did not judge, from the log."""
+        done = {one.seed for one in judged_missions(self._shift.judged_file)}
+        known: dict[str, list[_Underway]] = {name: [] for name in self._shift.seeds}
+        for mission in self._harness.runtime.missions():
+            if mission.robot_id in known and (plan := _plan_of(mission)).seed not in done:
+                known[mission.robot_id].append(self._begun_earlier(mission, plan))
+        begun = {one.plan.seed for some in known.values() for one in some}
+        self._waiting = {name: sorted(some, key=lambda one: one.begun_s) for name, some in known.items()}
+        self._left = {
+            name: [seed for seed in seeds if seed not in done | begun] for name, seeds in self._shift.seeds.items()
+        }
+
+    def _begun_earlier(self, mission: Mission, plan: MissionPlan) -> _Underway:
+        first = self._harness.runtime.events(mission.mission_id)[0]
+        lease_version = int(mission.labels["lease"])
+        return _Underway(plan, mission.mission_id, first.mission_s, lease_version, begun_before=True)
+
+    def _turn(self, name: str) -> None:
+        """Begin a mission, or take one step of it."""
+        if name not in self._underway:
+            self._begin(name)
+            return
+        errand, clock = self._underway[name], self._robots.clocks[name]
+        course = errand.course
+        course.steps += 1
+        course.endless = course.steps > MOST_STEPS or clock.now().mission_s - errand.begun_s > LONGEST_S
+        try:
+            wake_s = None if course.endless else self._harness.supervisor.step(errand.mission_id)
+            if wake_s is not None:
+                clock.wait_until(wake_s)
+                return
+            over = course.endless or not answered(self._harness, errand.mission_id, errand.plan, course)
+        except Exception as error:  # noqa: BLE001 - whatever leaves a step is a finding, with its seed
+            course.escaped, over = f"{type(error).__name__}: {error}", True
+        if over:
+            self._judge(name, errand)
+
+    def _begin(self, name: str) -> None:
+        runtime, base = self._harness.runtime, leased(RobotId(name), BASE)
+        if self._waiting[name]:
+            self._underway[name] = self._waiting[name].pop(0)
+            return
+        if runtime.lease(base).status == "quarantined":
+            try:
+                self._harness.supervisor.free(base, actor=ASKING, reason="the robot stands")
+            except ProviderUnreachable:
+                clock = self._robots.clocks[name]
+                clock.wait_until(clock.now().mission_s + LOOK_AGAIN_S)
+                return
+        plan = as_errand(mission_plan(self._left[name].pop(0)))
+        lease_version = runtime.lease(base).version
+        start = Start(
+            actor=ASKING,
+            robot_id=RobotId(name),
+            template=plan.template,
+            seed=plan.seed % 2**31,
+            labels={"faults": ",".join(plan.faults), "plan": str(plan.seed), "lease": str(lease_version)},
+        )
+        decision = runtime.start(start, template=template_of(self._harness, plan))
+        created = decision.events[0] if isinstance(decision, Accepted) else decision
+        if not isinstance(created, MissionCreated):
+            raise RuntimeError(f"mission {plan.seed} was not created: {created}")
+        begun_s, link = self._robots.clocks[name].now().mission_s, self._robots.links[name]
+        cut = self._shift.cut
+        if cut is not None and cut.robot_id == name and self._shift.seeds[name].index(plan.seed) == cut.mission:
+            link.cut(from_s=begun_s + CUT_AFTER_S, for_s=cut.for_s)
+        self._underway[name] = _Underway(
+            plan, created.mission_id, begun_s, lease_version, begun_before=False, refused=link.refused
+        )
+
+    def _judge(self, name: str, errand: _Underway) -> None:
+        """The adjudicator's findings on a mission that is over, from the log and this robot's own truth."""
+        runtime, robot = self._harness.runtime, self._robots.robots[name]
+        log = mission_log(runtime, errand.mission_id, RobotId(name), lease_version=errand.lease_version)
+        mission = runtime.mission(errand.mission_id)
+        record = PlayedMission(
+            plan=errand.plan,
+            mission=mission,
+            log=log,
+            commits=tuple(commits_of(log)),
+            truth=tuple(truth_of(self._robots.folder_of(name), errand.mission_id)),
+            starts=self._harness.starts(errand.mission_id),
+            sent=frozenset(),
+            struck=robot.struck(),
+            course=errand.course,
+            harness=self._harness,
+        )
+        line = JudgedMission(
+            seed=errand.plan.seed,
+            mission_id=errand.mission_id,
+            robot_id=name,
+            findings=judged(record),
+            struck=record.struck,
+            end=mission.status,
+            begun_before=errand.begun_before,
+            cut=self._robots.links[name].refused - errand.refused,
+        )
+        with self._shift.judged_file.open("ab") as file:
+            file.write(encode(line) + b"\n")
+        del self._underway[name]
+
+
+def truth_of(folder: Path, mission_id: MissionId) -> Iterator[Truth]:
+    """What a robot wrote of the truth during one mission, in order of time; whole lines only."""
+    file = folder / "truth" / f"{mission_id}.jsonl"
+    for line in file.read_bytes().splitlines(keepends=True) if file.exists() else ():
+        if line.endswith(b"\n"):
+            yield decode(line, Truth)
+
+
+def judged_missions(file: Path) -> Iterator[JudgedMission]:
+    """What a worker's file holds; whole lines only."""
+    for line in file.read_bytes().splitlines(keepends=True) if file.exists() else ():
+        if line.endswith(b"\n"):
+            yield decode(line, JudgedMission)
+
+
+def _plan_of(mission: Mission) -> MissionPlan:
+    return as_errand(mission_plan(int(mission.labels["plan"])))
+
+
+def main() -> None:
+    worker = FleetWorker(msgspec.json.decode(Path(sys.argv[1]).read_bytes(), type=FleetShift))
+    try:
+        worker.run()
+    finally:
+        worker.close()
+
+
+if __name__ == "__main__":
+    main()
