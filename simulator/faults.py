@@ -22,15 +22,7 @@ FaultName = Literal[
 ]  # fmt: skip
 FAULT_NAMES: tuple[FaultName, ...] = get_args(FaultName)
 IN_MOTION: frozenset[FaultName] = frozenset(
-    {
-        "biased-localiser",
-        "stale-pose",
-        "frozen-localiser",
-        "early-success",
-        "interrupted",
-        "follower-gives-up",
-        "pushed-over",
-    }
+    {"biased-localiser", "stale-pose", "frozen-localiser", "early-success", "interrupted", "follower-gives-up", "pushed-over"}
 )
 """Faults that wait for a navigation to come to a certain place."""
 ON_LEGS: frozenset[FaultName] = frozenset({"pushed-over"})

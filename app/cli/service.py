@@ -20,8 +20,8 @@ from app.auth.exposure import check_exposure
 from app.auth.oidc_settings import identity_provider
 from app.background.evaluation_jobs import EvaluationJobs
 from app.background.evaluations import evaluator_folder
-from app.background.mission_history import Histories
 from app.background.fleet_reports import ReportedRobots, Reporter
+from app.background.mission_history import Histories
 from app.background.release_watch import ReleaseWatch
 from app.background.replays import ReplayJobs
 from app.background.retention import Retention
@@ -47,8 +47,8 @@ from harness.contracts.decisions import Refused
 from harness.contracts.erasure_events import ERASURES
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.ids import RobotId
-from harness.contracts.reasons import because
 from harness.contracts.ports import Signals
+from harness.contracts.reasons import because
 from harness.extra_templates import begin
 from harness.recordings import replayed_beside
 from harness.runtime import Start

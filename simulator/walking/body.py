@@ -179,10 +179,7 @@ class WalkingBody:
         state.x_m, state.y_m, state.yaw_rad = x, y, yaw
         state.v_mps, state.sway_mps = vx * cos + vy * sin, vy * cos - vx * sin
         state.w_radps = float((turn @ world.data.qvel[3:6])[2])
-        state.roll_rad, state.pitch_rad = (
-            math.atan2(turn[2, 1], turn[2, 2]),
-            -math.asin(max(-1.0, min(1.0, turn[2, 0]))),
-        )
+        state.roll_rad, state.pitch_rad = math.atan2(turn[2, 1], turn[2, 2]), -math.asin(max(-1.0, min(1.0, turn[2, 0])))
         state.lift_m = z - TRUNK_HEIGHT_M
         state.fallen = bool(self.own.fallen)
         self._placed = (x, y, yaw)

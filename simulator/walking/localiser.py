@@ -93,11 +93,7 @@ class Localiser:
         swing[1:, 0] = (-step[1], step[0])
         moved = math.hypot(*step)
         grown = np.diag(
-            [
-                (STEP_TURN_SHARE * turned) ** 2 + DRIFT_RADPS**2 * 0.1,
-                (STEP_SHARE * moved) ** 2,
-                (STEP_SHARE * moved) ** 2,
-            ]
+            [(STEP_TURN_SHARE * turned) ** 2 + DRIFT_RADPS**2 * 0.1, (STEP_SHARE * moved) ** 2, (STEP_SHARE * moved) ** 2]
         )
         self._covariance = swing @ self._covariance @ swing.T + grown
 
@@ -136,9 +132,7 @@ class Localiser:
         if self._carried or self.sigma_m > NEAR_BY_M:
             return None
         match = self._matcher.refine(sweep, self._pose, iterations=25)
-        return (
-            match if match.share >= ACCEPTED_SHARE and math.dist(match.pose[:2], self._pose[:2]) < NEAR_BY_M else None
-        )
+        return match if match.share >= ACCEPTED_SHARE and math.dist(match.pose[:2], self._pose[:2]) < NEAR_BY_M else None
 
     def _off(self, match: Match) -> Pose:
         x, y, yaw = match.pose

@@ -31,10 +31,10 @@ def test_a_disputed_mission_becomes_a_bundle_and_a_case_of_the_suite(tmp_path: P
     data, bundle = tmp_path / "data", tmp_path / "bundle"
     asked = ("go-to-place", "--set", "destination=anchor_a", "--fidelity", "kinematic", "--speed", "0")
     ran = answer(regen("mission", "run", *asked, "--data", data, "--json"))
-    mission_id, condition = ran["mission_id"], ran["goal_conditions"][0]["condition_id"]
+    mission_id = ran["mission_id"]
     plain = answer(regen("incident", mission_id, "--out", tmp_path / "plain", "--data", data, "--json"))
     assert plain["case"] is None and plain["status"] == "succeeded"
-    disputed = ("mission", "dispute", mission_id, "--condition", condition, "--reason", "beside it")
+    disputed = ("mission", "dispute", mission_id, "--condition", "go.arrival", "--reason", "beside it")
     assert regen(*disputed, "--data", data).returncode == 0
     found = answer(regen("incident", mission_id, "--out", bundle, "--reason", "beside it", "--data", data, "--json"))
     assert found["case"]["template"] == "go-to-place"
