@@ -60,17 +60,18 @@ def incident(
         timeline = [_entry(one) for one in Histories(runtime).of(mission_id)]
         (folder / TIMELINE).write_text(json.dumps(timeline, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         export_dossier(runtime, mission_id, folder / DOSSIER, data=data, exported_by=acting_name(data))
-    added = None if drive else _added(mission, data, reason)
     if drive:
         _copied(path, folder / RECORDING)
     case = IncidentCase(mission_id=mission_id, recorded=drive[1] if drive else None, judged=judged_in(mission))
     (folder / CASE).write_bytes(msgspec.json.format(encode(case)) + b"\n")
+    added = None if drive else _added(mission, data, reason)
     answer = {
         "mission_id": mission_id,
         "status": mission.status,
         "folder": str(folder),
         "events": len(timeline),
         "case": msgspec.to_builtins(added) if isinstance(added, AddedCase) else None,
+        "no_case": added if isinstance(added, str) else "",
         "judged": msgspec.to_builtins(case.judged),
     }
     output.show(answer, as_json=as_json, lines=_lines(mission, folder, timeline, added, case))
@@ -97,12 +98,15 @@ def _replayed(path: Path, data: Path, *, target: str | None, topics: list[str]) 
 
 
 def _added(mission: Mission, data: Path, reason: str) -> AddedCase | str:
-    """The case that a mission became, or why it is none."""
+    """The case that a mission became, or why it is none: whoever asks may have no account here."""
     found = case_of(mission)
     if not isinstance(found, AddedCase):
         return reasons.sentence(found.reason)
-    with api_without_robots(data) as api:
-        answer = api.post(f"/missions/{mission.mission_id}/case", AddCaseAct.of(reason=reason).body())
+    try:
+        with api_without_robots(data) as api:
+            answer = api.post(f"/missions/{mission.mission_id}/case", AddCaseAct.of(reason=reason).body())
+    except output.ActRefused as error:
+        return reasons.explained(error)
     return msgspec.convert(answer["case"], AddedCase)
 
 
