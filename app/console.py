@@ -20,10 +20,12 @@ from app.background.evaluations import EvaluationCache
 from app.background.lists import Lists
 from app.background.mission_history import Histories
 from app.background.presence import Presence
+from app.background.replays import ReplayJobs
 from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
 from app.background.speech_sessions import SpeechSessions
 from app.background.trajectories import Measurements
+from app.background.uploads import Uploads
 from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
 from app.views.evidence import Unsound, unsound
@@ -35,6 +37,7 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import Context
 from harness.contracts.control import CONTROL, Posture
 from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.declared_successes import BagAudit
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
 from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId, RobotId
@@ -53,6 +56,8 @@ Cards = Callable[[], Iterable[CapabilityCard]]
 Dossier = Callable[[MissionId, Path, str], object]
 """Writes a mission's signed dossier to a file, on behalf of somebody."""
 Starts = Callable[[MissionId], Sequence[PhysicalStart] | None]
+Audits = Callable[[], Sequence[BagAudit]]
+"""The audits of recordings whose results are kept here."""
 ClearWay = Callable[[RobotId], None]
 """Simulation only: somebody takes away what stands in a robot's way."""
 T = TypeVar("T")
@@ -102,6 +107,21 @@ def no_cards() -> tuple[CapabilityCard, ...]:
     return ()
 
 
+def no_uploads() -> Uploads:
+    """Used by an installation without a data folder: nothing is taken."""
+    return Uploads(Path("/nonexistent"), most_bytes=0, clock=lambda: 0.0, fresh=no_name)
+
+
+def no_audits() -> tuple[BagAudit, ...]:
+    """Used by an installation without a data folder."""
+    return ()
+
+
+def no_name() -> str:
+    """Used where nothing is named."""
+    return ""
+
+
 class OneUse:
     """Remembers what the newest one-use keys led to, so that a form sent twice acts once."""
 
@@ -146,6 +166,10 @@ class Console:
     clear_way: ClearWay | None = None
     issuer: OidcLogin | None = None
     speech: SpeechSessions = field(default_factory=SpeechSessions.deaf)
+    uploads: Uploads = field(default_factory=no_uploads)
+    replays: ReplayJobs | None = None
+    audits: Audits = no_audits
+    fresh: Callable[[], str] = no_name
 
     def head(self) -> LogHead:
         return self.runtime.head()

@@ -6,8 +6,10 @@ import socket
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from types import FrameType, MappingProxyType
+from typing import Any
 
 import uvicorn
 from argon2 import PasswordHasher
@@ -26,10 +28,12 @@ from app.background.evaluations import EvaluationCache, evaluator_folder
 from app.background.lists import Lists
 from app.background.mission_history import Histories
 from app.background.notifications import Notices
+from app.background.replays import ReplayJobs
 from app.background.robot_reports import Fleet, no_fleet
 from app.background.signals import SignalBroker
 from app.background.speech_sessions import SpeechSessions
 from app.background.trajectories import Measurements
+from app.background.uploads import Uploads
 from app.console import (
     Cards,
     ClearWay,
@@ -60,6 +64,7 @@ from app.routes import (
     api_releases,
     api_robots,
     api_speech,
+    api_uploads,
     audit,
     candidate_comparison,
     candidate_editor,
@@ -79,6 +84,7 @@ from app.routes import (
     places,
     providers,
     queue,
+    recordings,
     releases,
     report,
     robots,
@@ -101,6 +107,7 @@ from app.web.streams import StreamCounts
 from harness.adapters.connection_guard import PublicOr
 from harness.adapters.notify.services import NETWORKS, AppriseNotifier
 from harness.adapters.stores.accounts import SqlAccounts
+from harness.adapters.stores.audit_results import stored_audits
 from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId, ProviderId, RobotId
 from harness.contracts.reasons import Reason, because
@@ -129,6 +136,7 @@ def create_app(
     absent: Mapping[RobotId, Reason] = MappingProxyType({}),
     unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = MappingProxyType({}),
     clear_way: ClearWay | None = None,
+    replays: ReplayJobs | None = None,
 ) -> FastAPI:
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
@@ -139,7 +147,7 @@ def create_app(
     `clear_way` takes away what stands in a simulated robot's way.
 
     `fleet` shows what robots say of themselves, `teleoperation` lets people drive them; both are ended with the
-    console. `evaluations` runs what people ask to have evaluated.
+    console. `evaluations` runs what people ask to have evaluated, `replays` the recordings that they upload.
 
     Sign-in links come from `app.state.sessions`. Its lists are kept in `folder`, or in memory without one, and have
     caught up with the log on return.
@@ -200,6 +208,9 @@ def create_app(
         dossier=_dossiers(runtime, folder),
         issuer=oidc_login(settings, sessions, clock=time.time, fresh=_fresh),
         speech=speech,
+        replays=replays,
+        fresh=_fresh,
+        **_kept_in(folder, settings),
     )
     app.mount("/static", StampedFiles(directory=settings.static), name="static")
     for room in (
@@ -209,6 +220,7 @@ def create_app(
         scene,
         missions,
         queue,
+        recordings,
         report,
         exploration,
         fleet_page,
@@ -248,6 +260,7 @@ def create_app(
         api_events,
         api_evidence,
         api_speech,
+        api_uploads,
     ):
         app.include_router(room.router)
     openapi.install(app)
@@ -258,6 +271,14 @@ def create_app(
     app.add_middleware(SecurityMiddleware, sessions=sessions, policy=_policy(settings))
     app.add_middleware(Languages, secure=settings.secure)
     return app
+
+
+def _kept_in(folder: Path | None, settings: ConsoleSettings) -> dict[str, Any]:
+    """What a console has that has a data folder: uploaded files, and results of audits."""
+    if folder is None:
+        return {}
+    uploads = Uploads(folder / "uploads", most_bytes=settings.upload_bytes, clock=time.time, fresh=_fresh)
+    return {"uploads": uploads, "audits": partial(stored_audits, folder)}
 
 
 def _free(folder: Path | None) -> Callable[[], int | None]:

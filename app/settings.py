@@ -58,6 +58,8 @@ class ConsoleSettings(BaseSettings):
     `names` are the host names (with a port unless it is the usual one) that people use beside loopback's; `proxies`
     the addresses of TLS proxies in front, whose word on where a request comes from is taken. `streams` are the live
     pages and 3D views that one person or token may hold open, `connections` those of everybody together.
+    `upload_bytes`: the largest recording or map that is taken from a browser or a command line; 0 takes none.
+    `otlp_endpoint`: where ended missions are sent to as OpenTelemetry traces (extra `otel`); nowhere without it.
     `notify_networks`: private networks, such as 10.1.0.0/16, that the addresses in `notify` may lead into.
     """
 
@@ -84,6 +86,8 @@ class ConsoleSettings(BaseSettings):
     session_idle_s: Annotated[float, Field(gt=0)] = 8 * 3600.0
     session_age_s: Annotated[float, Field(gt=0)] = 24 * 3600.0
     scenes: Annotated[int, Field(ge=1)] = 8
+    otlp_endpoint: str = ""
+    upload_bytes: Annotated[int, Field(ge=0)] = 2 * 2**30
     notify: dict[str, SecretStr] = {}
     notify_networks: tuple[str, ...] = ()
     oidc: OidcSettings = Field(default_factory=oidc_settings)

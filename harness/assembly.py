@@ -127,7 +127,8 @@ class Harness:
     """The running harness: runtime, supervisor and the robots it may command. `token` is the owner's.
 
     Every robot has a mission time of its own: `clock` is the first one's, `clocks` has all of them. `absent`: robots of
-    the site that could not be connected, and why; `unused`: providers of connected ones that are not admitted.
+    the site that could not be connected, and why; `unused`: providers of connected ones that are not admitted. `parts`
+    are the ports it is built on, for what runs beside it on the same log.
     """
 
     runtime: Runtime
@@ -140,6 +141,7 @@ class Harness:
     absent: Mapping[RobotId, Reason] = field(default_factory=dict)
     unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = field(default_factory=dict)
     token: str = ""
+    parts: "Parts | None" = None
 
     def starts(self, mission_id: MissionId) -> tuple[PhysicalStart, ...]:
         """Physical starts of one mission, from the robots' own journals."""
@@ -250,7 +252,19 @@ def joined(stack: ExitStack, settings: HarnessSettings, parts: Parts, members: S
         clocks=clocks,
         cameras={one.robot_id: one.camera for one in members if one.camera is not None},
         teleoperation=teleoperation,
+        parts=parts,
     )
+
+
+def beside(stack: ExitStack, settings: HarnessSettings, parts: Parts, member: Member) -> tuple[Runtime, Supervisor]:
+    """One more robot under a supervisor of its own, beside a harness that runs on the same log and goes on.
+
+    What that harness has open is left alone: no replay is closed, nobody's hand is taken off a robot.
+    """
+    runtime = runtime_on(parts, {member.robot_id: member.clock}, {member.robot_id: _sources(parts, member)})
+    supervisor = Supervisor(runtime=runtime, connections={member.robot_id: _connection(settings, parts, member)})
+    stack.callback(supervisor.close)
+    return runtime, supervisor
 
 
 def _connection(settings: HarnessSettings, parts: Parts, member: Member) -> RobotConnection:

@@ -6,6 +6,7 @@ Anybody may have made the file: a process with limits reads and splits it, and t
 import hashlib
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,6 @@ from harness.contracts.errors import CloudInvalid
 from harness.contracts.ids import Digest
 from harness.contracts.maps import CloudChunk, Corner, MapCloud
 from harness.contracts.values import Value, decode, encode
-from harness.runtime import Runtime
 
 CHUNK_BYTES = CHUNK_POINTS * 3 * 4
 
@@ -43,8 +43,14 @@ class SplitCloud(Value):
     chunks: tuple[tuple[float, int], ...]
 
 
+class KeepsBytes(Protocol):
+    """Stores bytes and names them by their digest: a runtime."""
+
+    def keep(self, body: bytes) -> Digest: ...
+
+
 def stored_cloud(
-    runtime: Runtime, file: Path, *, map_version: str, frame: str, metres_per_unit: float = 1.0
+    runtime: KeepsBytes, file: Path, *, map_version: str, frame: str, metres_per_unit: float = 1.0
 ) -> MapCloud:
     """Every finite point of a PCD, PLY, LAS or LAZ file, in metres. Raises CloudInvalid, StoreUnavailable."""
     limits = limits_for(cloud_head(file), size_bytes=file.stat().st_size)

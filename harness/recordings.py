@@ -2,20 +2,20 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import msgspec
-from pydantic import ValidationError
 
 from harness.adapters.ids import SystemIds
-from harness.adapters.limited_process import Limits, run_limited
+from harness.adapters.limited_process import run_limited
 from harness.adapters.pictures import size_of
+from harness.adapters.providers.recording.limits import recording_limits
 from harness.adapters.providers.recording.reader import Recording, open_recording
 from harness.adapters.providers.recording.robot import RecordedRobot
 from harness.adapters.providers.recording.segments import Segment
-from harness.adapters.providers.recording.topics import TopicSettings
+from harness.adapters.providers.recording.topics import TopicSettings, topic_settings
 from harness.adapters.providers.recording.writer import RecordedLeg, WriteSummary, record_mission
 from harness.adapters.providers.recording.writer import RecordedMission as Recorded
 from harness.adapters.stores.blob_address import open_owned_blobs
@@ -24,9 +24,10 @@ from harness.adapters.stores.log_address import open_log
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
 from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.spool import FileSpool
+from harness.assembly import Harness, Member, NullSignals, Parts, assemble, beside
 from harness.baseline.load import workspace_in
-from harness.bootstrap import Harness, NullSignals, Parts, assemble
 from harness.contracts.actors import Actor
+from harness.contracts.commands import EndMission
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, RecordingInvalid
 from harness.contracts.evidence import EvidencePacket
@@ -45,10 +46,10 @@ from harness.projections.mission import Mission, NodeState, required_contract
 from harness.projections.places import changed_site
 from harness.runtime import Runtime, Start
 from harness.settings import HarnessSettings
+from harness.supervisor.supervisor import Supervisor
 from harness.verification.geometry import path_length
 
 TOLERANCE_M = 0.40
-LARGEST_COPY = 64 * 2**30
 """Bytes that a packed recording may unpack to, on disk."""
 
 
@@ -56,7 +57,8 @@ LARGEST_COPY = 64 * 2**30
 class Replayer:
     """A recording with the harness around it."""
 
-    harness: Harness
+    runtime: Runtime
+    supervisor: Supervisor
     recording: Recording
     robot: RecordedRobot
     target_source: str
@@ -67,9 +69,19 @@ class Replayer:
         summary = self.recording.summary()
         return (summary.position_topic or summary.odometry_topic) if summary.single_source else ""
 
-    def run(self, actor: Actor, *, watch: Callable[[Mission], None]) -> tuple[Mission, dict[str, Any]]:
-        """Run the navigation mission on the recording, and what the harness measured on its own (D38)."""
-        templates = self.harness.runtime.current_configuration(RobotId("recording")).templates
+    def run(
+        self,
+        actor: Actor,
+        *,
+        watch: Callable[[Mission], None],
+        began: Callable[[MissionId], None] = lambda mission_id: None,
+        interrupted: Callable[[], bool] = lambda: False,
+    ) -> tuple[Mission, dict[str, Any]]:
+        """Run the navigation mission on the recording, and what the harness measured on its own (D38).
+
+        Interrupted, it ends failed, and says that it was cancelled.
+        """
+        templates = self.runtime.current_configuration(RobotId("recording")).templates
         template = drive_template(by_name("recording", templates), self.robot.segments)
         target = self.robot.segments[-1].target_m
         arguments: dict[str, str | float] = {
@@ -86,11 +98,15 @@ class Replayer:
             replay=True,
             labels=self._labels(),
         )
-        decision = self.harness.runtime.start(start, template=template)
+        decision = self.runtime.start(start, template=template)
         if isinstance(decision, Refused):
             raise ContractInvalid(decision.reason)
         mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
-        mission = self.harness.supervisor.run(mission_id, watch=watch)
+        began(mission_id)
+        mission = self.supervisor.run(mission_id, watch=watch, interrupted=interrupted)
+        if interrupted():
+            self.runtime.submit(mission_id, EndMission(status="failed", reason=because("replay_cancelled")))
+            mission = self.runtime.mission(mission_id)
         return mission, self.facts(mission)
 
     def _labels(self) -> dict[str, str]:
@@ -147,7 +163,7 @@ def replayed(
     before a mission is created.
     """
     with ExitStack() as stack:
-        recording = open_checked(path, _topics(topics), recover=recover)
+        recording = open_checked(path, topic_settings(topics), recover=recover)
         stack.callback(recording.close)
         folder = prepare(settings.data_folder)
         lock = stack.enter_context(OwnerLock(folder.root))
@@ -171,7 +187,34 @@ def replayed(
         harness = assemble(stack, recorded, parts, robot=robot, local=(), configure=lambda _: None)
         given = f"--place {place}" if place else "--target" if target is not None else ""
         source = given or robot.segments[-1].target_source
-        yield Replayer(harness=harness, recording=recording, robot=robot, target_source=source)
+        yield Replayer(harness.runtime, harness.supervisor, recording, robot, source)
+
+
+@contextmanager
+def replayed_beside(
+    harness: Harness,
+    settings: HarnessSettings,
+    path: Path,
+    *,
+    target: Point | None,
+    topics: Sequence[str],
+    place: str = "",
+    recover: bool = False,
+) -> Iterator[Replayer]:
+    """As `replayed`, on the log of a harness that runs and goes on running. One at a time."""
+    assert harness.parts is not None
+    with ExitStack() as stack:
+        recording = open_checked(path, topic_settings(topics), recover=recover)
+        stack.callback(recording.close)
+        goal = _approach(place, harness.runtime.site, recording) if place else target
+        robot = RecordedRobot(recording, target=goal)
+        stack.callback(robot.close)
+        parts = replace(harness.parts, clock=robot, models={}, observer=None)
+        member = Member(RobotId("recording"), robot, robot, (), lambda _: None)
+        recorded = settings.model_copy(update={"robot_id": "recording", "speed": 0.0})
+        runtime, supervisor = beside(stack, recorded, parts, member)
+        given = "place" if place else "target" if target is not None else ""
+        yield Replayer(runtime, supervisor, recording, robot, given or robot.segments[-1].target_source)
 
 
 class RecordingToRead(Value):
@@ -191,7 +234,7 @@ def open_checked(path: Path, topics: TopicSettings | None = None, *, recover: bo
     request = RecordingToRead(
         path=str(path.absolute()), topics=settings.model_dump_json(exclude_unset=True), recover=recover
     )
-    answer = run_limited(read_whole, encode(request), _limits(path), failure=RecordingInvalid, where=str(path))
+    answer = run_limited(read_whole, encode(request), recording_limits(path), failure=RecordingInvalid, where=str(path))
     recording = open_recording(path, settings, recover=recover)
     if recording.sha256 != answer.decode():
         recording.close()
@@ -207,19 +250,6 @@ def read_whole(request: bytes) -> bytes:
         for _ in recording.samples():
             pass
         return recording.sha256.encode()
-
-
-def _limits(path: Path) -> Limits:
-    """Room for blocks and pictures, time by its size, and space for the copy of a packed one."""
-    files = [path] if path.is_file() else [one for one in path.glob("*") if one.is_file()]
-    size = sum(one.stat().st_size for one in files)
-    mib = size / 2**20
-    return Limits(
-        memory_bytes=768 * 2**20,
-        cpu_s=60.0 + 2 * mib,
-        wall_s=300.0 + 8 * mib,
-        output_bytes=min(256 * 2**20 + 20 * size, LARGEST_COPY),
-    )
 
 
 def _site(store: EventStore, shipped: Site) -> Site:
@@ -377,20 +407,3 @@ def _image(blob: Digest, at_s: float, values: dict[str, float | str]) -> Image:
         },
         Image,
     )
-
-
-def _topics(given: Sequence[str]) -> TopicSettings:
-    roles = dict(text.partition("=")[::2] for text in given)
-    try:
-        return TopicSettings.model_validate(roles)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise ContractInvalid(
-            because(
-                "topic_setting_invalid",
-                name=".".join(str(part) for part in first["loc"]),
-                error=first["msg"],
-                known=tuple(TopicSettings.model_fields),
-            ),
-            where="--topic",
-        ) from error

@@ -50,6 +50,8 @@ COMMANDS = {
     "schemas": "schemas:schemas",
     "backup": "backups:backup",
     "restore": "backups:restore",
+    "incident": "incidents:incident",
+    "audit bags": "bag_audits:bags",
     "mission dossier": "dossiers:dossier",
     "rsi case": "rsi_cases:case",
     "rsi evaluate": "rsi_evaluate:evaluate",

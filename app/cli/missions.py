@@ -8,12 +8,15 @@ import msgspec
 import typer
 
 from app.acts.missions import DisputeCompletionAct, StartMissionAct, StopMissionAct, WithdrawMissionAct
+from app.acts.uploads import ReplayUploadAct
 from app.background.mission_history import Histories
 from app.cli import output
 from app.cli.api import api_with_robots
 from app.cli.api_client import Api
 from app.cli.junit import junit
+from app.cli.owner_api import owner_api
 from app.cli.person import me
+from app.cli.uploads import replayed_there
 from app.i18n.messages import reasoned
 from app.i18n.reasons import rendering as reasons
 from app.i18n.reasons.rendering import sentence
@@ -192,14 +195,23 @@ def replay(
         bool, typer.Option("--recover", help="Replay what is whole of a recording that was cut off.")
     ] = False,
 ) -> None:
-    """Run a navigation mission on a recording; the harness measures arrival and progress itself."""
+    """Run a navigation mission on a recording; the harness measures arrival and progress itself.
+
+    Beside a running console the recording is uploaded, and the console replays it.
+    """
     if target and place:
         raise typer.BadParameter("give --target or --place", param_hint="--place")
+    topics, point = topic or [], target_point(target)
+    if (owner := owner_api(data)) is not None:
+        x_m, y_m = point or (None, None)
+        act = ReplayUploadAct.of(target_x_m=x_m, target_y_m=y_m, place=place, topics=tuple(topics), recover=recover)
+        there = replayed_there(owner, recording, act)
+        output.show(there, as_json=as_json, lines=_summary(there))
+        raise typer.Exit(output.exit_code(there["status"]))
     settings = output.settings(data_folder=data, speed=0.0)
-    topics, point = topic or [], _point(target)
     with replayed(settings, recording, target=point, place=place, topics=topics, recover=recover) as replayer:
         mission, facts = replayer.run(me(), watch=output.ProgressPrinter())
-        outcome = mission_outcome(mission, Histories(replayer.harness.runtime).of(mission.mission_id), ())
+        outcome = mission_outcome(mission, Histories(replayer.runtime).of(mission.mission_id), ())
     outcome |= reasons.stating(facts)
     lines = [f"{name}: {reasons.stating(value)}" for name, value in facts.items() if value != ""]
     if topic_alone := facts[SINGLE_SOURCE]:
@@ -208,7 +220,8 @@ def replay(
     raise typer.Exit(output.exit_code(outcome["status"]))
 
 
-def _point(text: str | None) -> tuple[float, float] | None:
+def target_point(text: str | None) -> tuple[float, float] | None:
+    """A target as X,Y in metres; None where none was given."""
     if text is None:
         return None
     try:

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from threading import Event, Thread
 from typing import Annotated, Any
@@ -20,7 +21,9 @@ from app.auth.oidc_settings import identity_provider
 from app.background.evaluation_jobs import EvaluationJobs
 from app.background.evaluations import evaluator_folder
 from app.background.fleet_reports import ReportedRobots, Reporter
+from app.background.mission_history import Histories
 from app.background.release_watch import ReleaseWatch
+from app.background.replays import ReplayJobs
 from app.background.retention import Retention
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
@@ -45,7 +48,9 @@ from harness.contracts.erasure_events import ERASURES
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.ids import RobotId
 from harness.contracts.ports import Signals
+from harness.contracts.reasons import because
 from harness.extra_templates import begin
+from harness.recordings import replayed_beside
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.candidate_queries import on_trial, selected
@@ -143,6 +148,8 @@ def up(
             changed=broker.changed,
         )
         stack.callback(evaluations.close)
+        replays = ReplayJobs(partial(replayed_beside, harness, chosen), changed=broker.changed)
+        stack.callback(replays.close)
         app = create_app(
             harness.runtime,
             console,
@@ -161,9 +168,11 @@ def up(
             absent=harness.absent,
             unused=harness.unused,
             clear_way=_clear_way(harness),
+            replays=replays,
         )
         app.state.alert_watch.watch()
         evaluations.watch()
+        replays.watch()
         _watch_releases(stack, harness, evaluator_folder(chosen.data_folder) if start is not None else None)
         if chosen.media_days is not None:
             retention = Retention(harness.runtime, days=chosen.media_days, clock=time.time)
@@ -172,6 +181,8 @@ def up(
         app.state.notices.watch()
         if foxglove is not None:
             _show_evidence(stack, harness, fleet, foxglove)
+        if console.otlp_endpoint:
+            _export_traces(stack, harness, console.otlp_endpoint, chosen.data_folder)
         steps.end()
         sessions = app.state.sessions
         if start is not None and harness.runtime.head().position and harness.runtime.missions():
@@ -244,6 +255,20 @@ def _watch_releases(stack: ExitStack, harness: Harness, evaluator: Path | None) 
     )
     watch.watch()
     stack.callback(watch.close)
+
+
+def _export_traces(stack: ExitStack, harness: Harness, endpoint: str, data: Path) -> None:
+    """Ended missions as OpenTelemetry traces. Raises ContractInvalid without the extra `otel`."""
+    try:
+        from app.background.trace_export import TraceExport, otlp_exporter  # noqa: PLC0415  an extra
+    except ImportError as error:
+        raise ContractInvalid(because("otel_not_installed"), where="REGEN_OTLP_ENDPOINT") from error
+    runtime = harness.runtime
+    export = TraceExport(
+        otlp_exporter(endpoint), Histories(runtime).of, runtime.head, runtime.log, data / "traces.json"
+    )
+    export.watch()
+    stack.callback(export.close)
 
 
 class Steps:

@@ -222,6 +222,30 @@ class ProposalOutcome(Value):
     status: Literal["accepted", "tested", "untested"]
 
 
+class UploadResource(Value):
+    """A file that comes in pieces of at most `piece_bytes`; the next one goes to `received_bytes`."""
+
+    upload_id: str
+    name: str
+    kind: str
+    size_bytes: int
+    received_bytes: int
+    piece_bytes: int
+
+
+class ReplayResource(Value):
+    """A replay: `state` is waiting, reading, running, ended, refused or cancelled; `status` is its mission's end."""
+
+    replay_id: str
+    upload_id: str
+    name: str
+    state: str
+    mission_id: str
+    status: str
+    problem: str
+    problem_code: str
+
+
 class RecordingHeard(Value):
     """A stored recording of a goal, written down twice: among the sentences that are known here, and freely.
 

@@ -29,6 +29,8 @@ STATUS: tuple[tuple[type[errors.HarnessError], int], ...] = (
     (NotPermitted, 403),
     (errors.UnknownName, 404),
     (errors.ContractInvalid, 422),
+    (errors.CloudInvalid, 422),
+    (errors.RecordingInvalid, 422),
     (errors.ConcurrencyConflict, 409),
     (errors.BlobGone, 410),
     (errors.BlobDamaged, 404),

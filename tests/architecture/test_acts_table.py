@@ -18,6 +18,7 @@ from tests.architecture.sources import ROOT
 ROW = re.compile(r"^\| `(\w+)` \| (\w+) (\S+) \| (?:regen ([\w -]+))?\s*\| (\w+)", re.MULTILINE)
 SEVERAL = {
     "StopRobotAct": "stop", "ExplainStopAct": "stop", "StopRobotsAct": "stop", "SteerAct": "drive",
+    "BeginUploadAct": "drive", "ReplayUploadAct": "drive", "ImportUploadAct": "drive",
     "EvaluateCandidateAct": "propose", "CancelEvaluationAct": "propose",
     "AddAccountAct": "people", "ChangeAccountAct": "people", "IssueTokenAct": "people",
 }  # fmt: skip

@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
@@ -10,6 +12,7 @@ from pydantic import SecretStr
 
 from app.auth.commit_authority import authority
 from app.auth.sessions import LOGIN_PREFIX
+from app.background.replays import ReplayJobs
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
 from app.main import create_app
@@ -23,6 +26,7 @@ from harness.contracts.ids import HandoffId, MissionId, RobotId
 from harness.contracts.ports import EventStore
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.projections.mission import Mission
+from harness.recordings import replayed_beside
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.candidate_queries import selected
@@ -105,8 +109,12 @@ def console_stand(
     settings: ConsoleSettings | None = None,
     rules: RulesVersion = CURRENT_RULES,
     store: EventStore | None = None,
+    folder: Path | None = None,
 ) -> Iterator[Stand]:
-    """Kinematic robot, virtual time, stores in memory unless a log is given. `rules`: those of new missions."""
+    """Kinematic robot, virtual time, stores in memory unless a log is given. `rules`: those of new missions.
+
+    With a `folder` it takes uploads, and replays them when its jobs are stepped.
+    """
     settings = settings or ConsoleSettings(
         port=8000, robots=("vbot-1",), owner_token=SecretStr(OWNER), password_memory_kib=19456
     )
@@ -134,6 +142,8 @@ def console_stand(
             starts=harness.starts,
             fleet=Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s),
             teleoperation=harness.teleoperation,
+            folder=folder,
+            replays=ReplayJobs(partial(replayed_beside, harness, HarnessSettings(speed=0))) if folder else None,
         )
         try:
             yield Stand(harness, app)

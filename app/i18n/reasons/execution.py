@@ -33,6 +33,7 @@ SENTENCES: Mapping[str, str] = {
     "precondition_fails": N_("{condition:word}: {reason}"),
     "provider_cannot_be_asked": N_("{provider_id} cannot be asked whether the request arrived"),
     "provider_cannot_resume": N_("the supervisor was away and the provider cannot resume"),
+    "replay_cancelled": N_("the replay was cancelled"),
     "replay_interrupted": N_("the replay was interrupted"),
     "resource_taken": N_("{resource} is {status:word} for {invocation_id}"),
     "result_accepted": N_("the gate accepted the result"),

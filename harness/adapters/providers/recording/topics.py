@@ -1,9 +1,13 @@
 """Settings that assign a recording's topics, frames and clocks; the paper's topics are the default."""
 
 import re
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.reasons import because
 
 TRAJECTORY = "trajectory"
 """What the poses of a trajectory file are listed as; topics begin with a slash."""
@@ -74,3 +78,21 @@ class TopicSettings(_Settings):
         except re.error as error:
             raise ValueError(f"not a regular expression: {error}") from error
         return pattern
+
+
+def topic_settings(given: Sequence[str], **otherwise: str) -> TopicSettings:
+    """Settings of texts like odometry=/odom; `otherwise` are those that nobody gave. Raises ContractInvalid."""
+    roles = otherwise | dict(text.partition("=")[::2] for text in given)
+    try:
+        return TopicSettings.model_validate(roles)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ContractInvalid(
+            because(
+                "topic_setting_invalid",
+                name=".".join(str(part) for part in first["loc"]),
+                error=first["msg"],
+                known=tuple(TopicSettings.model_fields),
+            ),
+            where="--topic",
+        ) from error

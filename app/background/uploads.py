@@ -1,0 +1,160 @@
+"""Takes files in pieces from browsers and command lines: recordings to replay, clouds to import. Nothing is read here.
+
+A file is complete when all of its bytes are here; it stays until it is removed or its day is over.
+"""
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from threading import Lock
+from typing import Literal
+
+import msgspec
+
+from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.reasons import because
+from harness.contracts.values import Count, Value, decode, encode
+
+CHUNK_BYTES = 768 * 1024
+"""What one piece may hold: a request's body is one mebibyte at most."""
+MOST_OPEN = 20
+LASTS_S = 7 * 86_400.0
+CLOUDS = (".pcd", ".ply", ".las", ".laz")
+RECORDINGS = (".mcap", ".zstd", ".bag", ".db3", ".txt", ".csv", ".log", ".tum", ".kitti")
+Kind = Literal["recording", "cloud"]
+_UNNAMED = re.compile(r"[^\w.\-+ ()]", re.ASCII)
+_ID = re.compile(r"[A-Za-z0-9_-]{20,64}")
+
+
+class Upload(Value):
+    """One file: what it is called, how large it is to be, how much of it is here. Times are wall seconds."""
+
+    upload_id: str
+    name: str
+    kind: Kind
+    size_bytes: Count
+    received_bytes: Count
+    by: str
+    begun_s: float
+
+    @property
+    def complete(self) -> bool:
+        """Whether every byte is here."""
+        return self.received_bytes == self.size_bytes
+
+
+class Uploads:
+    """The files of one data folder. Safe between threads; a piece is added where the last one ended."""
+
+    def __init__(self, folder: Path, *, most_bytes: int, clock: Callable[[], float], fresh: Callable[[], str]) -> None:
+        self.most_bytes = most_bytes
+        self._folder, self._clock, self._fresh = folder, clock, fresh
+        self._lock = Lock()
+
+    def all(self) -> tuple[Upload, ...]:
+        """Every file, newest first."""
+        with self._lock:
+            found = [self._read(one.name) for one in self._folder.glob("*") if one.is_dir()]
+        return tuple(sorted((one for one in found if one), key=lambda one: one.begun_s, reverse=True))
+
+    def begin(self, name: str, *, size_bytes: int, by: str) -> Upload:
+        """A place for a file. Raises ContractInvalid for another kind of file, one too large, or too many at once."""
+        self._forget_old()
+        kept = _UNNAMED.sub("_", Path(name.replace("\\", "/")).name)[-120:]
+        suffix = Path(kept).suffix.lower()
+        if suffix not in (*CLOUDS, *RECORDINGS):
+            raise ContractInvalid(
+                because("upload_kind_unknown", suffix=suffix or "-", known=(*RECORDINGS, *CLOUDS)), where="name"
+            )
+        if not 0 < size_bytes <= self.most_bytes:
+            raise ContractInvalid(
+                because("upload_too_large", size_bytes=size_bytes, limit_bytes=self.most_bytes), where="size_bytes"
+            )
+        if len(self.all()) >= MOST_OPEN:
+            raise ContractInvalid(because("uploads_too_many", limit=MOST_OPEN))
+        self._folder.mkdir(parents=True, exist_ok=True)
+        if shutil.disk_usage(self._folder).free < 2 * size_bytes:
+            raise ContractInvalid(because("upload_without_space", size_bytes=size_bytes), where="size_bytes")
+        upload = Upload(
+            upload_id=self._fresh(),
+            name=kept,
+            kind="cloud" if suffix in CLOUDS else "recording",
+            size_bytes=size_bytes,
+            received_bytes=0,
+            by=by,
+            begun_s=self._clock(),
+        )
+        with self._lock:
+            self._place(upload.upload_id).mkdir()
+            (self._place(upload.upload_id) / upload.name).touch()
+            self._write(upload)
+        return upload
+
+    def add(self, upload_id: str, *, offset: int, piece: bytes, by: str) -> Upload:
+        """One more piece, at the place where the last one ended; the same piece again changes nothing.
+
+        Raises ContractInvalid for another place or more bytes than were announced, UnknownName for no such file.
+        """
+        with self._lock:
+            upload = self._found(upload_id)
+            if upload.by != by:
+                raise UnknownName(because("upload_unknown"))
+            if offset + len(piece) == upload.received_bytes:
+                return upload
+            if offset != upload.received_bytes or offset + len(piece) > upload.size_bytes:
+                raise ContractInvalid(
+                    because("upload_piece_misplaced", offset=offset, expected=upload.received_bytes), where="offset"
+                )
+            with self.path(upload).open("r+b") as file:
+                file.seek(offset)
+                file.write(piece)
+                file.truncate()
+            grown = msgspec.structs.replace(upload, received_bytes=offset + len(piece))
+            self._write(grown)
+            return grown
+
+    def whole(self, upload_id: str) -> Upload:
+        """A file whose bytes are all here. Raises UnknownName, ContractInvalid."""
+        with self._lock:
+            upload = self._found(upload_id)
+        if not upload.complete:
+            raise ContractInvalid(
+                because("upload_incomplete", received_bytes=upload.received_bytes, size_bytes=upload.size_bytes)
+            )
+        return upload
+
+    def path(self, upload: Upload) -> Path:
+        """Where its bytes are."""
+        return self._place(upload.upload_id) / upload.name
+
+    def remove(self, upload_id: str) -> None:
+        """Take the file away, complete or not. Raises UnknownName."""
+        with self._lock:
+            self._found(upload_id)
+            shutil.rmtree(self._place(upload_id), ignore_errors=True)
+
+    def _forget_old(self) -> None:
+        for one in self.all():
+            if self._clock() - one.begun_s > LASTS_S:
+                self.remove(one.upload_id)
+
+    def _found(self, upload_id: str) -> Upload:
+        found = self._read(upload_id) if _ID.fullmatch(upload_id) else None
+        if found is None:
+            raise UnknownName(because("upload_unknown"))
+        return found
+
+    def _place(self, upload_id: str) -> Path:
+        return self._folder / upload_id
+
+    def _read(self, upload_id: str) -> Upload | None:
+        try:
+            return decode((self._place(upload_id) / ".upload.json").read_bytes(), Upload)
+        except (OSError, msgspec.MsgspecError):
+            return None
+
+    def _write(self, upload: Upload) -> None:
+        beside = self._place(upload.upload_id) / ".upload.new"
+        beside.write_bytes(encode(upload))
+        beside.replace(self._place(upload.upload_id) / ".upload.json")

@@ -1,0 +1,69 @@
+// Sends a chosen file in pieces, shows how far it is, and can be cancelled. Without scripts the form sends small files.
+import { tr } from "./translations.js";
+
+const form = document.querySelector("[data-upload]");
+const said = form?.querySelector("[data-said]");
+const moving = form?.querySelector("[data-moving]");
+const bar = form?.querySelector("progress");
+let sending = null;
+
+async function asked(path, options) {
+  for (let tries = 0; ; tries += 1) {
+    const answer = await fetch(`/api/v1${path}`, { ...options, signal: sending.signal });
+    if (answer.ok) return answer.json();
+    if (answer.status === 429 && tries < 20) {
+      await new Promise((done) => setTimeout(done, 1000 * Number(answer.headers.get("retry-after") || 1)));
+      continue;
+    }
+    const problem = await answer.json().catch(() => ({}));
+    throw new Error(problem.detail || problem.title || tr("The console answered {status}.", { status: answer.status }));
+  }
+}
+
+async function sent(file) {
+  const begun = await asked("/uploads", {
+    method: "POST",
+    headers: { "content-type": "application/json" },
+    body: JSON.stringify({ name: file.name, size_bytes: file.size }),
+  });
+  sending.id = begun.upload_id;
+  for (let at = 0; at < file.size; at += begun.piece_bytes) {
+    const body = file.slice(at, at + begun.piece_bytes);
+    await asked(`/uploads/${begun.upload_id}?offset=${at}`, {
+      method: "POST", headers: { "content-type": "application/octet-stream" }, body,
+    });
+    bar.value = Math.min(1, (at + body.size) / file.size);
+    said.textContent = tr("{percent} % of {name}", { percent: Math.floor(100 * bar.value), name: file.name });
+  }
+}
+
+function rest() {
+  moving.hidden = true;
+  form.querySelector("button.primary").disabled = false;
+  sending = null;
+}
+
+form?.addEventListener("submit", async (event) => {
+  const file = form.querySelector("input[type=file]").files[0];
+  if (!file || sending) return;
+  event.preventDefault();
+  if (file.size > Number(form.dataset.limit)) {
+    said.textContent = tr("{name} is too large.", { name: file.name });
+    return;
+  }
+  sending = new AbortController();
+  moving.hidden = false;
+  bar.value = 0;
+  form.querySelector("button.primary").disabled = true;
+  try {
+    await sent(file);
+    window.location.assign("/recordings");
+  } catch (error) {
+    const { id } = sending;
+    said.textContent = error.name === "AbortError" ? tr("Cancelled.") : error.message;
+    if (id) await fetch(`/api/v1/uploads/${id}`, { method: "DELETE" }).catch(() => {});
+    rest();
+  }
+});
+
+form?.querySelector("[data-cancel]").addEventListener("click", () => sending?.abort());
