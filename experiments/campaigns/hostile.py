@@ -52,8 +52,8 @@ def run(arguments: argparse.Namespace) -> None:
         if place in places:
             report = _met(place, modes, seed=arguments.seed)
             made = made.with_place(place, PlaceResult(**made_by, report=report))
-    if wanted := 0 if arguments.modes else arguments.second_looks:
-        made = replace(made, looks=LooksResult(**made_by, looks=second_looks(wanted, seed=arguments.seed)))
+    if least := 0 if arguments.modes else arguments.second_looks:
+        made = replace(made, looks=LooksResult(**made_by, looks=second_looks(least, seed=arguments.seed)))
     print(*counts(made), sep="\n")
     if arguments.publish:
         publish(made)

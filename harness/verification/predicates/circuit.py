@@ -27,8 +27,8 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
         return ambiguous(because("no_pose_in_route_map"))
     history = _history(effect, evidence)
     track = list(history.track)
-    begun = _walked(effect, track, evidence)
-    left_s, progress = begun.left_s, begun.progress
+    walk = _walked(effect, track, evidence)
+    left_s, progress = walk.left_s, walk.progress
     gap_s = max(_unseen_s(history, track) for track in evidence.tracks)
     back = arrival(effect, evidence)
     declared = _declared(evidence)
@@ -39,7 +39,7 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
             _in_order(progress.waypoints, progress.of_waypoints, gap_s),
             _admitted_by_planner(declared, share),
             _returned(left_s, track),
-            _paced(begun, evidence, share),
+            _paced(walk, evidence, share),
             (back.verdict, back.reason if back.verdict != "satisfied" else None),
         )
     )
@@ -69,7 +69,7 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
 
 
 @dataclass(frozen=True)
-class Walk:
+class CircuitWalk:
     """What was walked since a dispatch: when the body left, how much of the route it passed, metres by the poses."""
 
     began_s: float
@@ -78,7 +78,7 @@ class Walk:
     path_m: float
 
 
-def _walked(effect: Metric, track: list[geometry.Fix], evidence: Evidence) -> Walk:
+def _walked(effect: Metric, track: list[geometry.Fix], evidence: Evidence) -> CircuitWalk:
     """When the body left, and how much of the route it then walked in order, over all executions together.
 
     Where the circuit was begun again, the way back to its start may pass later parts of the route and count as progress
@@ -93,11 +93,11 @@ def _walked(effect: Metric, track: list[geometry.Fix], evidence: Evidence) -> Wa
         left_s = geometry.departed_s(part, origin=effect.target_m, after_s=began_s, radius_m=radius_m, samples=SAMPLES)
         points = [fix.point for fix in part]
         progress = geometry.route_progress(effect.route_m, points)
-        found.append(Walk(began_s, left_s, progress, geometry.path_length(points)))
+        found.append(CircuitWalk(began_s, left_s, progress, geometry.path_length(points)))
     return max(found, key=lambda one: (one.progress.waypoints, one.progress.share))
 
 
-def _paced(walk: Walk, evidence: Evidence, share: float) -> tuple[PredicateVerdict, Reason | None]:
+def _paced(walk: CircuitWalk, evidence: Evidence, share: float) -> tuple[PredicateVerdict, Reason | None]:
     """Whether odometry shows that share of the way that the poses show, or of the route where they show more.
 
     Their ends agree on every closed way, however long its metres were.
