@@ -107,8 +107,8 @@ def cells_at(load: int, *, speeds: Sequence[float], moves: int, robots: int) -> 
     """`moves` moves to safety at each speed, beside so many busy processes and each other."""
     shares = [range(first, moves, robots) for first in range(robots)]
     with _busy(load), ProcessPoolExecutor(max_workers=len(speeds) * robots) as pool:
-        asked = [(speed, [pool.submit(_share, speed, tuple(share)) for share in shares]) for speed in speeds]
-        done = [(speed, [move for one in found for move in one.result()]) for speed, found in asked]
+        running = [(speed, [pool.submit(_share, speed, tuple(share)) for share in shares]) for speed in speeds]
+        done = [(speed, [move for one in found for move in one.result()]) for speed, found in running]
         average = os.getloadavg()[0]
     return [cell(found, speed=speed, load=load, average=average) for speed, found in done]
 
@@ -174,7 +174,9 @@ def _move(harness: Harness, kind: Kind, *, seed: int) -> Move:
     assert isinstance(decision, Accepted), decision
     mission_id = next(event.mission_id for event in decision.events if isinstance(event, MissionCreated))
     before = _newest(harness)
-    stop = _sent(harness, mission_id) if kind == "person" else _unanswered(harness, mission_id)
+    if kind == "no_answer":
+        _unanswered(harness, mission_id)
+    stop = _sent(harness, mission_id) if kind == "person" else None
     until_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < until_s:
         newest = harness.runtime.fold(CONTROL).retreats.get(ROBOT)

@@ -18,8 +18,8 @@ import msgspec
 from playwright.sync_api import Browser, Error, expect, sync_playwright
 
 from experiments.journeys import lab_engineer, night_shift, release_engineer
-from experiments.journeys.served import ROOT, served_console
-from experiments.journeys.walk import PATIENCE_MS, Walk
+from experiments.journeys.consoles import ROOT, served_console
+from experiments.journeys.walk import PATIENCE_MS, JourneyWalk
 from tools import browser
 
 PICTURES = ROOT / "build" / "journeys"
@@ -31,7 +31,7 @@ class Journey:
     """What a console is started with, and the way through it."""
 
     options: Sequence[str]
-    walk: Callable[[Walk, str], dict[str, float]]
+    walk: Callable[[JourneyWalk, str], dict[str, float]]
 
 
 JOURNEYS = {
@@ -42,7 +42,7 @@ JOURNEYS = {
 
 
 def main() -> None:
-    """Walk those that are named, else all of them."""
+    """JourneyWalk those that are named, else all of them."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help=f"of {', '.join(JOURNEYS)}")
     parser.add_argument("--publish", action="store_true")
@@ -73,7 +73,7 @@ def _walked(chromium: Browser, name: str, journey: Journey, *, patience_ms: floa
     context = chromium.new_context(viewport={"width": 1440, "height": 900})
     context.set_default_timeout(patience_ms)
     page = context.new_page()
-    way = Walk(page, name, PICTURES, patience_ms)
+    way = JourneyWalk(page, name, PICTURES, patience_ms)
     stopped_by, measured, started_s = "", {}, 0.0
     with served_console(journey.options) as console:
         started_s = console.started_s

@@ -4,13 +4,13 @@ import re
 
 from playwright.sync_api import expect
 
-from experiments.journeys.walk import Walk
+from experiments.journeys.walk import JourneyWalk
 
 OPTIONS = ("--robots", "vbot-1")
 GOAL = "Check the storage area and come back"
 
 
-def walk(way: Walk, link: str) -> dict[str, float]:
+def walk(way: JourneyWalk, link: str) -> dict[str, float]:
     """From the first link over a mission in words to a dispute and a regression case."""
     page = way.page
     with way.step("sign in and say in words what is to be done"):

@@ -5,7 +5,7 @@ import time
 
 from playwright.sync_api import expect
 
-from experiments.journeys.walk import Walk
+from experiments.journeys.walk import JourneyWalk
 
 OPTIONS = (
     "--robots", "vbot-1,vbot-2", "--start", "warehouse-inspection", "--fault", "vbot-2=blocked-passage:persistent",
@@ -13,7 +13,7 @@ OPTIONS = (
 """What `make run` starts."""
 
 
-def walk(way: Walk, link: str) -> dict[str, float]:
+def walk(way: JourneyWalk, link: str) -> dict[str, float]:
     """From the first link to a finished mission and a robot at its safe place. Returns what was measured beside."""
     page = way.page
     with way.step("sign in and see the site"):
@@ -58,10 +58,10 @@ def walk(way: Walk, link: str) -> dict[str, float]:
     with way.step("stop it, by one press, and say why afterwards"):
         began_s = time.monotonic()
         way.click(page.locator("#stop-vbot-1"))
-        said = page.locator("#stopped-text")
-        expect(said).to_contain_text("taken up after")
+        answer = page.locator("#stopped-text")
+        expect(answer).to_contain_text("taken up after")
         measured["stop_seen_ms"] = round(1000 * (time.monotonic() - began_s))
-        measured["stop_taken_up_ms"] = float(re.findall(r"after (\d+) ms", said.inner_text())[0])
+        measured["stop_taken_up_ms"] = float(re.findall(r"after (\d+) ms", answer.inner_text())[0])
         way.click(page.locator("#stopped").get_by_role("button").first)
         expect(page.locator("#head")).to_contain_text("cancelled")
     with way.step("send it to safety and see it arrive, measured"):
@@ -79,7 +79,7 @@ def walk(way: Walk, link: str) -> dict[str, float]:
     return measured
 
 
-def _fresh(way: Walk) -> None:
+def _fresh(way: JourneyWalk) -> None:
     """A picture that is too old is taken again; the page offers it in the place of the approval."""
     instead = way.page.locator("#look-now")
     if instead.is_visible():

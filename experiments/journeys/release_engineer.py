@@ -4,14 +4,14 @@ import re
 
 from playwright.sync_api import expect
 
-from experiments.journeys.walk import Walk
+from experiments.journeys.walk import JourneyWalk
 
 NAME, PASSWORD = "lea", "seven green bottles"
 OPTIONS = ("--robots", "vbot-1", "--start", "circuit", "--start-now")
 """A console that shows the shipped candidate in review, beside one mission."""
 
 
-def walk(way: Walk, link: str) -> dict[str, float]:
+def walk(way: JourneyWalk, link: str) -> dict[str, float]:
     """From the first link to a decision, a proposal, a refusal, a comparison and an evaluation under way."""
     page = way.page
     with way.step("sign in by the link, and make an account of one's own"):

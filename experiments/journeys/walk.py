@@ -9,12 +9,12 @@ from pathlib import Path
 
 from playwright.sync_api import Locator, Page, expect
 
-PATIENCE_MS = 180_000.0
+PATIENCE_MS = 600_000.0
 """How long a page or a robot may take; what a step really took is what is published."""
 
 
 @dataclass
-class Step:
+class JourneyStep:
     """One thing that a person wants to do: its clicks, the seconds until it was done, and the picture after it."""
 
     name: str
@@ -24,19 +24,19 @@ class Step:
 
 
 @dataclass
-class Walk:
+class JourneyWalk:
     """One person's way. Typing counts no click; holding a button counts as one."""
 
     page: Page
     journey: str
     pictures: Path
     patience_ms: float = PATIENCE_MS
-    steps: list[Step] = field(default_factory=list)
+    steps: list[JourneyStep] = field(default_factory=list)
 
     @contextmanager
-    def step(self, name: str) -> Iterator[Step]:
+    def step(self, name: str) -> Iterator[JourneyStep]:
         """Count what is done in this block; a picture is taken at its end, also where it failed."""
-        step = Step(name)
+        step = JourneyStep(name)
         self.steps.append(step)
         began_s = time.monotonic()
         try:

@@ -30,17 +30,17 @@ def served_console(options: Sequence[str]) -> Iterator[ServedConsole]:
     """`regen up` with these options until the block ends."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("REGEN_")}
     command = [sys.executable, "-P", "-m", "app.cli.main", "up", "--port", "0", *options]
-    with tempfile.TemporaryDirectory() as folder, (Path(folder) / "said").open("w+") as said:
+    with tempfile.TemporaryDirectory() as folder, (Path(folder) / "output").open("w+") as output:
         began_s = time.monotonic()
         process = subprocess.Popen(
             [*command, "--data", str(Path(folder) / "var")],
             cwd=ROOT,
             env={**environment, "PYTHONPATH": str(ROOT)},
-            stdout=said,
+            stdout=output,
             stderr=subprocess.STDOUT,
         )
         try:
-            link = _link(process, Path(said.name), until_s=began_s + STARTS_WITHIN_S)
+            link = _link(process, Path(output.name), until_s=began_s + STARTS_WITHIN_S)
             yield ServedConsole(link, link.partition("/account/")[0], time.monotonic() - began_s)
         finally:
             process.terminate()
@@ -51,9 +51,9 @@ def served_console(options: Sequence[str]) -> Iterator[ServedConsole]:
                 process.wait()
 
 
-def _link(process: subprocess.Popen[bytes], said: Path, *, until_s: float) -> str:
+def _link(process: subprocess.Popen[bytes], output: Path, *, until_s: float) -> str:
     while time.monotonic() < until_s and process.poll() is None:
-        if found := LINK.search(said.read_text()):
+        if found := LINK.search(output.read_text()):
             return found[1]
         time.sleep(0.1)
-    raise SystemExit(f"The console gave no link:\n{said.read_text()}")
+    raise SystemExit(f"The console gave no link:\n{output.read_text()}")
