@@ -158,8 +158,9 @@ def _other_colours(body: bytes, seen: ProxyState) -> bytes:
     first = evidence_lies.decoded(seen.kept.setdefault("first", body))
     number = evidence_lies.number_of(seen)
     colours = first[:, :, ((0, 1, 2), (2, 1, 0), (1, 0, 2), (0, 2, 1), (1, 2, 0), (2, 0, 1))[number % 6]]
-    noise = (np.arange(first.size, dtype=np.uint64) * 2654435761 + 97 * number).reshape(first.shape) % 25 - 12.0
-    return evidence_lies.encoded(np.clip(colours + noise, 0, 255).astype(np.uint8), 88)
+    noise = (np.arange(first.size, dtype=np.uint32) * 2654435761 + 97 * number) % 25
+    noisy = cv2.add(np.ascontiguousarray(colours), noise.astype(np.uint8).reshape(first.shape))
+    return evidence_lies.encoded(noisy, 88)
 
 
 def _one_late(body: bytes, seen: ProxyState) -> bytes:
