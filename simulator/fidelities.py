@@ -8,6 +8,7 @@ from simulator.noise import Streams
 from simulator.samples import SampleRing
 from simulator.sensors import Fix, Sensors
 from simulator.solids import SiteModel
+from simulator.walking.go2_package import require_walking
 
 
 class Embodiment(msgspec.Struct, frozen=True):
@@ -32,8 +33,6 @@ def embodiment(
     Raises ContractInvalid with the command that installs what is missing.
     """
     if fidelity == "walking":
-        from simulator.walking.go2_package import require_walking  # noqa: PLC0415  as below
-
         require_walking()
         from simulator.walking.body import WalkingBody  # noqa: PLC0415  an extra: loaded only to walk
         from simulator.walking.sensors import WalkingSensors  # noqa: PLC0415  as above

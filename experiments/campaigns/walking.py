@@ -150,8 +150,8 @@ def run(arguments: argparse.Namespace) -> None:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     known = read_log(arguments.log, arguments.seed)
     played = {one.number for one in known}
-    wanted = range(arguments.missions) if arguments.minutes != 0 else ()
-    numbers = [number for number in wanted if number not in played]
+    whole = range(arguments.missions) if arguments.minutes != 0 else ()
+    numbers = [number for number in whole if number not in played]
     arguments.log.parent.mkdir(parents=True, exist_ok=True)
     with arguments.log.open("ab") as log:
         for one in remaining(numbers, seed=arguments.seed, processes=arguments.processes, minutes=arguments.minutes):
@@ -164,7 +164,7 @@ def run(arguments: argparse.Namespace) -> None:
                 flush=True,
             )
     known = sorted((one for one in known if one.number < arguments.missions), key=lambda one: one.number)
-    found = walking_page.figures(known, seed=arguments.seed, asked=MISSIONS)
+    found = walking_page.figures(known, seed=arguments.seed, target=MISSIONS)
     print(walking_page.table(found))
     if arguments.publish:
         walking_page.publish(found)

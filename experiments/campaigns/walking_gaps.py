@@ -88,13 +88,13 @@ def walked_leg(
 
 def path_m(track: Track) -> float:
     """Length of a track through positions EVERY_S apart."""
-    kept: list[tuple[float, float, float]] = []
+    spaced: list[tuple[float, float, float]] = []
     for one in track:
-        if not kept or one[0] - kept[-1][0] >= EVERY_S - 1e-6:
-            kept.append(one)
-    if track and kept[-1] != track[-1]:
-        kept.append(track[-1])
-    return sum(math.dist(one[1:], other[1:]) for one, other in pairwise(kept))
+        if not spaced or one[0] - spaced[-1][0] >= EVERY_S - 1e-6:
+            spaced.append(one)
+    if track and spaced[-1] != track[-1]:
+        spaced.append(track[-1])
+    return sum(math.dist(one[1:], other[1:]) for one, other in pairwise(spaced))
 
 
 def _drift_m(odometry: Sequence[Odometry], true: Track, truths: Sequence[Truth], begun_s: float) -> float:

@@ -98,7 +98,7 @@ class WalkingReport(Value):
     open_reasons: dict[str, Count]
 
 
-def figures(missions: Sequence[WalkedMission], *, seed: int, asked: int) -> WalkingReport:
+def figures(missions: Sequence[WalkedMission], *, seed: int, target: int) -> WalkingReport:
     """All figures of these missions."""
     kinds = sorted({(one.template, one.fault) for one in missions})
     legs = [leg for one in missions for leg in one.legs if leg.status == "succeeded"]
@@ -110,9 +110,9 @@ def figures(missions: Sequence[WalkedMission], *, seed: int, asked: int) -> Walk
     return WalkingReport(
         seed=seed,
         missions=len(missions),
-        asked=asked,
+        asked=target,
         cpu_s=round(cpu_s, 1),
-        core_hours=round(cpu_s / max(len(missions), 1) * asked / 3600, 2),
+        core_hours=round(cpu_s / max(len(missions), 1) * target / 3600, 2),
         mission_s=round(sum(one.seconds for one in missions), 1),
         counts=tuple(_counts(kind, [one for one in missions if (one.template, one.fault) == kind]) for kind in kinds),
         legs=tuple(

@@ -116,7 +116,7 @@ class WalkingBody:
         """Position, attitude and joint angles, for a restart."""
         return tuple(self._world.data.qpos.tolist())
 
-    def _control(self, wanted: Floats) -> None:
+    def _control(self, command: Floats) -> None:
         state, own, gait = self.state, self.own, self._gait
         sense = own.sense(self._world, gait.mode, rising=not gait.risen)
         if self._rising:
@@ -129,7 +129,7 @@ class WalkingBody:
             gait.order("lying", sense.angles)
         elif gait.mode in ("lying", "limp"):
             gait.order("standing", sense.angles)
-        self._targets = gait.targets(wanted, sense)
+        self._targets = gait.targets(command, sense)
 
     def _hits(self, rays: Floats) -> Floats:
         distances = self._cast(rays, _LIDAR)

@@ -118,18 +118,18 @@ class Gait:
             self.mode = mode
             self._command, self._stopped_s = np.zeros(3), 0.0
 
-    def targets(self, wanted: Floats, sense: BodySense) -> Floats:
+    def targets(self, command: Floats, sense: BodySense) -> Floats:
         """Joint angles for the next CONTROL_S; `gains` say how stiffly they are held."""
         self._tracking.follow(sense.velocity)
         self._since_s += CONTROL_S
-        moving = bool(np.any(wanted))
+        moving = bool(np.any(command))
         if self.mode == "standing" and moving and self.risen:
             self.mode = "walking"
             self.policy.begin()
             self._tracking.begin()
             self._command, self._stopped_s = np.zeros(3), 0.0
         if self.mode == "walking":
-            return self._walk(wanted, sense, moving=moving)
+            return self._walk(command, sense, moving=moving)
         if self.mode == "limp":
             self.gains = LIMP_GAINS
             return sense.angles
@@ -139,10 +139,12 @@ class Gait:
         between: Floats = self._from + share * (pose - self._from)
         return between
 
-    def _walk(self, wanted: Floats, sense: BodySense, *, moving: bool) -> Floats:
+    def _walk(self, command: Floats, sense: BodySense, *, moving: bool) -> Floats:
         self.gains = WALKING_GAINS
         most = SLEW if moving else 2.0 * SLEW
-        self._command = self._command + np.clip(np.clip(wanted * RESERVE, -LIMITS, LIMITS) - self._command, -most, most)
+        self._command = self._command + np.clip(
+            np.clip(command * RESERVE, -LIMITS, LIMITS) - self._command, -most, most
+        )
         if moving:
             self._stopped_s = 0.0
             return self.policy.targets(sense, self._tracking.trimmed(self._command))

@@ -26,15 +26,15 @@ def require_walking(libraries: Sequence[str] = LIBRARIES) -> None:
 
 def model_file() -> Path:
     """The MJCF of the Go2 (BSD-3-Clause, Unitree Robotics). Raises PackageNotFoundError or FileNotFoundError."""
-    return _data(_MODEL)
+    return _package_file(_MODEL)
 
 
 def policy_file() -> Path:
     """The trained policy as ONNX (Apache-2.0, Ziqi Fan). Raises PackageNotFoundError or FileNotFoundError."""
-    return _data(_POLICY)
+    return _package_file(_POLICY)
 
 
-def _data(name: str) -> Path:
+def _package_file(name: str) -> Path:
     file = Path(str(distribution(PACKAGE).locate_file(name)))
     if not file.is_file():
         raise FileNotFoundError(name)

@@ -130,7 +130,7 @@ class Localiser:
         """A clear match where odometry alone has led since the robot was lost, as long as odometry says anything."""
         if self._carried or self.sigma_m > NEAR_BY_M:
             return None
-        match = self._matcher.settled(sweep, self._pose)
+        match = self._matcher.best_around(sweep, self._pose)
         return (
             match if match.share >= ACCEPTED_SHARE and math.dist(match.pose[:2], self._pose[:2]) < NEAR_BY_M else None
         )

@@ -11,7 +11,7 @@ import numpy as np
 import small_gicp
 from numpy.typing import NDArray
 
-from simulator.walking.survey import Survey
+from simulator.walking.survey import SurveyedMap
 
 FAR_M, NEAR_M, INLIER_M = 0.5, 0.2, 0.12
 """How far from a hit its place on the map is looked for: first, then again from where that led."""
@@ -45,7 +45,7 @@ class Match(msgspec.Struct, frozen=True):
 class ScanMatcher:
     """Matches sweeps of upright body points (z = 0 on the floor) against one map."""
 
-    def __init__(self, survey: Survey) -> None:
+    def __init__(self, survey: SurveyedMap) -> None:
         self._survey = survey
         self._places = survey.standing_places(PLACES_M)
 
@@ -67,7 +67,7 @@ class ScanMatcher:
         share, rms_m = self._fit(points, turned)
         return Match(pose=pose, share=share, rms_m=rms_m, information=_planar(np.asarray(found.H), turned))
 
-    def settled(self, points: Floats, guess: Pose) -> Match:
+    def best_around(self, points: Floats, guess: Pose) -> Match:
         """The best of several registrations around a guess: a wall has two sides, and the wrong one is near by."""
         x, y, yaw = guess
         around = [(x + dx, y + dy, yaw) for dx in SIDES_M for dy in SIDES_M]
@@ -83,7 +83,7 @@ class ScanMatcher:
         if best is None or best.share < ACCEPTED_SHARE:
             return None
         rivals = [one for one in matches if _apart(one.pose, best.pose) and _merit(one) > _merit(best) - CLEARLY]
-        return None if rivals else self.settled(points, best.pose)
+        return None if rivals else self.best_around(points, best.pose)
 
     def _guesses(self, upright: Floats) -> list[Pose]:
         """The best distinct poses on a grid of places and turns, by how near the hits are to edges of the map."""
@@ -129,11 +129,11 @@ def _planar(hessian: Floats, turned: Floats) -> Floats:
     into = np.eye(3)
     into[1:, 1:] = turned[:2, :2]
     planar: Floats = into @ body @ into.T
-    told, directions = np.linalg.eigh(planar[1:, 1:])
-    if told[0] < WEAK_SHARE * told.sum():
-        kept = np.eye(3)
-        kept[1:, 1:] -= np.outer(directions[:, 0], directions[:, 0])
-        planar = kept @ planar @ kept
+    strengths, directions = np.linalg.eigh(planar[1:, 1:])
+    if strengths[0] < WEAK_SHARE * strengths.sum():
+        across = np.eye(3)
+        across[1:, 1:] -= np.outer(directions[:, 0], directions[:, 0])
+        planar = across @ planar @ across
     return planar
 
 

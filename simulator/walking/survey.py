@@ -20,7 +20,7 @@ BODY_M = 0.3
 Floats = NDArray[np.float64]
 
 
-class Survey:
+class SurveyedMap:
     """Cloud with normals and search tree for fine matching; distances to edges and free floor for coarse search."""
 
     def __init__(self, site: SiteModel) -> None:
@@ -65,9 +65,9 @@ class Survey:
 
 
 @lru_cache(maxsize=4)
-def survey_of(site: SiteModel) -> Survey:
+def survey_of(site: SiteModel) -> SurveyedMap:
     """The map of a site, made once."""
-    return Survey(site)
+    return SurveyedMap(site)
 
 
 def _faces(solid: Solid) -> Floats:

@@ -47,6 +47,8 @@ LATE = frozenset(
         "ruamel.yaml",
         "ruamel.yaml.comments",
         "simulator.in_process",
+        "simulator.walking.body",
+        "simulator.walking.sensors",
         "trimesh",
     }
 )

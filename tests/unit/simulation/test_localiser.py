@@ -12,7 +12,7 @@ from simulator.site import storage_site
 from simulator.solids import SiteModel, wall
 from simulator.walking.localiser import Localiser
 from simulator.walking.scan_matching import Pose, ScanMatcher
-from simulator.walking.survey import Survey, survey_of
+from simulator.walking.survey import SurveyedMap, survey_of
 
 Floats = NDArray[np.float64]
 SWEEP_FILE = Path(__file__).resolve().parents[2] / "fixtures" / "walking" / "sweep.npy"
@@ -110,12 +110,12 @@ def test_a_robot_that_is_not_where_it_was_said_to_be_notices_it(matcher: ScanMat
 
 
 def test_between_two_long_walls_no_place_is_chosen() -> None:
-    corridor = ScanMatcher(Survey(CORRIDOR))
+    corridor = ScanMatcher(SurveyedMap(CORRIDOR))
     assert corridor.search(sweep_from(CORRIDOR, (3.0, 0.2, 0.1))) is None
 
 
 def test_along_two_long_walls_the_robot_grows_unsure_of_its_way_and_not_of_its_side() -> None:
-    localiser, odometer = Localiser(ScanMatcher(Survey(CORRIDOR)), (0.0, 0.2, 0.0)), 0.0
+    localiser, odometer = Localiser(ScanMatcher(SurveyedMap(CORRIDOR)), (0.0, 0.2, 0.0)), 0.0
     sweep = sweep_from(CORRIDOR, (0.0, 0.2, 0.0))
     first = localiser.update((odometer, 0.0, 0.0), sweep, 0.0)
     assert first is not None
