@@ -71,6 +71,8 @@ def walk(way: JourneyWalk, link: str) -> dict[str, float]:
         way.click(page.locator("main table td a").first)
         way.follow("Compare")
         expect(page.locator("h1")).to_contain_text("side by side")
+        way.click(page.locator("#compare"))
+        expect(page.locator("main table thead th")).to_have_count(3)
     with way.step("look at the releases and the metric over them"):
         way.section("Releases")
         expect(page.locator("main")).to_contain_text("The metric over releases")
