@@ -5,45 +5,22 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 from threading import Lock
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 from msgspec.structs import replace
 
+from app.views.uploaded_files import ReplayJob, ReplayState
 from harness.contracts.actors import Actor
 from harness.contracts.errors import ContractInvalid, HarnessError, UnknownName
 from harness.contracts.ids import MissionId
-from harness.contracts.reasons import Explanation, because
-from harness.contracts.values import Point, Value
+from harness.contracts.reasons import because
+from harness.contracts.values import Point
 from harness.projections.mission import Mission
 from harness.workers import Worker
 
 EVERY_S = 0.2
 KEPT = 100
 MOST_WAITING = 20
-ReplayState = Literal["waiting", "reading", "running", "ended", "refused", "cancelled"]
-OPEN: tuple[ReplayState, ...] = ("waiting", "reading", "running")
-
-
-class ReplayJob(Value):
-    """One replay. `mission_id` once there is a mission; `problem` says why there is none, `do` what to do about it."""
-
-    job_id: str
-    upload_id: str
-    name: str
-    by: str
-    state: ReplayState
-    target_m: Point | None = None
-    place: str = ""
-    topics: tuple[str, ...] = ()
-    recover: bool = False
-    mission_id: str = ""
-    status: str = ""
-    problem: Explanation = ""
-
-    @property
-    def open(self) -> bool:
-        """Whether it waits or runs."""
-        return self.state in OPEN
 
 
 class OpenedRecording(Protocol):

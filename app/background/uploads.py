@@ -8,40 +8,18 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
-from typing import Literal
 
 import msgspec
 
+from app.views.uploaded_files import CLOUDS, RECORDINGS, Upload
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.reasons import because
-from harness.contracts.values import Count, Value, decode, encode
+from harness.contracts.values import decode, encode
 
-CHUNK_BYTES = 768 * 1024
-"""What one piece may hold: a request's body is one mebibyte at most."""
 MOST_OPEN = 20
 LASTS_S = 7 * 86_400.0
-CLOUDS = (".pcd", ".ply", ".las", ".laz")
-RECORDINGS = (".mcap", ".zstd", ".bag", ".db3", ".txt", ".csv", ".log", ".tum", ".kitti")
-Kind = Literal["recording", "cloud"]
 _UNNAMED = re.compile(r"[^\w.\-+ ()]", re.ASCII)
 _ID = re.compile(r"[A-Za-z0-9_-]{20,64}")
-
-
-class Upload(Value):
-    """One file: what it is called, how large it is to be, how much of it is here. Times are wall seconds."""
-
-    upload_id: str
-    name: str
-    kind: Kind
-    size_bytes: Count
-    received_bytes: Count
-    by: str
-    begun_s: float
-
-    @property
-    def complete(self) -> bool:
-        """Whether every byte is here."""
-        return self.received_bytes == self.size_bytes
 
 
 class Uploads:

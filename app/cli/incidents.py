@@ -21,7 +21,7 @@ from app.views.timeline import TimelineEntry
 from harness.bootstrap import read_harness
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import MissionId
-from harness.contracts.incidents import IncidentCase, JudgedCondition, RecordedDrive
+from harness.contracts.incidents import CaseCondition, IncidentCase, RecordedDrive
 from harness.contracts.reasons import because
 from harness.contracts.values import decode, encode
 from harness.dossiers import export_dossier, verify_dossier
@@ -77,13 +77,13 @@ def incident(
     output.show(answer, as_json=as_json, lines=_lines(mission, folder, timeline, added, case))
 
 
-def judged_in(mission: Mission) -> tuple[JudgedCondition, ...]:
+def judged_in(mission: Mission) -> tuple[CaseCondition, ...]:
     """The newest verdict on each condition of a mission, stages first, with what was measured."""
-    found: dict[str, JudgedCondition] = {}
+    found: dict[str, CaseCondition] = {}
     results = [one for node in mission.nodes.values() for verdict in node.verdicts for one in verdict.results]
     results += mission.goal_verdict.results if mission.goal_verdict else ()
     for one in results:
-        found[one.condition_id] = JudgedCondition(
+        found[one.condition_id] = CaseCondition(
             condition_id=one.condition_id, verdict=one.verdict, measured=one.measured
         )
     return tuple(found.values())
@@ -176,7 +176,7 @@ def _mission(runtime: Runtime, mission_id: str) -> Mission:
     return runtime.mission(MissionId(mission_id))
 
 
-def _differences(case: IncidentCase, drive: RecordedDrive, now: tuple[JudgedCondition, ...]) -> list[str]:
+def _differences(case: IncidentCase, drive: RecordedDrive, now: tuple[CaseCondition, ...]) -> list[str]:
     differences = [] if drive == case.recorded else ["The recording in the bundle is another one."]
     found = {one.condition_id: one for one in now}
     for one in case.judged:

@@ -9,13 +9,12 @@ from starlette.responses import JSONResponse
 
 from app.acts.uploads import BeginUploadAct, ImportUploadAct, ReplayUploadAct
 from app.auth.permissions import Principal
-from app.background.replays import ReplayJob
-from app.background.uploads import CHUNK_BYTES, Upload
 from app.console import Console, ConsoleDep
 from app.i18n.reasons import rendering as reasons
 from app.routes import api_requests
 from app.routes import api_schemas as schemas
 from app.routes.api_maps import attached
+from app.views.uploaded_files import CHUNK_BYTES, ReplayJob, Upload
 from app.web.security import PrincipalDep
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName

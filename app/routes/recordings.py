@@ -10,7 +10,6 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.base import ActModel
 from app.acts.uploads import ImportUploadAct, ReplayUploadAct
-from app.background.uploads import CHUNK_BYTES
 from app.console import ActorDep, Console, ConsoleDep, FormDep, file_of
 from app.i18n.languages import explained
 from app.i18n.messages import reasoned
@@ -18,6 +17,7 @@ from app.routes.api_uploads import asked, imported, removed
 from app.views.bag_audits import AuditShown, counted
 from app.views.forms import Wrong
 from app.views.recordings import RecordingsPage, ReplayRow
+from app.views.uploaded_files import CHUNK_BYTES
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor

@@ -3,12 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from app.background.replays import ReplayJob
-from app.background.uploads import CHUNK_BYTES, CLOUDS, RECORDINGS, Upload
 from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from app.views.bag_audits import KINDS, VERDICTS, AuditShown
 from app.views.shell import Shell
+from app.views.uploaded_files import CHUNK_BYTES, CLOUDS, RECORDINGS, ReplayJob, Upload
 from harness.contracts.declared_successes import AuditedRecording, Lack, SuccessVerdict
 
 STATES: Mapping[str, str] = {

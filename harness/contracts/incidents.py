@@ -5,7 +5,7 @@ from harness.contracts.values import Name, Value
 from harness.contracts.verdicts import Verdict
 
 
-class JudgedCondition(Value):
+class CaseCondition(Value):
     """The verdict on one condition, with what was measured."""
 
     condition_id: ConditionId
@@ -26,4 +26,4 @@ class IncidentCase(Value):
 
     mission_id: MissionId
     recorded: RecordedDrive | None
-    judged: tuple[JudgedCondition, ...]
+    judged: tuple[CaseCondition, ...]

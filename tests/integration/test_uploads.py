@@ -9,7 +9,8 @@ import pytest
 from fastapi.testclient import TestClient
 from pypcd4.pypcd4 import PointCloud
 
-from app.background.uploads import CHUNK_BYTES, Uploads
+from app.background.uploads import Uploads
+from app.views.uploaded_files import CHUNK_BYTES
 from harness.contracts.errors import ContractInvalid
 from tests.builders.consoles import Stand, console_stand
 from tests.builders.declared_drives import declared_drive
