@@ -126,8 +126,10 @@ class RoleReplay:
 
     def _sums(self, question: RoutingQuestion) -> None:
         """What routing was told of each provider, folded again from the verdicts of the log."""
+        if self._outcomes is None:
+            return
         cards = {card.provider_id: card for card in question.cards}
-        for setting in question.need.history.settings if self._outcomes else ():
+        for setting in question.need.history.settings:
             again = self._outcomes.differs(
                 setting, cards[setting.provider_id], half_life=question.preferences.history_half_life
             )

@@ -3,9 +3,9 @@
 import math
 
 from harness.contracts.ids import ProviderId
+from harness.contracts.memory import SILENT
 from harness.contracts.proposals import CandidateSet, ProviderCandidate, ProviderHistory, RoutingExplanation
 from harness.contracts.reasons import Reason, because
-from harness.routing.history import SILENT
 from harness.routing.question import RoutingQuestion
 
 
