@@ -43,10 +43,14 @@ class OutcomeLog:
         setting = (stored.provider_id, stored.capability, stored.place, stored.configuration)
         self._advance(stored.position)
         most = math.ceil(HALF_LIVES * half_life)
-        counted = self._same_contract(self._newest(setting, upto=stored.position, most=most), card)
+        newest = self._newest(setting, upto=stored.position, most=most)
+        counted = self._same_contract(newest, card)
         again = folded(counted, half_life=half_life, position=stored.position).sums
-        alike = math.isclose(again.failed, stored.sums.failed, rel_tol=CLOSE, abs_tol=CLOSE) and math.isclose(
-            again.weight, stored.sums.weight, rel_tol=CLOSE, abs_tol=CLOSE
+        counts = {(one.judged, one.refuted) for one in (again, stored.sums)}
+        alike = (
+            (len(counts) == 1 or len(newest) == most)
+            and math.isclose(again.failed, stored.sums.failed, rel_tol=CLOSE, abs_tol=CLOSE)
+            and math.isclose(again.weight, stored.sums.weight, rel_tol=CLOSE, abs_tol=CLOSE)
         )
         return None if alike else again
 

@@ -126,13 +126,15 @@ class RoleReplay:
 
     def _sums(self, question: RoutingQuestion) -> None:
         """What routing was told of each provider, folded again from the verdicts of the log."""
+        if self._outcomes is None:
+            return
         cards = {card.provider_id: card for card in question.cards}
-        for told in question.need.history.settings if self._outcomes else ():
+        for setting in question.need.history.settings:
             again = self._outcomes.differs(
-                told, cards[told.provider_id], half_life=question.preferences.history_half_life
+                setting, cards[setting.provider_id], half_life=question.preferences.history_half_life
             )
             if again is not None:
-                raise Differs(f"routing was told {told.sums} of {told.provider_id}; the log says {again}")
+                raise Differs(f"routing was told {setting.sums} of {setting.provider_id}; the log says {again}")
 
     def _skill(self, event: events.DispatchIntended) -> None:
         again = propose_skill(self._stored(event.context, Context))

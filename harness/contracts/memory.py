@@ -144,11 +144,14 @@ class OutcomeSums(values.Value):
     """Decayed sums over the outcomes of one provider in one setting: what failed, and what counts at all (R60, D23).
 
     Violated and unsafe count 1, satisfied counts its residual; ambiguous and stale do not count, since they do not
-    show the effect. An outcome counts half as much after `half_life` newer ones.
+    show the effect. An outcome counts half as much after `half_life` newer ones. `judged` is how many outcomes the sums
+    hold, `refuted` how many of them were not satisfied: what a reader is shown.
     """
 
     failed: values.NonNegative = 0.0
     weight: values.NonNegative = 0.0
+    judged: values.Count = 0
+    refuted: values.Count = 0
 
     def after(self, verdict: Verdict, residual: float, *, half_life: float) -> "OutcomeSums":
         """The sums with one more outcome, the newest."""
@@ -156,7 +159,12 @@ class OutcomeSums(values.Value):
             return self
         fading = 0.5 ** (1.0 / half_life)
         failure = residual if verdict == "satisfied" else 1.0
-        return OutcomeSums(failed=failure + fading * self.failed, weight=1.0 + fading * self.weight)
+        return OutcomeSums(
+            failed=failure + fading * self.failed,
+            weight=1.0 + fading * self.weight,
+            judged=self.judged + 1,
+            refuted=self.refuted + (verdict != "satisfied"),
+        )
 
 
 class KnownCard(Knowledge, tag="card"):

@@ -3,9 +3,9 @@
 import math
 
 from harness.contracts.ids import ProviderId
+from harness.contracts.memory import SILENT
 from harness.contracts.proposals import CandidateSet, ProviderCandidate, ProviderHistory, RoutingExplanation
 from harness.contracts.reasons import Reason, because
-from harness.routing.history import SILENT
 from harness.routing.question import RoutingQuestion
 
 
@@ -24,18 +24,20 @@ def explained(question: RoutingQuestion, answer: CandidateSet) -> RoutingExplana
 def _history(question: RoutingQuestion, provider_id: ProviderId) -> ProviderHistory:
     need = question.need
     card = next(one for one in question.cards if one.provider_id == provider_id)
+    setting = (provider_id, card.capability, need.place)
+    sums = [one.sums for one in need.history.settings if (one.provider_id, one.capability, one.place) == setting]
     held = [
         one
         for series in need.history.series
-        if (series.provider_id, series.capability, series.place) == (provider_id, card.capability, need.place)
+        if (series.provider_id, series.capability, series.place) == setting
         for one in series.judged
         if one.verdict not in SILENT
     ]
     return ProviderHistory(
         provider_id=provider_id,
         place=need.place,
-        judged=len(held),
-        failed=sum(one.verdict != "satisfied" for one in held),
+        judged=sum(one.judged for one in sums) + len(held),
+        failed=sum(one.refuted for one in sums) + sum(one.verdict != "satisfied" for one in held),
         penalty=need.history.penalty(
             provider_id,
             capability=card.capability,

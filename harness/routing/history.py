@@ -61,9 +61,9 @@ class RoutingHistory(Value):
     ) -> float:
         """Decayed share of failure in [0, 1] with a Beta(1, 1) prior: 0.5 where nothing is known."""
         setting = (provider_id, capability, place, configuration)
-        for one in self.settings:
-            if _setting(one) == setting:
-                return (1.0 + one.sums.failed) / (2.0 + one.sums.weight)
+        for known in self.settings:
+            if _setting(known) == setting:
+                return (1.0 + known.sums.failed) / (2.0 + known.sums.weight)
         failed, weight, total = 1.0, 1.0, 2.0
         fading = 0.5 ** (1.0 / half_life)
         for one in self._newest_first(setting):

@@ -20,7 +20,7 @@ FUNCTIONS_ONLY = (
     "exploration",
 )
 
-SHARED_BETWEEN_THREADS = ("harness.memory.fabric", "harness.memory.recent")
+SHARED_BETWEEN_THREADS = ("harness.memory.fabric", "harness.memory.history")
 """What follows the log for several readers at once holds a lock; everything else in these layers is a function."""
 LOCKED_IN_THE_GATE = (
     "harness.gate.commit",

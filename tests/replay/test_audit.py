@@ -268,7 +268,7 @@ class OtherVerdicts:
 def test_what_routing_was_told_of_a_provider_is_compared_with_the_log(told: Told) -> None:
     outcomes = OtherVerdicts()
     report = replay_mission(told.stage.runtime, told.mission_id, outcomes=outcomes)  # type: ignore[arg-type]
-    assert any("the log says OutcomeSums(failed=3.0, weight=4.0)" in line for line in report.differences)
+    assert any("the log says OutcomeSums(failed=3.0, weight=4.0" in line for line in report.differences)
     assert replay_mission(told.stage.runtime, told.mission_id).differences == ()
 
 

@@ -67,7 +67,7 @@ def test_sums_that_follow_from_the_log_are_derived_again_in_whatever_order_they_
 
 
 @pytest.mark.ledger("R146", symbol="harness.auditing.outcomes:OutcomeLog.differs")
-@pytest.mark.parametrize("change", [{"failed": 0.0}, {"weight": 9.0}])
+@pytest.mark.parametrize("change", [{"failed": 0.0}, {"weight": 9.0}, {"judged": 99}, {"refuted": 99}])
 def test_sums_that_do_not_follow_from_the_log_are_named_with_what_it_says(change: dict[str, float]) -> None:
     log, stored = history()
     forged = replace(stored[-1], sums=replace(stored[-1].sums, **change))

@@ -104,9 +104,10 @@ def test_a_lost_index_is_built_again_before_it_answers_for_a_setting_that_is_not
 @pytest.mark.ledger("R60", symbol="harness.contracts.memory:OutcomeSums.after")
 def test_an_outcome_counts_half_after_a_half_life_and_silent_verdicts_do_not_count() -> None:
     sums = OutcomeSums().after("unsafe", 0.0, half_life=2.0)
-    assert sums == OutcomeSums(failed=1.0, weight=1.0)
+    assert sums == OutcomeSums(failed=1.0, weight=1.0, judged=1, refuted=1)
     for verdict in ("ambiguous", "stale"):
         assert sums.after(verdict, 1.0, half_life=2.0) == sums
     later = sums.after("satisfied", 0.25, half_life=2.0).after("satisfied", 0.0, half_life=2.0)
     assert later.failed == pytest.approx(0.5 + 0.25 * 2**-0.5)
     assert later.weight == pytest.approx(1.0 + 2**-0.5 + 0.5)
+    assert (later.judged, later.refuted) == (3, 1)
