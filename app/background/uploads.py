@@ -39,8 +39,8 @@ class Uploads:
     def begin(self, name: str, *, size_bytes: int, by: str) -> Upload:
         """A place for a file. Raises ContractInvalid for another kind of file, one too large, or too many at once."""
         self._forget_old()
-        kept = _UNNAMED.sub("_", Path(name.replace("\\", "/")).name)[-120:]
-        suffix = Path(kept).suffix.lower()
+        plain_name = _UNNAMED.sub("_", Path(name.replace("\\", "/")).name)[-120:]
+        suffix = Path(plain_name).suffix.lower()
         if suffix not in (*CLOUDS, *RECORDINGS):
             raise ContractInvalid(
                 because("upload_kind_unknown", suffix=suffix or "-", known=(*RECORDINGS, *CLOUDS)), where="name"
@@ -56,7 +56,7 @@ class Uploads:
             raise ContractInvalid(because("upload_without_space", size_bytes=size_bytes), where="size_bytes")
         upload = Upload(
             upload_id=self._fresh(),
-            name=kept,
+            name=plain_name,
             kind="cloud" if suffix in CLOUDS else "recording",
             size_bytes=size_bytes,
             received_bytes=0,

@@ -141,8 +141,8 @@ def _lines(
     mission: Mission, folder: Path, timeline: list[dict[str, Any]], added: AddedCase | str | None, case: IncidentCase
 ) -> list[str]:
     first_s = timeline[0]["mission_s"]
-    shown = [f"{one['mission_s'] - first_s:>9.2f} s  {one['text']}" for one in timeline]
-    lines = [*shown, f"{mission.mission_id}  {mission.status}"]
+    moments = [f"{one['mission_s'] - first_s:>9.2f} s  {one['text']}" for one in timeline]
+    lines = [*moments, f"{mission.mission_id}  {mission.status}"]
     lines += output.table([[one.condition_id, one.verdict] for one in case.judged])
     match added:
         case None:

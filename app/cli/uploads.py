@@ -23,26 +23,26 @@ def uploaded(api: Api, file: Path) -> str:
         raise RecordingInvalid(because("upload_is_folder"), where=str(file))
     try:
         size = file.stat().st_size
-        begun = api.post("/uploads", BeginUploadAct.of(name=file.name, size_bytes=size).body())
+        upload = api.post("/uploads", BeginUploadAct.of(name=file.name, size_bytes=size).body())
         with file.open("rb") as opened:
-            while piece := opened.read(begun["piece_bytes"]):
+            while piece := opened.read(upload["piece_bytes"]):
                 at = opened.tell() - len(piece)
-                api.upload(f"/uploads/{begun['upload_id']}?offset={at}", piece, kind=OCTETS)
+                api.upload(f"/uploads/{upload['upload_id']}?offset={at}", piece, kind=OCTETS)
     except OSError as error:
         raise UnknownName(because("file_unreadable", error=error.strerror or ""), where=str(file)) from error
-    return str(begun["upload_id"])
+    return str(upload["upload_id"])
 
 
 def replayed_there(api: Api, file: Path, act: ReplayUploadAct) -> dict[str, Any]:
     """The outcome of the mission that the recording became there. Raises RecordingInvalid where it became none."""
     upload_id = uploaded(api, file)
     job = api.post(f"/uploads/{upload_id}/replay", act.body())
-    said = ""
+    state = ""
     try:
         while job["state"] in OPEN:
-            if job["state"] != said:
-                said = job["state"]
-                typer.echo(visible_at_terminal(f"{file.name}: {said}"), err=True)
+            if job["state"] != state:
+                state = job["state"]
+                typer.echo(visible_at_terminal(f"{file.name}: {state}"), err=True)
             time.sleep(POLL_S)
             job = api.get(f"/replays/{job['replay_id']}")
     except KeyboardInterrupt:

@@ -85,7 +85,7 @@ def remove(console: ConsoleDep, principal: PrincipalDep, upload_id: str) -> Any:
 )
 def replay(console: ConsoleDep, principal: PrincipalDep, upload_id: str, body: ReplayUploadAct) -> Any:
     """Replay the recording as a mission: it waits for its turn, and ends on the mission's page."""
-    return api_requests.plain(replay_resource(asked(console, principal, upload_id, body)))
+    return api_requests.plain(replay_resource(replay_job(console, principal, upload_id, body)))
 
 
 @router.post("/uploads/{upload_id}/cloud", responses=api_requests.answers(MapCloud))
@@ -119,7 +119,7 @@ def cancel(console: ConsoleDep, principal: PrincipalDep, job_id: str) -> Any:
     return api_requests.plain(replay_resource(console.replays.cancel(job_id)))
 
 
-def asked(console: Console, principal: Principal, upload_id: str, act: ReplayUploadAct) -> ReplayJob:
+def replay_job(console: Console, principal: Principal, upload_id: str, act: ReplayUploadAct) -> ReplayJob:
     """The replay that somebody asked for. Raises ContractInvalid where half a target is given, or nothing replays."""
     actor = principal.acting("drive")
     found = console.uploads.whole(upload_id)
@@ -130,7 +130,7 @@ def asked(console: Console, principal: Principal, upload_id: str, act: ReplayUpl
     if (act.target_x_m is None) != (act.target_y_m is None) or (act.target_x_m is not None and act.place):
         raise ContractInvalid(because("replay_target_partial"), where="target")
     target = (act.target_x_m, act.target_y_m) if act.target_x_m is not None and act.target_y_m is not None else None
-    wanted = ReplayJob(
+    job = ReplayJob(
         job_id=console.fresh(),
         upload_id=upload_id,
         name=found.name,
@@ -141,7 +141,7 @@ def asked(console: Console, principal: Principal, upload_id: str, act: ReplayUpl
         topics=act.topics,
         recover=act.recover,
     )
-    return console.replays.ask(wanted, console.uploads.path(found), actor)
+    return console.replays.ask(job, console.uploads.path(found), actor)
 
 
 def imported(console: Console, principal: Principal, upload_id: str, act: ImportUploadAct) -> MapCloud | Refused:

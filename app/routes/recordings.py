@@ -100,10 +100,10 @@ def page_of(console: Console, actor: Actor, errors: Sequence[str] = (), *, impor
 
 
 def _stored(console: Console, actor: Actor, name: str, body: bytes) -> None:
-    begun = console.uploads.begin(name, size_bytes=len(body), by=actor.name)
+    upload = console.uploads.begin(name, size_bytes=len(body), by=actor.name)
     for offset in range(0, len(body), CHUNK_BYTES):
         piece = body[offset : offset + CHUNK_BYTES]
-        console.uploads.add(begun.upload_id, offset=offset, piece=piece, by=actor.name)
+        console.uploads.add(upload.upload_id, offset=offset, piece=piece, by=actor.name)
 
 
 def _done(console: Console, actor: Actor, act: Given | tuple[Wrong, ...], do: Callable[[Given], object]) -> Response:

@@ -72,8 +72,8 @@ class RuleTransport:
 
     def send(self, body: bytes, *, recorded: Digest, within_s: float) -> bytes:
         request = json.loads(body)
-        asked = [one["content"] for one in request["messages"] if one["role"] == "user"][-1]
-        text = asked if isinstance(asked, str) else "\n".join(part.get("text", "") for part in asked)
+        content = [one["content"] for one in request["messages"] if one["role"] == "user"][-1]
+        text = content if isinstance(content, str) else "\n".join(part.get("text", "") for part in content)
         answer = self._rule(json.loads(text[text.index("{") : text.rindex("}") + 1]))
         message = {"role": "assistant", "content": json.dumps(answer)}
         return json.dumps({"choices": [{"message": message, "finish_reason": "stop"}]}).encode()
@@ -117,7 +117,7 @@ def explored(
             break
         found.append(_explore(model(seed) if model else None, seed=seed))
         print(f"{proposer} seed {seed}: {found[-1].status}, {found[-1].share:.1%} seen", file=sys.stderr, flush=True)
-    asked = sum(one.targets for one in found)
+    proposals = sum(one.targets for one in found)
     refused = Counter(rule for one in found for rule in one.refused)
     return ExplorerFigures(
         proposer=proposer,
@@ -127,8 +127,8 @@ def explored(
         least_share=round(min(one.share for one in found), 4),
         targets=statistics.median(one.targets for one in found),
         travelled_m=round(statistics.median(one.travelled_m for one in found), 1),
-        asked=asked,
-        admitted=asked - refused.total(),
+        asked=proposals,
+        admitted=proposals - refused.total(),
         refused=dict(sorted(refused.items())),
     )
 
@@ -140,8 +140,8 @@ def _explore(model: Callable[[BlobStore], ChatModel] | None, *, seed: int) -> Ex
         seed=seed,
         models=(lambda blobs: {"target_proposer": model(blobs)}) if model else None,
     ) as harness:
-        begun = harness.runtime.start(Start(actor=ACTOR, robot_id=ROBOT, template="exploration", seed=seed))
-        assert isinstance(begun, Accepted)
+        decision = harness.runtime.start(Start(actor=ACTOR, robot_id=ROBOT, template="exploration", seed=seed))
+        assert isinstance(decision, Accepted)
         mission = harness.supervisor.run(next(harness.runtime.newest_missions()).mission_id)
         made = decisions(mission)
         return Exploration(

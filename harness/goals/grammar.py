@@ -505,8 +505,8 @@ class _Builder:
         """Whether a participle stands alone: "checking the storage area" says what is done, and asks for nothing."""
         if not _doing(item) or self._negation is not None or self._links:
             return False
-        asked = self._last is not None and self._last.text in MIND
-        return not asked and all(draft.asking for draft in self._made)
+        wish = self._last is not None and self._last.text in MIND
+        return not wish and all(draft.asking for draft in self._made)
 
     def _led(self, draft: ClauseDraft) -> ClauseDraft:
         """ "go" without a place before another verb is only the way there: what forbids it forbids what follows."""

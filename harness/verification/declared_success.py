@@ -40,14 +40,14 @@ class SuccessJudge:
         at = self._position()
         distance_m = math.dist(at, self._success.target_m) if at and self._success.target_m else None
         moved_m = self._moved_m()
-        shown: dict[Lack, bool] = {
+        evidence: dict[Lack, bool] = {
             "target": self._success.target_m is not None,
             "position": at is not None,
             "arrival": distance_m is not None and distance_m <= self._tolerance_m,
             "standstill": moved_m is not None and moved_m <= STANDS_WITHIN_M,
             "second_source": not single_source,
         }
-        lacks = tuple(one for one in LACKS if not shown[one])
+        lacks = tuple(one for one in LACKS if not evidence[one])
         contradicted = distance_m is not None and distance_m > self._tolerance_m
         return SuccessFinding(
             success=self._success,

@@ -174,7 +174,7 @@ def _evidence_problems(name: str, evidence: EvidencePath) -> Iterator[tuple[Reas
     elif evidence.topics is None:
         yield because("evidence_topics_missing", name=name, kind=evidence.kind), "kind"
     if evidence.kind == "dds" and evidence.token is not None:
-        yield because("evidence_token_unused", name=name), "token"
+        yield because("evidence_token_unused"), "token"
 
 
 def robot_notes(

@@ -15,8 +15,8 @@ from tests.architecture.sources import modules
 
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]+")
 COMMAND = re.compile(r"\bregen ((?:[a-z]+ ?){1,2})")
-ELSEWHERE = frozenset({"--help", "--head"})
-"""Options of every command, and of `ray start`."""
+ELSEWHERE = frozenset({"--help", "--head", "--no-deps"})
+"""Options of every command, of `ray start` and of `pip install`."""
 SAID = frozenset({"do", "where", "what", "param_hint", "help"})
 """Arguments that a person reads."""
 

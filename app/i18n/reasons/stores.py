@@ -145,7 +145,6 @@ SENTENCES: Mapping[str, str] = {
     "log_unwritable": N_("make the file and its folder writable, or choose another data folder"),
     "memory_index_closed": N_("The memory index is closed"),
     "memory_index_moved_on": N_("The memory index is at position {position}, not at {expected}"),
-    "memory_index_taken": N_("The memory index was taken elsewhere"),
     "memory_index_unusable": N_("The memory index cannot be used: {error}"),
     "memory_record_missing": N_("Memory holds no record {record_id}"),
     "name_unstorable": N_("The name “{name}” holds characters that not every database keeps"),
@@ -267,7 +266,6 @@ REMEDIES: Mapping[str, str] = {
     "log_not_empty": N_("name an empty database, or a file that is not there yet"),
     "memory_index_closed": N_("open it again"),
     "memory_index_moved_on": N_("read its mark again and fold from there"),
-    "memory_index_taken": N_("follow it"),
     "memory_index_unusable": N_(
         "delete this file, and those beside it that begin with its name: it is built again from the log"
     ),

@@ -29,7 +29,7 @@ CREATE TABLE audit (position INTEGER PRIMARY KEY, previous TEXT NOT NULL, body T
 """
 
 
-class ThreadState(TypedDict):
+class GuardedThread(TypedDict):
     """The state of one thread."""
 
     number: int
@@ -102,8 +102,8 @@ class HandWrittenGuarantees:
         self.connection.execute("INSERT INTO audit VALUES (?, ?, ?, ?)", (position + 1, previous, body, digest))
 
 
-def _stage(guarantees: HandWrittenGuarantees, place: int) -> Callable[[ThreadState], dict[str, Any]]:
-    def stage(state: ThreadState) -> dict[str, Any]:
+def _stage(guarantees: HandWrittenGuarantees, place: int) -> Callable[[GuardedThread], dict[str, Any]]:
+    def stage(state: GuardedThread) -> dict[str, Any]:
         request, resource = f"{state['number']}/{place}/1", f"robot-{state['number']}"
         token = guarantees.intend(request, resource)
         if token is None:
@@ -115,7 +115,7 @@ def _stage(guarantees: HandWrittenGuarantees, place: int) -> Callable[[ThreadSta
 
 
 def _missions(saver: SqliteSaver, guarantees: HandWrittenGuarantees) -> Callable[[int], None]:
-    graph = StateGraph(ThreadState)
+    graph = StateGraph(GuardedThread)
     previous = START
     for place in range(STAGES):
         graph.add_node(f"n{place}", _stage(guarantees, place))

@@ -60,7 +60,7 @@ class SqlEventStore(SqlLog):
         Reads no rows where it is known that there are none and no other process wrote since.
         """
         self._check_open()
-        if self._unchanged.settled(stream, after):
+        if self._unchanged.holds(stream, after):
             return []
         with self._failures:
             if self._unchanged.ends_at(stream, after):

@@ -60,7 +60,7 @@ class VersionCache:
         """Whether the stream is known to hold no event after this version, now or as of this turn's look."""
         return not self._moved() and self._versions.get(stream) == version
 
-    def settled(self, stream: StreamId, version: int) -> bool:
+    def holds(self, stream: StreamId, version: int) -> bool:
         """Whether this turn's look already answers `ends_at`, so that nothing has to be asked of the database."""
         return self._turn.begun and self._versions.get(stream) == version
 
