@@ -148,6 +148,7 @@ def main() -> None:
     loop.add_argument("--url", required=True, help="an OpenAI-compatible endpoint, up to /v1")
     loop.add_argument("--model", default="smollm2-135m-instruct-q4_1")
     loop.add_argument("--missions", type=int, default=models.MISSIONS, help="for each role")
+    loop.add_argument("--only", nargs="+", choices=models.PARTS, default=models.PARTS, help="the rest stays published")
     loop.add_argument("--minutes", type=float, default=240.0, help="for all roles together, no longer than this")
     loop.add_argument("--trials", type=int, default=12, help="of the ablation of role contexts with the model")
     loop.add_argument("--timeout-s", type=float, default=120.0, dest="timeout_s", help="for one answer")

@@ -44,6 +44,7 @@ PAGE = ROOT / "docs" / "models.md"
 MOST_TOKENS = 64
 MISSIONS = 100
 EXPLORED = 20
+PARTS = ("planner", "advice", "reader", "isolation", "explorers", "injection")
 FALSE_M = 0.45
 """How far from its target a body truly may be at an accepted arrival: the tolerance, and the localiser's noise."""
 FAULTS = ("", "early-success", "interrupted", "stale-pose", "early-success:persistent", "missing-pose")
@@ -104,7 +105,7 @@ class ModelsReport(Value):
     isolation: RoleReport
     colluding: RoleReport
     injection: InjectionReport
-    explorers: tuple[ExplorerFigures, ...]
+    explorers: tuple[ExplorerFigures, ...] = ()
 
     @property
     def offences(self) -> tuple[str, ...]:
@@ -321,7 +322,7 @@ def isolation(
 
 
 def campaign(arguments: argparse.Namespace, stack: ExitStack) -> ModelsReport:
-    """Every role, as long as the time allows."""
+    """The parts of --only, each as long as the time allows; every other part as it was published last."""
     endpoint = ModelEndpoint(
         name="model",
         base_url=arguments.url,
@@ -331,42 +332,61 @@ def campaign(arguments: argparse.Namespace, stack: ExitStack) -> ModelsReport:
         retries=0,
     )
     model = model_at(endpoint, stack)
-    share_s: float = 60.0 * arguments.minutes / 5
-
-    def until() -> float:
-        return time.monotonic() + share_s
-
-    planner = role_figures(
-        "planner", ("planner",), model, missions=arguments.missions, seed=arguments.seed, faults=FAULTS, until_s=until()
-    )
-    reader = reader_figures(model, texts=arguments.missions, seed=arguments.seed, until_s=until())
-    adviser = role_figures(
-        "recovery_advice and diagnosis",
-        ("recovery_advice", "diagnosis"),
-        model,
-        missions=arguments.missions,
-        seed=arguments.seed,
-        faults=FAULTS[1:],
-        until_s=until(),
-    )
-    measured, pair = isolation(
-        endpoint, stack, trials=arguments.trials, controls=arguments.trials // 3, seed=arguments.seed
-    )
-    proposers = explorers(
-        model, f"{arguments.model} (reads text only)", missions=EXPLORED, seed=arguments.seed, until_s=until()
-    )
-    return ModelsReport(
+    last = decode(RESULTS.read_bytes(), ModelsReport) if set(arguments.only) != set(PARTS) else None
+    made: dict[str, Any] = {}
+    for part in arguments.only:
+        until_s = time.monotonic() + 60.0 * arguments.minutes / len(arguments.only)
+        made |= measured(part, endpoint, model, arguments, stack, until_s=until_s)
+    roles = {one.role: one for one in (last.roles if last else ())} | {one.role: one for one in made.pop("roles", ())}
+    found = dict(
         model=arguments.model,
         most_tokens=MOST_TOKENS,
         seed=arguments.seed,
         command=f"python -m experiments.campaigns models --url URL --model {arguments.model} --publish",
-        roles=(planner, adviser),
-        reader=reader,
-        isolation=measured,
-        colluding=pair,
-        injection=injections(arguments.every),
-        explorers=proposers,
+        roles=tuple(roles.values()),
+        **made,
     )
+    return msgspec.structs.replace(last, **found) if last else ModelsReport(**found)
+
+
+def measured(
+    part: str,
+    endpoint: ModelEndpoint,
+    model: Callable[[BlobStore], ChatModel],
+    arguments: argparse.Namespace,
+    stack: ExitStack,
+    *,
+    until_s: float,
+) -> dict[str, Any]:
+    """One part's fields of the report."""
+    missions, seed = arguments.missions, arguments.seed
+    match part:
+        case "planner":
+            names: Sequence[ModelRole] = ("planner",)
+            return {
+                "roles": (
+                    role_figures("planner", names, model, missions=missions, seed=seed, faults=FAULTS, until_s=until_s),
+                )
+            }
+        case "advice":
+            names = ("recovery_advice", "diagnosis")
+            label = "recovery_advice and diagnosis"
+            return {
+                "roles": (
+                    role_figures(label, names, model, missions=missions, seed=seed, faults=FAULTS[1:], until_s=until_s),
+                )
+            }
+        case "reader":
+            return {"reader": reader_figures(model, texts=missions, seed=seed, until_s=until_s)}
+        case "isolation":
+            trials = arguments.trials
+            alone, pair = isolation(endpoint, stack, trials=trials, controls=trials // 3, seed=seed)
+            return {"isolation": alone, "colluding": pair}
+        case "explorers":
+            name = f"{arguments.model} (reads text only)"
+            return {"explorers": explorers(model, name, missions=EXPLORED, seed=seed, until_s=until_s)}
+        case _:
+            return {"injection": injections(arguments.every)}
 
 
 def page(report: ModelsReport) -> str:
