@@ -13,7 +13,7 @@ from app.acts.uploads import ImportUploadAct, ReplayUploadAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep, file_of
 from app.i18n.languages import explained
 from app.i18n.messages import reasoned
-from app.routes.api_uploads import asked, imported, removed
+from app.routes.api_uploads import imported, removed, replay_job
 from app.views.bag_audits import AuditShown, counted
 from app.views.forms import Wrong
 from app.views.recordings import RecordingsPage, ReplayRow
