@@ -66,7 +66,9 @@ def cancel(console: ConsoleDep, principal: PrincipalDep, job_id: str) -> Respons
 @router.post("/{upload_id}/replay")
 def replay(console: ConsoleDep, principal: PrincipalDep, upload_id: str, typed: FormDep) -> Response:
     act = ReplayUploadAct.from_form(typed)
-    return _done(console, principal.acting("drive"), act, lambda given: replay_job(console, principal, upload_id, given))
+    return _done(
+        console, principal.acting("drive"), act, lambda given: replay_job(console, principal, upload_id, given)
+    )
 
 
 @router.post("/{upload_id}/cloud")
