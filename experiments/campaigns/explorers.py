@@ -25,6 +25,7 @@ from harness.contracts.models import ModelEndpoint
 from harness.contracts.ports import BlobStore
 from harness.contracts.reasons import Reason
 from harness.contracts.values import Count, Value, decode
+from harness.exploration.targets import NEAREST_EDGE
 from harness.projections.exploration import decisions, updates
 from harness.projections.floor import coverage
 from harness.projections.mission import Mission
@@ -61,6 +62,7 @@ class Exploration(Value):
     share: float
     travelled_m: float
     targets: Count
+    asked: Count
     refused: tuple[str, ...]
 
 
@@ -84,6 +86,12 @@ def longest_edge(question: dict[str, Any]) -> dict[str, Any]:
     best = max(question["edges"], key=lambda one: one["length_m"], default=None)
     x, y = best["approach_m"] if best else question["position_m"]
     return {"x_m": x, "y_m": y, "reason": "most is unknown behind this edge"}
+
+
+def stays(question: dict[str, Any]) -> dict[str, Any]:
+    """Where the body stands already: admissible, and of no use."""
+    x, y = question["position_m"]
+    return {"x_m": x, "y_m": y, "reason": "here"}
 
 
 def anywhere(seed: int) -> Answer:
@@ -117,7 +125,7 @@ def explored(
             break
         found.append(_explore(model(seed) if model else None, seed=seed))
         print(f"{proposer} seed {seed}: {found[-1].status}, {found[-1].share:.1%} seen", file=sys.stderr, flush=True)
-    proposals = sum(one.targets for one in found)
+    proposals = sum(one.asked for one in found)
     refused = Counter(rule for one in found for rule in one.refused)
     return ExplorerFigures(
         proposer=proposer,
@@ -149,6 +157,7 @@ def _explore(model: Callable[[BlobStore], ChatModel] | None, *, seed: int) -> Ex
             share=_share(harness, mission),
             travelled_m=_travelled_m(harness),
             targets=len(made),
+            asked=sum(model is None or one.planner != NEAREST_EDGE.name for one in made),
             refused=tuple(_rule(one.refused) for one in made if one.refused),
         )
 
@@ -175,7 +184,7 @@ def _travelled_m(harness: Harness) -> float:
 def explorers(
     model: Callable[[BlobStore], ChatModel] | None, name: str, *, missions: int, seed: int, until_s: float
 ) -> tuple[ExplorerFigures, ...]:
-    """The frontier rule, two stand-ins and, where one is given, the real model on a fifth of the seeds."""
+    """The frontier rule, three stand-ins and, where one is given, the real model on a fifth of the seeds."""
     seeds = range(seed, seed + missions)
 
     longest = ruled("longest-edge", longest_edge)
@@ -198,8 +207,9 @@ def table(found: Sequence[ExplorerFigures]) -> Iterable[str]:
     yield ""
     yield (
         "Each explores the site until 95 % of its reachable floor is seen. The stand-ins answer by rule through the "
-        "model port; a proposal that is refused is replaced by the harness's own edge. *Seen* and *way* are medians; "
-        "the way is the true one."
+        "model port. A proposal that is refused is replaced by the harness's own edge, and a proposer two of whose "
+        "targets in a row opened no floor is not asked again in that mission. *Seen* and *way* are medians; the way is "
+        "the true one."
     )
     yield ""
     yield "| proposer | missions | succeeded | seen | least seen | targets | way (m) | asked | admitted | refused |"

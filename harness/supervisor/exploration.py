@@ -19,7 +19,7 @@ from harness.contracts.values import Point, decode, encode
 from harness.exploration.frontiers import edges
 from harness.exploration.grid import area_m2, changed_m2, merged, unexplored, usable
 from harness.exploration.paths import Ways
-from harness.exploration.targets import answered, given_up
+from harness.exploration.targets import NEAREST_EDGE, answered, given_up
 from harness.planning.targets import COVERAGE, EXPLORES, REGION, exploring, extended
 from harness.projections.exploration import MAP, choices, feedback, newest_image, unmapped, updates, views
 from harness.projections.floor import coverage
@@ -29,7 +29,9 @@ from harness.supervisor.roles import RoleContexts, record
 
 LONGEST_WAY_M = 30.0
 FRUITLESS, LEAST_NEW_M2 = 3, 0.4
-"""After so many targets in a row that opened less floor than this, more of them would not show more."""
+"""After so many of its own targets in a row that opened less floor than this, more of them would not show more."""
+IDLE = 2
+"""After so many targets of another proposer in a row that opened no floor, the harness chooses by itself."""
 
 
 class Explorer:
@@ -64,7 +66,8 @@ class Explorer:
         question = self._question(mission, closing, grid=grid, position=position, image=image)
         if not question.left:
             return False
-        answer = answered(self._connection.proposer, question=question, grid=grid, picture=self._runtime.blob(image))
+        proposer = NEAREST_EDGE if _idle(mission) else self._connection.proposer
+        answer = answered(proposer, question=question, grid=grid, picture=self._runtime.blob(image))
         return answer.chosen is not None and self._revise(mission, closing, question, answer)
 
     def _draw(self, mission: Mission, packets: tuple[EvidencePacket, ...]) -> None:
@@ -186,9 +189,25 @@ def _enough(mission: Mission, closing: Node, grid: exploration.GridMap) -> bool:
 
 
 def _nothing_new(mission: Mission) -> bool:
-    """Whether the last targets, one after the other, opened no floor worth a way."""
-    changes = [change for leg, change in updates(mission) if leg in choices(required_contract(mission))][-FRUITLESS:]
-    return len(changes) == FRUITLESS and all(change.opened_m2 < LEAST_NEW_M2 for change in changes)
+    """Whether the last targets that the harness chose by itself, one after the other, opened no floor worth a way."""
+    last = _fruitless(mission, own=True)[-FRUITLESS:]
+    return len(last) == FRUITLESS and all(last)
+
+
+def _idle(mission: Mission) -> bool:
+    """Whether targets that another proposer chose opened no floor worth a way, IDLE of them in a row."""
+    fruitless = _fruitless(mission, own=False)
+    return any(all(fruitless[at : at + IDLE]) for at in range(len(fruitless) - IDLE + 1))
+
+
+def _fruitless(mission: Mission, *, own: bool) -> list[bool]:
+    """Of each target that the harness chose by itself, or that another proposer chose: whether it opened no floor."""
+    chosen = choices(required_contract(mission))
+    return [
+        change.opened_m2 < LEAST_NEW_M2
+        for leg, change in updates(mission)
+        if leg in chosen and own == (chosen[leg].planner == NEAREST_EDGE.name or bool(chosen[leg].refused))
+    ]
 
 
 def _followed(packets: tuple[EvidencePacket, ...]) -> NodeId:
