@@ -148,7 +148,28 @@ def _las(opened: BinaryIO, file: Path, size: int) -> CloudHead:
         raise _invalid(
             because("cloud_promises_too_much", points=points, unpacked_bytes=points * stride, size_bytes=size), file
         )
+    chunks = _las_chunks(opened, first, size) if packed else 0
+    if chunks > points + 1:
+        raise _invalid(because("cloud_header_unreadable", line=f"{chunks} chunks of {points} points"), file)
     return CloudHead(points=points, unpacked_bytes=points * max(stride, 1), packed=packed)
+
+
+def _las_chunks(opened: BinaryIO, first: int, size: int) -> int:
+    """How many chunks a LAZ file says its points are in; 0 where it does not say.
+
+    Its reader makes room for all of them before it reads one, and ends the process where there is none. The table of
+    chunks stands where the first 8 bytes of the points say, or the last 8 of a file that was written in one go.
+    """
+    for place in (first, size - 8):
+        opened.seek(max(place, 0))
+        found = opened.read(8)
+        at = int.from_bytes(found, "little", signed=True) if len(found) == 8 else -1
+        if at > first or place != first:
+            break
+    if not 0 <= at <= size - 8:
+        return 0
+    opened.seek(at + 4)
+    return int.from_bytes(opened.read(4), "little")
 
 
 def _invalid(reason: Reason, file: Path) -> CloudInvalid:

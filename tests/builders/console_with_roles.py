@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from fastapi.testclient import TestClient
 from msgspec import to_builtins
 
+from app.views.uploaded_files import ReplayJob
 from harness.conformance.findings import ConformanceFinding, ConformanceResult
+from harness.contracts.actors import Actor
 from harness.contracts.ids import MissionId
 from harness.contracts.values import encode
 from tests.builders.consoles import Stand
@@ -16,6 +18,13 @@ from tests.builders.releases import candidate, tried
 TURNS = ("claim", "release", "on-my-way", "choose", "ask-colleague", "take-over", "hand-back", "close")
 ALERT_TURNS = ("acknowledge", "shelve", "suppress", "restore", "assign")
 PHOTOGRAPH = b"\xff\xd8\xff a photograph that nothing refers to"
+RECORDING = b"{}"
+CLOUD = (
+    b"VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\n"
+    b"POINTS 2\nDATA ascii\n0 0 0\n1 1 1\n"
+)
+UPLOADS = {"recording": ("drive.mcap", RECORDING), "cloud": ("hall.pcd", CLOUD)}
+"""Name and bytes of what is uploaded. No test of permissions reads the recording: a replay of it waits."""
 REASONED = ("stop", "reason", "pause", "resume", "dispute", "withdraw", "case", "free", "erase", "dismiss")
 
 
@@ -48,7 +57,32 @@ class ConsoleWithRoles:
             "proposal_id": "0" * 16,
             "resource": "vbot-1/mobile_base",
         }
+        if self.stand.app.state.console.replays is not None:
+            names |= {"upload_id": self.upload("cloud" if path.endswith("/cloud") else "recording")}
+            names |= {"job_id": self.replay()} if "{job_id}" in path else {}
         return re.sub(r"\{(\w+)(:\w+)?\}", lambda found: names.get(found[1], "1"), path)
+
+    def upload(self, kind: str) -> str:
+        """A whole upload that no replay reads."""
+        console = self.stand.app.state.console
+        for one in console.uploads.all():
+            if one.kind == kind and one.complete and not console.replays.uses(one.upload_id):
+                return str(one.upload_id)
+        name, content = UPLOADS[kind]
+        begun = console.uploads.begin(name, size_bytes=len(content), by="the-operator")
+        return str(console.uploads.add(begun.upload_id, offset=0, piece=content, by="the-operator").upload_id)
+
+    def replay(self) -> str:
+        """A replay that was asked for; nothing here runs it."""
+        console = self.stand.app.state.console
+        for one in console.replays.jobs():
+            return str(one.job_id)
+        upload = console.uploads.whole(self.upload("recording"))
+        job = ReplayJob(
+            job_id="replay-1", upload_id=upload.upload_id, name=upload.name, by="the-operator", state="waiting"
+        )
+        actor = Actor(name="the-operator", role="operator")
+        return str(console.replays.ask(job, console.uploads.path(upload), actor).job_id)
 
     def body(self, path: str) -> dict[str, object]:
         """A valid body for a route that changes something, so that only the permission of the caller decides."""
@@ -84,6 +118,10 @@ class ConsoleWithRoles:
             return {"name": "newcomer", "roles": ["viewer"], "password": PASSWORD}
         if last in ("candidates", "check"):
             return proposal(api=path.startswith("/api/"))
+        if path == "/api/v1/uploads":
+            return {"name": "drive.mcap", "size_bytes": len(RECORDING)}
+        if path.endswith("/{upload_id}/cloud"):
+            return {"map_version": "site-1", "frame": "map", "metres_per_unit": 1.0, "reason": "because"}
         if last == "cloud":
             corner = [0.0, 0.0, 0.0]
             place = {"origin_m": corner, "low_m": corner, "high_m": corner, "points": 0, "dropped": 0, "chunks": []}
@@ -145,6 +183,11 @@ class ConsoleWithRoles:
         client, address, body = self.people[who], self.address(path), dict(self.body(path))
         if method == "GET":
             return client.get(address).status_code
+        if path == "/recordings":
+            return client.request(method, address, files={"file": UPLOADS["recording"]}).status_code
+        if path == "/api/v1/uploads/{upload_id}" and method == "POST":
+            octets = {"content-type": "application/octet-stream"}
+            return client.post(f"{address}?offset=0", content=RECORDING, headers=octets).status_code
         if path.startswith("/api/") or path.endswith("/turn"):
             body.pop("key", None) if path.endswith(("/missions", "/preview")) else None
             return client.request(method, address, json=body).status_code

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import hypothesis
@@ -51,8 +52,8 @@ def as_it_is(context: object, value: object) -> bytes:
 
 
 @pytest.fixture
-def stand() -> Iterator[Stand]:
-    with console_stand(settings=SETTINGS) as made:
+def stand(tmp_path: Path) -> Iterator[Stand]:
+    with console_stand(settings=SETTINGS, folder=tmp_path) as made:
         made.run()
         yield made
 
@@ -76,7 +77,14 @@ def real(stand: Stand) -> dict[str, str]:
     )  # fmt: skip
     attach = AttachCloud(actor=LAUNCHER, cloud=cloud, reason="scan")
     expect(stand.harness.runtime.decide([(map_stream("site-1"), attach)]))
+    begun = accounts.post("/api/v1/uploads", json={"name": "drive.mcap", "size_bytes": 2}).json()
+    upload = f"/api/v1/uploads/{begun['upload_id']}"
+    octets = {"content-type": "application/octet-stream"}
+    assert accounts.post(f"{upload}?offset=0", content=b"{}", headers=octets).status_code == 200
+    replay = accounts.post(f"{upload}/replay", json={}).json()
     return {
+        "upload_id": begun["upload_id"],
+        "job_id": replay["replay_id"],
         "alert_id": alerts.alerts.all()[0][0],
         "candidate": reviewing.evaluated(candidate()),
         "map_version": "site-1",

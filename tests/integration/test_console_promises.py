@@ -250,6 +250,10 @@ TWINS = {
     "/robots/{robot_id}/resume": "/missions/{mission_id}/resume",
     "/robots/{robot_id}/stand": "/robots/{robot_id}/posture",
     "/candidates/knobs": "/candidates",
+    "/recordings": "/uploads",
+    **{f"/recordings/{{upload_id}}/{turn}": f"/uploads/{{upload_id}}/{turn}" for turn in ("replay", "cloud")},
+    "/recordings/{upload_id}/remove": "/uploads/{upload_id}",
+    "/recordings/replays/{job_id}/cancel": "/replays/{job_id}",
     "/queue/goals/{proposal_id}/dismiss": "/goal-proposals/{proposal_id}/dismiss",
 }
 """Where the API says it otherwise than the page does."""

@@ -123,7 +123,9 @@ def test_what_is_no_photograph_and_no_voice_is_never_erased(inspected: Inspected
     blobs = mission_blobs(runtime, inspected.mission.mission_id)
     others = [digest for digest, body in blobs.items() if medium_of(body) is None]
     assert len(others) > 3
-    shown = next(one for one in others if people["admin"].get(f"/evidence/{one}").status_code == 200)
+    shown = next(one for one in others if people["admin"].get(f"/evidence/{one}/about").status_code == 200)
+    named = next(one for one in others if people["admin"].get(f"/evidence/{one}/about").status_code == 404)
+    assert people["admin"].post(f"/evidence/{named}/erase", data={"reason": "away with it"}).status_code == 404
     refused = people["admin"].post(f"/evidence/{shown}/erase", data={"reason": "away with it"})
     assert refused.status_code == 409 and "Only photographs and voice" in refused.text
     for digest in others:

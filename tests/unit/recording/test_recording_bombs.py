@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from harness.adapters.limited_process import LimitedProcess
+from harness.adapters.providers.recording.limits import recording_limits
 from harness.contracts.errors import RecordingInvalid
 from harness.contracts.values import encode
-from harness.recordings import RecordingToRead, _limits, open_checked, read_whole
+from harness.recordings import RecordingToRead, open_checked, read_whole
 from tests.builders import bombs
 
 MOST_S = 30.0
@@ -43,7 +44,7 @@ FILES = {
 @pytest.fixture(scope="module")
 def reader() -> Iterator[LimitedProcess]:
     """The process that a recording is read in first, kept for all of these."""
-    with closing(LimitedProcess(read_whole, _limits(Path(__file__)), failure=RecordingInvalid)) as child:
+    with closing(LimitedProcess(read_whole, recording_limits(Path(__file__)), failure=RecordingInvalid)) as child:
         yield child
 
 

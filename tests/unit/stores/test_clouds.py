@@ -97,6 +97,23 @@ def test_a_las_file_that_was_cut_off_is_refused(tmp_path: Path, name: str) -> No
         read_cloud(whole)
 
 
+@pytest.mark.parametrize("written_in_one_go", [False, True])
+def test_a_laz_file_with_more_chunks_than_points_is_refused_before_it_is_read(
+    tmp_path: Path, written_in_one_go: bool
+) -> None:
+    file = las(tmp_path / "chunks.laz", scatter(300))
+    body = bytearray(file.read_bytes())
+    first = struct.unpack_from("<I", body, 96)[0]
+    table = struct.unpack_from("<q", body, first)[0]
+    struct.pack_into("<I", body, table + 4, 2**31)
+    if written_in_one_go:
+        struct.pack_into("<q", body, first, -1)
+        body += struct.pack("<q", table)
+    file.write_bytes(body)
+    with raises_saying(CloudInvalid, match="2147483648 chunks of 300 points"):
+        cloud_head(file)
+
+
 @pytest.mark.parametrize("packed", [False, True])
 def test_the_header_of_a_las_file_is_held_to_the_size_of_the_file(tmp_path: Path, packed: bool) -> None:
     name = "lies.laz" if packed else "lies.las"
