@@ -92,8 +92,8 @@ class FoxgloveDialogue:
 
     @staticmethod
     def _send_subscriptions(channels: Sequence[int], send: Send) -> None:
-        asked = [{"id": channel, "channelId": channel} for channel in channels]
-        send(msgspec.json.encode({"op": "subscribe", "subscriptions": asked}).decode())
+        rows = [{"id": channel, "channelId": channel} for channel in channels]
+        send(msgspec.json.encode({"op": "subscribe", "subscriptions": rows}).decode())
 
     def _subscribe(self, offer: ChannelOffer, send: Send) -> None:
         """Subscribe where the channel is one of ours and can be read; a subscription has its channel's number."""
