@@ -100,9 +100,9 @@ def judged_and_shown(
         intent = next(one for one in events if isinstance(one, DispatchIntended) and one.node_id == CIRCUIT)
         assert intent.provider_id == "route-follower" and intent.question is not None
         question = decode(harness.runtime.record(intent.question).body, RoutingQuestion)
-        series = (one for one in question.need.history.series if one.provider_id == "route-follower")
+        known = (one for one in question.need.history.settings if one.provider_id == "route-follower")
         context = decode(harness.runtime.record(intent.context).body, Context)
-        return sum(len(one.judged) for one in series), len(context.all("example"))
+        return sum(one.sums.judged for one in known), len(context.all("example"))
 
 
 @pytest.mark.ledger("R140", symbol="harness.memory.fabric:MemoryFabric.of_same_contract")

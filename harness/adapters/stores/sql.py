@@ -78,7 +78,13 @@ class SqlEventStore(SqlLog):
         self._check_open()
         with self._failures:
             events = self._unchanged.since(after)
-        return super().read(after, limit) if events is None else events[:limit]
+        if events is not None:
+            return events[:limit]
+        events = super().read(after, limit)
+        if events:
+            with self._failures:
+                self._unchanged.reached(events[-1].position)
+        return events
 
     def head(self) -> LogHead:
         """The end of the log; the genesis head of an empty one."""

@@ -69,14 +69,25 @@ class VersionCache:
         return None if self._moved() else self._last
 
     def since(self, position: int) -> list[StoredEvent] | None:
-        """All events after a position, now or as of this turn's look; None where they have to be read."""
+        """All events after a position, now or as of this turn's look; None where they have to be read.
+
+        In a turn, that there are none is never known: whoever asks behind its end may have read further than it looked.
+        """
         if self._moved():
             return None
         with self._knowing:
             if self._last is None or not self._newest or self._newest[0].position > position + 1:
                 return None
             behind = max(0, self._newest[-1].position - position)
+            if not behind and self._turn.begun:
+                return None
             return list(self._newest)[len(self._newest) - behind :]
+
+    def reached(self, position: int) -> None:
+        """An event at this position was read: if the known end lies before it, look again, also within a turn."""
+        last = self._last
+        if last is not None and last.position < position:
+            self._others_wrote()
 
     def ends(self, streams: Collection[StreamId]) -> tuple[LogHead | None, dict[StreamId, int]]:
         """Inside the write transaction: the end of the log and of these streams, as far as they are known."""

@@ -76,3 +76,32 @@ def test_a_follower_beside_another_process_comes_to_the_end_of_the_log(stores: S
         assert follower.catch_up() == FollowPosition(fold="f", position=head.position, digest=head.digest)
     assert [at for stretch in target.seen for at in stretch] == list(range(1, reader.head().position + 1))
     assert target.cleared == 0
+
+
+def test_who_reads_further_than_a_turn_looked_is_told_one_end_of_the_log(stores: Stores) -> None:
+    one, other, reader = stores
+    append(other)
+    append(one)
+    with one.turn():
+        append(other)
+        assert one.read(2) == reader.read(2)
+        assert one.read(0) == reader.read(0)
+        assert one.head() == reader.head()
+        target = Positions(beginning("f"))
+        Follower(target, head=one.head, read=one.read, fold="f").catch_up()
+    assert target.seen == [[1, 2, 3]]
+    assert target.cleared == 0
+
+
+def test_a_follower_whose_target_another_process_brought_further_than_a_turn_looked_rebuilds_nothing(
+    stores: Stores,
+) -> None:
+    one, other, _ = stores
+    append(one, 2)
+    target = Positions(beginning("f"))
+    with one.turn():
+        append(other)
+        Follower(target, head=other.head, read=other.read, fold="f").catch_up()
+        Follower(target, head=one.head, read=one.read, fold="f").catch_up()
+        assert one.head() == other.head()
+    assert target.cleared == 0
