@@ -1,6 +1,6 @@
 """Shows the evidence live to Foxglove and Lichtblick, as ROS messages by WebSocket: it serves, and takes nothing."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from importlib.util import find_spec
 from typing import Any
 
@@ -22,25 +22,47 @@ HOST = "127.0.0.1"
 EVERY_S = 0.2
 MOST_EVENTS = 500
 IDENTITY = np.eye(4)
+TF_TOPIC = "/tf"
 LOG_TOPIC = "/regen/log"
 """What the gate appended, line by line."""
-Publish = Callable[[str, str, bytes, float], None]
-"""Topic, ROS type, body, sensor time in seconds."""
+SAMPLE_TYPES = {
+    "pose": messages.POSE,
+    "odometry": messages.ODOMETRY,
+    "scan": messages.CLOUD,
+    "image": messages.COMPRESSED_IMAGE,
+}
+"""The ROS type of each topic that every robot has."""
+Publish = Callable[[str, bytes, float], None]
+"""Topic, body, sensor time in seconds."""
+
+
+def topic_types(robots: Iterable[RobotId]) -> dict[str, str]:
+    """Every topic that a feed of these robots publishes on, and its ROS type."""
+    own = {f"/{robot_id}/{name}": kind for robot_id in robots for name, kind in SAMPLE_TYPES.items()}
+    return own | {TF_TOPIC: messages.TRANSFORMS, LOG_TOPIC: messages.LOG}
 
 
 class FoxgloveServer:
     """A server of the Foxglove WebSocket protocol on this machine only, without a capability: a client may subscribe.
 
+    `topics`: the ROS type of every topic there will be. All are on offer before the first client connects: the library
+    tells a connected client of a new channel before it accepts subscriptions to it, and refuses one that comes quickly.
     Raises ContractInvalid where the library is missing or the port is taken.
     """
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, topics: Mapping[str, str]) -> None:
         if find_spec("foxglove") is None:
             raise ContractInvalid(because("foxglove_not_installed", extra=EXTRA))
         import foxglove  # noqa: PLC0415  it loads where somebody asked for it
 
-        self._foxglove, self._context = foxglove, foxglove.Context()
-        self._types, self._channels = RosMessageTypes(), dict[str, Any]()
+        types = RosMessageTypes()
+        self._context = foxglove.Context()  # kept, as neither the server nor a channel holds it
+        self._channels: dict[str, Any] = {}
+        for topic, kind in topics.items():
+            schema = foxglove.Schema(name=kind, encoding="ros2msg", data=types.definition(kind).encode())
+            self._channels[topic] = foxglove.Channel(
+                topic, schema=schema, message_encoding="cdr", context=self._context
+            )
         try:
             self._server = foxglove.start_server(
                 name="RegenHarness", host=HOST, port=port, capabilities=[], context=self._context
@@ -49,15 +71,9 @@ class FoxgloveServer:
             raise ContractInvalid(because("foxglove_port_refused", port=port, error=str(error)[:200])) from error
         self.address = f"ws://{HOST}:{self._server.port}"
 
-    def publish(self, topic: str, kind: str, body: bytes, at_s: float) -> None:
-        """One message, to whoever subscribed; nobody is waited for."""
-        channel = self._channels.get(topic)
-        if channel is None:
-            text = self._types.definition(kind).encode()
-            schema = self._foxglove.Schema(name=kind, encoding="ros2msg", data=text)
-            channel = self._foxglove.Channel(topic, schema=schema, message_encoding="cdr", context=self._context)
-            self._channels[topic] = channel
-        channel.log(body, log_time=nanoseconds(at_s))
+    def publish(self, topic: str, body: bytes, at_s: float) -> None:
+        """One message on a topic on offer, to whoever subscribed; nobody is waited for."""
+        self._channels[topic].log(body, log_time=nanoseconds(at_s))
 
     def close(self) -> None:
         self._server.stop()
@@ -93,7 +109,7 @@ class FoxgloveFeed:
         for event in self._runtime.log(self._position, MOST_EVENTS):
             self._position = event.position
             text = f"{event.kind} {event.stream} version {event.version} digest {event.digest[:12]}"
-            self._publish(LOG_TOPIC, messages.LOG, self._types.log(event.recorded_s, "gate", text), event.recorded_s)
+            self._publish(LOG_TOPIC, self._types.log(event.recorded_s, "gate", text), event.recorded_s)
 
     def _seen(self, robot_id: RobotId) -> tuple[AnySample, ...]:
         """What its running mission reads, which is its evidence; else what is read of it for people."""
@@ -107,20 +123,20 @@ class FoxgloveFeed:
         types, at_s = self._types, sample.at_s
         match sample:
             case Pose():
-                self._publish(f"/{robot_id}/pose", messages.POSE, types.pose(sample), at_s)
+                self._publish(f"/{robot_id}/pose", types.pose(sample), at_s)
                 body = types.transforms(at_s, [_body_in_map(robot_id, sample)])
-                self._publish("/tf", messages.TRANSFORMS, body, at_s)
+                self._publish(TF_TOPIC, body, at_s)
             case Odometry():
-                self._publish(f"/{robot_id}/odometry", messages.ODOMETRY, types.odometry(sample), at_s)
+                self._publish(f"/{robot_id}/odometry", types.odometry(sample), at_s)
             case Scan():
                 points = np.frombuffer(self._blob(robot_id, sample.blob), dtype="<f4")
                 cloud = points[: len(points) // 3 * 3].reshape(-1, 3).astype(np.float64)
                 body = types.cloud(at_s, _frame(robot_id), cloud, moved=IDENTITY)
-                self._publish(f"/{robot_id}/scan", messages.CLOUD, body, at_s)
+                self._publish(f"/{robot_id}/scan", body, at_s)
             case Image():
                 kind = sample.media_type.removeprefix("image/")
                 body = types.image(at_s, _frame(robot_id), self._blob(robot_id, sample.blob), kind)
-                self._publish(f"/{robot_id}/image", messages.COMPRESSED_IMAGE, body, at_s)
+                self._publish(f"/{robot_id}/image", body, at_s)
             case _:
                 return
 

@@ -206,9 +206,13 @@ def up(
 
 def _show_evidence(stack: ExitStack, harness: Harness, fleet: Fleet, port: int) -> None:
     """Whoever is on this machine may watch, as there are no accounts in that protocol; nobody can send anything."""
-    from app.background.foxglove_feed import FoxgloveFeed, FoxgloveServer  # noqa: PLC0415  it loads the ROS types
+    from app.background.foxglove_feed import (  # noqa: PLC0415  it loads the ROS types
+        FoxgloveFeed,
+        FoxgloveServer,
+        topic_types,
+    )
 
-    server = FoxgloveServer(port)
+    server = FoxgloveServer(port, topic_types(fleet.own))
     stack.callback(server.close)
     feed = FoxgloveFeed(harness.runtime, fleet, server.publish, after=harness.runtime.head().position)
     feed.watch()

@@ -2,7 +2,8 @@
 nothing."""
 
 import json
-from collections.abc import Iterator
+import time
+from collections.abc import Collection, Iterator
 from contextlib import closing
 from typing import Any
 
@@ -11,15 +12,17 @@ from rosbags.typesys import Stores, get_typestore
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from app.background.foxglove_feed import FoxgloveFeed, FoxgloveServer
+from app.background.foxglove_feed import FoxgloveFeed, FoxgloveServer, topic_types
 from app.background.robot_reports import Fleet
 from harness.contracts.errors import ContractInvalid
+from harness.contracts.ids import RobotId
 from harness.contracts.observations import Odometry, Pose, Scan
 from tests.builders.topic_servers import Repetition
 from tests.builders.waiting import Waiting, waiting
 from tests.saying import raises_saying
 
 ROBOT = "vbot-1"
+WITHIN_S = 60.0
 TOPICS = (f"/{ROBOT}/pose", f"/{ROBOT}/odometry", f"/{ROBOT}/scan", "/tf", "/regen/log")
 
 
@@ -40,14 +43,33 @@ class Viewer:
 
     def message(self, topic: str) -> Any:
         """The next message of a topic, decoded by its advertised type."""
+        until_s = time.monotonic() + WITHIN_S
         while True:
-            found = self._socket.recv(timeout=30)
-            if isinstance(found, str):
-                self._operation(json.loads(found))
-            elif found[0] == 1 and self.offers[int.from_bytes(found[1:5], "little")][0] == topic:
-                return self._store.deserialize_cdr(found[13:], self.offers[int.from_bytes(found[1:5], "little")][1])
+            found = self._received(until_s, f"no message on {topic}")
+            if isinstance(found, bytes) and found[0] == 1:
+                name, kind = self.offers[int.from_bytes(found[1:5], "little")]
+                if name == topic:
+                    return self._store.deserialize_cdr(found[13:], kind)
+
+    def until_offered(self, topics: Collection[str]) -> None:
+        until_s = time.monotonic() + WITHIN_S
+        while missing := set(topics) - {topic for topic, _ in self.offers.values()}:
+            self._received(until_s, f"no offer of {sorted(missing)}")
+
+    def _received(self, until_s: float, missing: str) -> str | bytes:
+        """What comes next, however much comes of other topics: never waits longer than until then."""
+        left_s = until_s - time.monotonic()
+        assert left_s > 0, f"{missing} within {WITHIN_S:g} s; on offer: {sorted(self.offers.values())}"
+        try:
+            found = self._socket.recv(timeout=left_s)
+        except TimeoutError:
+            pytest.fail(f"{missing} within {WITHIN_S:g} s; on offer: {sorted(self.offers.values())}")
+        if isinstance(found, str):
+            self._operation(json.loads(found))
+        return found
 
     def _operation(self, said: dict[str, Any]) -> None:
+        assert said["op"] != "status", said["message"]
         if said["op"] == "serverInfo":
             self.capabilities = said["capabilities"]
         for one in said.get("channels", ()):
@@ -61,7 +83,7 @@ def test_a_viewer_sees_the_missions_samples_and_what_the_gate_appends(asked: Wai
     live = asked.runtime.observations(asked.runtime.missions()[0].mission_id)
     assert live is not None
     fleet = Fleet(asked.harness.robots, asked.harness.cameras, lambda: 0.0)
-    with closing(FoxgloveServer(0)) as server:
+    with closing(FoxgloveServer(0, topic_types([RobotId(ROBOT)]))) as server:
         shown = Repetition(lambda: FoxgloveFeed(asked.runtime, fleet, server.publish, after=0).step())
         with (
             closing(shown),
@@ -81,8 +103,19 @@ def test_a_viewer_sees_the_missions_samples_and_what_the_gate_appends(asked: Wai
     assert viewer.capabilities == [], "a viewer may subscribe and nothing else"
 
 
+def test_every_topic_is_on_offer_before_anything_was_sensed() -> None:
+    topics = topic_types([RobotId(ROBOT), RobotId("vbot-2")])
+    with (
+        closing(FoxgloveServer(0, topics)) as server,
+        connect(server.address, subprotocols=[Subprotocol("foxglove.sdk.v1")], compression=None) as socket,
+    ):
+        viewer = Viewer(socket)
+        viewer.until_offered(topics)
+    assert dict(viewer.offers.values()) == topics and set(TOPICS) < set(topics)
+
+
 def test_a_taken_port_is_named() -> None:
-    with closing(FoxgloveServer(0)) as server:
+    with closing(FoxgloveServer(0, topic_types([RobotId(ROBOT)]))) as server:
         port = int(server.address.rpartition(":")[2])
         with raises_saying(ContractInvalid, match=f"on port {port}"):
-            FoxgloveServer(port)
+            FoxgloveServer(port, {})

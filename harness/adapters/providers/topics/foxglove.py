@@ -18,6 +18,8 @@ from harness.contracts.reasons import because
 MESSAGE = struct.Struct("<BIQ")
 """The head of a binary message: opcode, subscription, the server's time of reception in nanoseconds."""
 MESSAGE_OPCODE = 1
+ERROR_LEVEL = 2
+MOST_REPEATS = 5
 READABLE = ("json", "cdr", "ros1")
 
 
@@ -38,6 +40,7 @@ class ServerOperation(msgspec.Struct, frozen=True, rename="camel"):
     op: str
     channels: tuple[ChannelOffer, ...] = ()
     channel_ids: tuple[int, ...] = ()
+    level: int = 0
 
 
 class FoxgloveDialogue:
@@ -50,6 +53,8 @@ class FoxgloveDialogue:
         self._receive, self._leave_out = receive, leave_out
         self._decoder = Decoder(where=where)
         self._channels: dict[int, tuple[Role, Channel]] = {}
+        self._silent: set[int] = set()
+        self._repeats = 0
 
     def begin(self, send: Send) -> None:
         """The server speaks first."""
@@ -67,8 +72,28 @@ class FoxgloveDialogue:
             return
         for channel in operation.channel_ids if operation.op == "unadvertise" else ():
             self._channels.pop(channel, None)
+            self._silent.discard(channel)
         for offer in operation.channels if operation.op == "advertise" else ():
             self._subscribe(offer, send)
+        if operation.op == "status" and operation.level >= ERROR_LEVEL:
+            self._repeat(send)
+
+    def _repeat(self, send: Send) -> None:
+        """Ask again for what has not come: a server may refuse a subscription to a channel that it offered just now.
+
+        A few times for each connection, as an error may be about anything.
+        """
+        if not self._silent or self._repeats == MOST_REPEATS:
+            return
+        self._repeats += 1
+        channels = sorted(self._silent)
+        send(msgspec.json.encode({"op": "unsubscribe", "subscriptionIds": channels}).decode())
+        self._send_subscriptions(channels, send)
+
+    @staticmethod
+    def _send_subscriptions(channels: Sequence[int], send: Send) -> None:
+        rows = [{"id": channel, "channelId": channel} for channel in channels]
+        send(msgspec.json.encode({"op": "subscribe", "subscriptions": rows}).decode())
 
     def _subscribe(self, offer: ChannelOffer, send: Send) -> None:
         """Subscribe where the channel is one of ours and can be read; a subscription has its channel's number."""
@@ -83,8 +108,8 @@ class FoxgloveDialogue:
         else:
             own = Channel(offer.topic, kind, offer.encoding, offer.schema_encoding, offer.schema)
             self._channels[offer.id] = (role, own)
-            request = {"op": "subscribe", "subscriptions": [{"id": offer.id, "channelId": offer.id}]}
-            send(msgspec.json.encode(request).decode())
+            self._silent.add(offer.id)
+            self._send_subscriptions([offer.id], send)
 
     def _message(self, message: bytes) -> None:
         if len(message) < MESSAGE.size or message[0] != MESSAGE_OPCODE:
@@ -92,6 +117,7 @@ class FoxgloveDialogue:
         _, subscription, log_ns = MESSAGE.unpack_from(message)
         if subscription not in self._channels:
             return
+        self._silent.discard(subscription)
         role, channel = self._channels[subscription]
         try:
             found = self._decoded(channel, log_ns, message[MESSAGE.size :])
