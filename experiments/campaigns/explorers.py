@@ -191,6 +191,7 @@ def explorers(
     found = [
         explored("nearest edge (deterministic)", None, seeds=seeds, until_s=until_s),
         explored("stand-in: longest edge", lambda number: longest, seeds=seeds, until_s=until_s),
+        explored("stand-in: stays", lambda number: ruled("stays", stays), seeds=seeds, until_s=until_s),
         explored(
             "stand-in: anywhere", lambda number: ruled("anywhere", anywhere(number)), seeds=seeds, until_s=until_s
         ),
