@@ -19,7 +19,7 @@ Read = Callable[[Digest], bytes]
 
 
 class RoomMicrophone:
-    """IndependentSource of `heard`: the recording of the playback, kind "room_sound", and its "recognition".
+    """IndependentSource of what speech is to show (`predicate`): the recording of the playback, kind "room_sound", and its "recognition".
 
     A recording that was taken for another request before, or a copy of one, is no recording of this playback: only its
     recognition is given then, which names that request, and the predicate is left undecided. Without a room to record,
@@ -27,10 +27,18 @@ class RoomMicrophone:
     `read` fetches sounds by their digest.
     """
 
-    predicate = "heard"
     lasting = False
 
-    def __init__(self, room: Room | None, *, keep: Keep, read: Read, claims: RecordingClaims | None = None) -> None:
+    def __init__(
+        self,
+        room: Room | None,
+        *,
+        keep: Keep,
+        read: Read,
+        claims: RecordingClaims | None = None,
+        predicate: str = "heard",
+    ) -> None:
+        self.predicate = predicate
         self._room, self._keep, self._read = room, keep, read
         self._claims = claims or RecordingClaims(None, read=read)
 
