@@ -288,19 +288,20 @@ class Supervisor:
         Raises StoreUnavailable: nothing can be decided then, and the robot's heartbeat watchdog stops it.
         """
         with self._turn_of(robot_id):
-            if self._returning[robot_id].under_way:
-                return self.step_retreat(robot_id)
             with self._runtime.turn():
-                mission = self._next(robot_id)
-                if mission is None:
-                    return None
-                try:
-                    return self._step(mission)
-                except StoreUnavailable:
-                    raise
-                except HarnessError as error:
-                    self._broken(mission, error)
-                    return None
+                if not self._returning[robot_id].under_way:
+                    return self._step_or_stop(self._next(robot_id))
+            return self.step_retreat(robot_id)
+
+    def _step_or_stop(self, mission: Mission | None) -> float | None:
+        try:
+            return self._step(mission) if mission is not None else None
+        except StoreUnavailable:
+            raise
+        except HarnessError as error:
+            if mission is not None:
+                self._broken(mission, error)
+            return None
 
     def _next(self, robot_id: RobotId) -> Mission | None:
         """The oldest mission of this robot that has not ended; the one that was stepped last, as long as it is open."""

@@ -7,7 +7,7 @@ read, so processes queue there. Readers have separate connections that cannot wr
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import partial
 from threading import Lock
@@ -94,7 +94,8 @@ class SqlLog(ABC):
     def turn(self) -> AbstractContextManager[None]:
         """One look at whether another process wrote, for all that this thread reads in the block."""
         self._check_open()
-        return self._looked()
+        with self._translated():
+            return self._unchanged.turn()
 
     def load(self, stream: StreamId, after: int = 0) -> list[ports.StoredEvent]:
         """Events of one stream with version > after, in order.
@@ -279,13 +280,6 @@ class SqlLog(ABC):
         """Close the appending connection, if there is one."""
 
     # shared ---------------------------------------------------------------------------------------------------------
-
-    @contextmanager
-    def _looked(self) -> Iterator[None]:
-        with ExitStack() as stack:
-            with self._translated():
-                stack.enter_context(self._unchanged.turn())
-            yield
 
     def _verified(self, connection: Connection) -> ports.LogHead:
         head = chain.check(

@@ -8,7 +8,7 @@ import sqlite3
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from threading import Lock, local
 from typing import Any
 
@@ -24,9 +24,15 @@ Query = Callable[[str, tuple[str | int | bytes, ...]], Sequence[Any]]
 
 
 class _Turn(local):
-    """Whether this thread is in a turn."""
+    """How many turns this thread is in, each inside the one before."""
 
-    begun = False
+    begun = 0
+
+    def __enter__(self) -> None:
+        self.begun += 1
+
+    def __exit__(self, _kind: object, _error: object, _trace: object) -> None:
+        self.begun -= 1
 
 
 class VersionCache(ABC):
@@ -43,15 +49,10 @@ class VersionCache(ABC):
         self._last: LogHead | None = None
         self._newest: deque[StoredEvent] = deque(maxlen=HELD_EVENTS)
 
-    @contextmanager
-    def turn(self) -> Iterator[None]:
+    def turn(self) -> AbstractContextManager[None]:
         """What others wrote before the block is known in it, by this thread; a block inside it looks again."""
         self._others_wrote()
-        outer, self._turn.begun = self._turn.begun, True
-        try:
-            yield
-        finally:
-            self._turn.begun = outer
+        return self._turn
 
     def ends_at(self, stream: StreamId, version: int) -> bool:
         """Whether the stream is known to hold no event after this version, now or as of this turn's look."""
@@ -59,7 +60,7 @@ class VersionCache(ABC):
 
     def holds(self, stream: StreamId, version: int) -> bool:
         """Whether this turn's look already answers `ends_at`, so that nothing has to be asked of the database."""
-        return self._turn.begun and self._versions.get(stream) == version
+        return self._turn.begun > 0 and self._versions.get(stream) == version
 
     def head(self) -> LogHead | None:
         """The end of the log, now or as of this turn's look; None where it is not known."""
