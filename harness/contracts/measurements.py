@@ -72,6 +72,11 @@ PLAYED_FOR = "played_for"
 """The value of a recognition's reference that names the earlier request whose recording was given out again."""
 
 
+PLAYED_AT = "played_at"
+"""The value of a recognition's reference that says how fast its recording runs, where that is no recording of what was
+played."""
+
+
 class PictureLook(Value):
     """What is compared of one image: the grey mean of each area, and of some blocks the finest that the noise left.
 
