@@ -88,11 +88,12 @@ def _recorded(chance: Random, kind: str) -> SpokenOutcome:
     request = f"Mission report. {statement}{more}"
     elsewhere = written.format(place=other, other=place, time=time)
     differing = [one for one in OUTCOMES if one != written]
+    another = chance.choice(differing).format(place=place, other=other, time=time)
     contrary = chance.choice(DENIALS).format(place=place)
     spoken = {
         "denies it": f"Mission report. {contrary}",
         "says another place": f"Mission report. {elsewhere}",
-        "says another outcome": f"Mission report. {chance.choice(differing).format(place=place, other=other, time=time)}",
+        "says another outcome": f"Mission report. {another}",
         "says something else": "Everything is fine here, and the coffee is ready in the kitchen.",
         "says it was verified": request.replace("unverified", "verified"),
         "another time": request.replace(time, wrong_time),

@@ -1,4 +1,4 @@
-"""Says what the parts of a mission achieved, for the stage that reports it and the conditions that it is judged by. Pure.
+"""Says what the parts of a mission achieved, for the stage that reports it and its conditions. Pure.
 
 Each part's own sentence is bound when the mission is compiled; it is spoken after the gate has accepted its stages.
 """

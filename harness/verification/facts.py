@@ -32,7 +32,8 @@ def facts_of(
     panorama: frames, yaws_rad (index, heading in map), position, heading_rad. analysis_of: report, frames, text (the
     harness's own words from the report's numbers). passage_checked: the same, and region_m.
     delivered, message_stored: frames, images (how many), text_digest.
-    heard, outcome_heard: sound, recognition. pictured: images. same_image: images (the one that both share), report. transcript: digest. played: sound.
+    pictured: images. same_image: images (the one that both share), report. transcript: digest. played: sound.
+    heard, outcome_heard: sound, recognition.
     arrival, circuit: frame, map_version, target_m, tolerance_m.
     """
     declared = {

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import Digest
-from harness.contracts.measurements import PLAYED_FOR, Recognition
+from harness.contracts.measurements import PLAYED_AT, PLAYED_FOR, Recognition
 from harness.contracts.reasons import Reason, because
 from harness.verification.finding import FACTS, Undecidable
 from harness.verification.reading import Evidence
@@ -53,6 +53,8 @@ def newest_report(evidence: Evidence) -> RecognisedReport:
     rooms = [one for one in evidence.measured("room_sound") if one.blob == found.sound]
     if not rooms and PLAYED_FOR in reference.values:
         raise Undecidable(because("recording_of_earlier_playback", request=str(reference.values[PLAYED_FOR])[:12]))
+    if not rooms and PLAYED_AT in reference.values:
+        raise Undecidable(because("recording_at_another_speed", speed=float(reference.values[PLAYED_AT])))
     if not rooms:
         return RecognisedReport(found, reference.blob, (reference.source,), None)
     evidence.bytes_of(found.sound)

@@ -272,6 +272,9 @@ SENTENCES: Mapping[str, str] = {
     "another_outcome_asked": N_("the harness asked for another report than this one"),
     "other_words_heard": N_("words were heard that were not to be said: {words}"),
     "outcome_denied": N_("what was heard denies what was to be reported: {heard}"),
+    "recording_at_another_speed": N_(
+        "the recording runs {speed:.3f} times as fast as what was played: it is no recording of this playback"
+    ),
     "recording_silent": N_("the microphone recorded nothing but silence"),
     "report_heard": N_("heard in the room: {heard}"),
     "report_heard_before_outcome": N_("the report was heard before all that it tells was accepted"),
