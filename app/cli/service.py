@@ -136,6 +136,8 @@ def up(
         steps.begin("Building the console")
         harness.supervisor.serve()
         harness.teleoperation.watch()
+        for shadow in harness.shadows.values():
+            shadow.watch()
         stack.callback(harness.teleoperation.close)
         fleet = reported_fleet(stack, harness, chosen, broker)
         evaluations = EvaluationJobs(
@@ -169,6 +171,7 @@ def up(
             unused=harness.unused,
             clear_way=_clear_way(harness),
             replays=replays,
+            shadows=harness.shadows,
         )
         app.state.alert_watch.watch()
         evaluations.watch()

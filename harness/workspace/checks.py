@@ -156,6 +156,8 @@ def robot_problems(robots: RobotsFile, file: Path, lines: Lines) -> Iterator[Har
                 yield problem(because("evidence_not_apart", name=one.name), "robots", index, "evidence", "address")
             for reason, key in _evidence_problems(one.name, one.evidence):
                 yield problem(reason, "robots", index, "evidence", key)
+        if one.authority == "observe" and isinstance(one, HttpRobotEntry) and one.teleoperation:
+            yield problem(because("observed_and_teleoperated", name=one.name), "robots", index, "teleoperation")
         if one.footprint_m and len(one.footprint_m) < 3:
             yield problem(because("footprint_too_small", name=one.name), "robots", index, "footprint_m")
 
