@@ -106,6 +106,7 @@ __all__ = [
     "move_log",
     "nothing_on_trial",
     "nothing_selected",
+    "observed_robot",
     "open_harness",
     "open_lists",
     "open_reports",
@@ -428,6 +429,13 @@ def _shadowed(
         found[name] = ShadowWatch(name, robot, runtime=runtime, clock=SystemClock(), apart=apart)
         stack.callback(found[name].close)
     return found, absent
+
+
+@contextmanager
+def observed_robot(entry: AddressedEntry, workspace: Workspace) -> Iterator[ports.ObservedRobot]:
+    """A robot in shadow mode, to be read until the block ends. Raises as connecting it does."""
+    with ExitStack() as stack:
+        yield _observed_robot(stack, entry, workspace)
 
 
 def _observed_robot(stack: ExitStack, entry: AddressedEntry, workspace: Workspace) -> ports.ObservedRobot:

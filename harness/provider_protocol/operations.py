@@ -12,7 +12,7 @@ import msgspec
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import ProviderFailed, UnknownName
 from harness.contracts.ids import Digest, RequestId
-from harness.contracts.ports import DecidesItself, Provider, Robot
+from harness.contracts.ports import Provider, Robot
 from harness.contracts.protocol import (
     MOST_CHANGES,
     STACK_PROTOCOL,
@@ -113,12 +113,13 @@ def provider_operations(robot: Robot) -> tuple[Operation, ...]:
     )  # fmt: skip
 
 
-def stack_operations(robot: DecidesItself) -> tuple[Operation, ...]:
-    """The operation of a robot whose own stack decides, for a harness that only observes it (protocol 1.2)."""
+def stack_operations(told: Callable[[int, int], StackGoals]) -> tuple[Operation, ...]:
+    """The operation of a robot whose own stack decides, for a harness that only observes it (protocol 1.2). `told`:
+    changes after a sequence number, so many at most."""
 
     def goals(names: Names, body: None) -> StackGoals:
         after, limit = _whole(names, "after", 0), _whole(names, "limit", MOST_CHANGES)
-        return robot.stack_goals(after, limit=min(limit, MOST_CHANGES))
+        return told(after, min(limit, MOST_CHANGES))
 
     return (
         Operation(

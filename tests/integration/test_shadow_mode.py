@@ -81,6 +81,7 @@ def test_missing_evidence_is_neither_success_nor_its_contrary(site: ShadowSite) 
     site.stack.odometry = False
     drives(site, "one-source", 4.0)
     site.stack.odometry = True
+    site.stack.stands(2.0)
     site.stack.says("nowhere", "active")
     site.reads()
     site.stack.says("nowhere", "succeeded")

@@ -59,6 +59,7 @@ SENTENCES: Mapping[str, str] = {
     "stack_clock_back": N_("The stack's clock went back by {back_s:.0f} s"),
     "stack_goal_forgotten": N_("The stack no longer knows this goal"),
     "stack_goal_not_over": N_("The stack did not say that {goal_id} is over"),
+    "stack_not_served": N_("The robot says nothing of a stack of its own"),
     "stack_outcome_unknown": N_("The stack does not know how it ended"),
     "stack_restarted": N_("The stack was started again before it said how this ended"),
     "stack_restarts": N_("The stack was started again while it was read"),

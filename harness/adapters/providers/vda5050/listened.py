@@ -145,16 +145,17 @@ class ListenedVehicle:
 
     def _outcome(self, state: messages.VehicleState) -> protocol.StackGoalStatus:
         """How the vehicle says that its order ended."""
-        actions = (*state.instant_action_states, *state.action_states)
-        if any(one.action_type == CANCEL and one.action_status == "FINISHED" for one in actions):
-            return "cancelled"
         if any(one.error_level == FATAL for one in state.errors):
             return "failed"
-        if any(one.action_status == "FAILED" for one in state.action_states):
+        if any(one.action_status == "FAILED" and one.action_type != CANCEL for one in state.action_states):
             return "failed"
         order = self._orders.get(self._order)
         last = order.last if order is not None else None
-        return "succeeded" if last is None or last.node_id == state.last_node_id else "cancelled"
+        if last is not None:
+            return "succeeded" if last.node_id == state.last_node_id else "cancelled"
+        actions = (*state.instant_action_states, *state.action_states)
+        cancelled = any(one.action_type == CANCEL and one.action_status == "FINISHED" for one in actions)
+        return "cancelled" if cancelled else "succeeded"
 
     def _change(self, state: messages.VehicleState, status: protocol.StackGoalStatus) -> None:
         """One more change of the order under way; the same once more is none."""
