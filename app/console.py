@@ -289,6 +289,12 @@ async def file_of(request: Request, name: str) -> bytes:
     return body
 
 
+async def files_of(request: Request, name: str) -> list[tuple[str, bytes]]:
+    """The names and bytes of the files that a form carries under one field, in their order."""
+    given = [one for one in (await request.form()).getlist(name) if isinstance(one, UploadFile) and one.filename]
+    return [(one.filename or "", await one.read()) for one in given]
+
+
 async def form_of(request: Request) -> dict[str, str]:
     """The fields of a posted form; files are ignored."""
     return {name: value for name, value in (await request.form()).items() if isinstance(value, str)}

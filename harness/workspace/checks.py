@@ -89,7 +89,7 @@ def site_problems(
             if (one.frame, one.map_version) != (site.frame, site.map_version):
                 yield problem(because("other_map_than_site", frame=one.frame, map_version=one.map_version), kind, index)
     for index, place in enumerate(site.places):
-        if floor is not None and _cell(floor, place.approach_m) != FREE:
+        if floor is not None and floor_at(floor, place.approach_m) != FREE:
             yield problem(because("place_not_on_floor", place_id=place.place_id), "places", index, "approach_m")
     for index, route in enumerate(site.routes):
         if len(route.waypoints_m) < 2:
@@ -434,7 +434,8 @@ def _wall(floor: GridMap, waypoints: Sequence[Point], *, within_m: float = 0.0) 
     return None
 
 
-def _cell(floor: GridMap, point: Point) -> int | None:
+def floor_at(floor: GridMap, point: Point) -> int | None:
+    """What a floor map knows of a point; None outside of the map."""
     return _value(floor, *cell_of(floor, point))
 
 

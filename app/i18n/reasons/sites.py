@@ -20,6 +20,9 @@ SENTENCES: Mapping[str, str] = {
     "map_image_too_large": N_("The image is larger than {limit_mib} MiB"),
     "map_image_unreadable": N_("The image is no PGM or PNG that can be read"),
     "map_origin_odd": N_("The map's origin is no position within 5 km"),
+    "map_places_off_floor": N_("These places of the site lie in its walls or off the map: {places}"),
+    "map_unit_differs": N_("A cell of this map is {found_m:g} m, and not {said_m:g} m"),
+    "map_without_walls": N_("The map has no occupied cell"),
     "map_resolution_odd": N_(
         "A resolution of {resolution:g} m for each cell is outside 0.005 to 1: the units are others"
     ),
@@ -83,6 +86,8 @@ REMEDIES: Mapping[str, str] = {
     "map_image_too_large": N_("save the map coarser"),
     "map_image_unreadable": N_("save the map as PGM or PNG"),
     "map_origin_odd": N_("correct `origin`: metres"),
+    "map_places_off_floor": N_("correct the frame, the map version, or the places"),
+    "map_unit_differs": N_("say the map's own resolution, or correct it in its YAML"),
     "map_resolution_odd": N_("correct `resolution`: metres for each cell"),
     "map_too_large": N_("save the map coarser"),
     "map_turned": N_("save the map without a turn: `origin` ends in 0"),
