@@ -292,7 +292,11 @@ async def file_of(request: Request, name: str) -> bytes:
 async def files_of(request: Request, name: str) -> list[tuple[str, bytes]]:
     """The names and bytes of the files that a form carries under one field, in their order."""
     given = [one for one in (await request.form()).getlist(name) if isinstance(one, UploadFile) and one.filename]
-    return [(one.filename or "", await one.read()) for one in given]
+    found = []
+    for one in given:
+        found.append((one.filename or "", await one.read()))
+        await one.close()
+    return found
 
 
 async def form_of(request: Request) -> dict[str, str]:

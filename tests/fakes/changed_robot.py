@@ -56,9 +56,9 @@ class ChangedRobot:
         self.struck += changed != answer
         return changed
 
-    def heals(self) -> None:
-        """From here on it is an honest robot."""
-        self.change = unchanged
+    def begin(self, change: Change) -> None:
+        """Count from the next start on."""
+        self.change, self.started, self.reads, self.struck = change, False, 0, 0
 
 
 @contextmanager
