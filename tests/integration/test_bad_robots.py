@@ -3,18 +3,21 @@ runs.
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from msgspec.structs import replace
 
 from harness.bootstrap import read_harness
-from harness.contracts.ids import MissionId
+from harness.contracts.observations import AnySample, Odometry, Pose
+from harness.projections.mission import Mission
+from harness.runtime import Runtime
 from harness.settings import HarnessSettings
-from tests.builders.shops import Shop, free_port, running
-from tests.builders.topic_servers import FoxgloveServer, Rosbridge
+from tests.builders.shops import TOKEN, Shop, free_port, regen, running
+from tests.builders.topic_servers import TOPICS, FoxgloveServer, Rosbridge, bridged
 from tests.fakes.changed_robot import Change, ChangedRobot, behind, between, gone, of_another_robot, unchanged
 
 SERVERS = {"rosbridge": Rosbridge, "foxglove": lambda: FoxgloveServer("cdr")}
@@ -37,16 +40,32 @@ def changed_shop(folder: Path, change: Change, **options: Any) -> Iterator[tuple
         yield shop, robot
 
 
-def missions(shop: Shop, outcome: Any) -> int:
-    """How many starts of this mission stand in the robot's own journal."""
-    return sum(one.mission_id == outcome["mission_id"] for one in shop.starts())
-
-
-def verdicts(shop: Shop, outcome: Any) -> list[str]:
+@contextmanager
+def log_of(shop: Shop) -> Iterator[Runtime]:
     with read_harness(HarnessSettings(data_folder=shop.folder / "var", site_folder=shop.folder)) as runtime:
-        mission = runtime.mission(MissionId(outcome["mission_id"]))
+        yield runtime
+
+
+def newest(shop: Shop) -> Mission:
+    """The mission that was begun last, in a log whose chain holds."""
+    with log_of(shop) as runtime:
         runtime.verify()
-        return [one.verdict for node in mission.nodes.values() for one in node.verdicts]
+        return runtime.missions()[0]
+
+
+def moved(shop: Shop, mission: Mission) -> int:
+    """How often the robot started something for a mission, by its own journal."""
+    return sum(one.mission_id == mission.mission_id for one in shop.starts())
+
+
+def closed(shop: Shop) -> None:
+    """A person stops whatever waits for one."""
+    with log_of(shop) as runtime:
+        waiting = [one.mission_id for one in runtime.open_missions()]
+    for mission_id in waiting:
+        regen("mission", "stop", mission_id, "--reason", "the robot was bad", "--site", str(shop.folder))
+    with log_of(shop) as runtime:
+        assert not runtime.open_missions()
 
 
 @pytest.mark.parametrize(
@@ -56,18 +75,63 @@ def test_a_robot_that_turns_bad_under_way_completes_nothing_and_the_next_mission
     tmp_path: Path, change: Change
 ) -> None:
     with changed_shop(tmp_path, change) as (shop, robot):
-        code, outcome, told = shop.go("go-to-place")
-        assert robot.struck, "the robot turned bad"
-        assert code != 0 and outcome["status"] != "succeeded", told
-        assert outcome["goal_verdict"] != "satisfied" and "satisfied" not in verdicts(shop, outcome)
+        code, _, told = shop.go("go-to-place")
+        assert robot.struck and code != 0, told
         robot.begin(unchanged)
-        assert missions(shop, outcome) == 1, "nothing was started a second time"
+        bad = newest(shop)
+        assert bad.status != "succeeded", bad.status
+        assert not [one for node in bad.nodes.values() for one in node.verdicts if one.verdict == "satisfied"]
+        assert moved(shop, bad) == 1, "nothing was started a second time"
+        closed(shop)
+        assert newest(shop).status == "failed"
         code, after, told = shop.go("go-to-place")
-        assert (code, after["status"]) == (0, "succeeded"), told
+        assert (code, after["status"], after["goal_verdict"]) == (0, "succeeded", "satisfied"), told
 
 
 def test_a_start_that_the_network_delivers_twice_moves_the_robot_once(tmp_path: Path) -> None:
     with changed_shop(tmp_path, unchanged, starts_twice=True) as (shop, _):
         code, outcome, told = shop.go("go-to-place")
         assert (code, outcome["status"]) == (0, "succeeded"), told
-        assert missions(shop, outcome) == 1
+        assert moved(shop, newest(shop)) == 1
+
+
+class Drift:
+    """What topics show of a robot: once it moved, it is two metres beside where its own program says, while `wrong`."""
+
+    def __init__(self) -> None:
+        self.wrong, self.beside_m, self.struck = True, 0.0, 0
+
+    def altered(self, sample: AnySample) -> AnySample | None:
+        if isinstance(sample, Odometry) and abs(sample.v_mps) > 0.05 and self.wrong:
+            self.beside_m = 2.0
+        if isinstance(sample, Pose) and self.beside_m:
+            self.struck += 1
+            return replace(sample, y_m=sample.y_m + self.beside_m)
+        return sample
+
+
+@pytest.mark.parametrize("kind", SERVERS)
+def test_topics_that_contradict_a_declared_arrival_complete_nothing_and_the_next_mission_runs(
+    tmp_path: Path, kind: str
+) -> None:
+    shop = Shop(tmp_path / "shop")
+    code, answer, said = shop.admit()
+    assert code == 0, (answer, said)
+    drift = Drift()
+    with closing(SERVERS[kind]()) as server:
+        robots = yaml.safe_load((shop.folder / "robots.yaml").read_text())
+        topics = {role: TOPICS[role] for role in ("pose", "odometry", "battery")}
+        robots["robots"][0]["evidence"] = {"kind": kind, "address": server.address, "topics": topics}
+        (shop.folder / "robots.yaml").write_text(yaml.safe_dump(robots))
+        words = ("mission", "run", "go-to-place", "--site", str(shop.folder))
+        with running(shop.port, lockstep=False), bridged(shop.address, TOKEN, server, drift.altered):
+            code, outcome, told = regen(*words)
+            assert drift.struck and code != 0, told
+            assert outcome["status"] != "succeeded" and outcome["goal_verdict"] != "satisfied"
+            bad = newest(shop)
+            found = [one for node in bad.nodes.values() for one in node.verdicts]
+            assert found and not [one for one in found if one.verdict == "satisfied"]
+            drift.wrong, drift.beside_m = False, 0.0
+            closed(shop)
+            code, after, told = regen(*words)
+            assert (code, after["status"]) == (0, "succeeded"), told
