@@ -186,7 +186,7 @@ def _of_site(name: str, site: Path, data: Path) -> SiteRobot:
         raise ContractInvalid(because("robot_without_address", name=name), where=str(site))
     folder = data_of(data, site)
     owner = owner_api(folder)
-    if owner is not None and _at_work(owner, name):
+    if entry.authority == "command" and owner is not None and _at_work(owner, name):
         raise HarnessError(because("robot_at_work", robot_id=name))
     return SiteRobot(
         entry=entry,

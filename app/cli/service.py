@@ -138,6 +138,8 @@ def up(
         harness.teleoperation.watch()
         for shadow in harness.shadows.values():
             shadow.watch()
+        if harness.shadows:
+            sys.stderr.write(f"Watching, and not commanding: {', '.join(harness.shadows)}\n")
         stack.callback(harness.teleoperation.close)
         fleet = reported_fleet(stack, harness, chosen, broker)
         evaluations = EvaluationJobs(

@@ -17,12 +17,12 @@ STEP_S = 0.1
 
 
 class OwnStack:
-    """One robot. `away`: it does not answer. `odometry`: its wheels are read too."""
+    """One robot. `away`: it does not answer. `odometry`: its wheels are read too. `tells`: it serves its goals."""
 
     def __init__(self, name: str = "robot-1") -> None:
         self.name, self.now_s, self.run = name, BEGUN_S, "run-1"
         self.x_m = self.y_m = 0.0
-        self.away, self.odometry, self.frame = False, True, "map"
+        self.away, self.odometry, self.tells, self.frame = False, True, True, "map"
         self.changes: list[dict[str, Any]] = []
         self.samples: list[dict[str, Any]] = []
         self.asked: list[str] = []
@@ -67,7 +67,7 @@ class OwnStack:
                 found = [one for one in self.samples if one["seq"] > after][:limit]
                 last = found[-1]["seq"] if found else len(self.samples)
                 return {"samples": found, "next_seq": last, "at_s": self.now_s}
-            case "/stack/goals":
+            case "/stack/goals" if self.tells:
                 found = [one for one in self.changes if one["seq"] > after][:limit]
                 last = found[-1]["seq"] if found else len(self.changes)
                 return {

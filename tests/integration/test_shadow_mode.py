@@ -6,17 +6,21 @@ from typing import Any
 
 import pytest
 
+from harness.bootstrap import observed_robot
 from harness.contracts.actors import Actor
 from harness.contracts.commands import AcquireLease
 from harness.contracts.control import CONTROL, BeginTeleoperation, OrderPosture
 from harness.contracts.decisions import Refused
+from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import InvocationId, MissionId, RequestId, lease_stream, leased, sha256
 from harness.contracts.shadow import StackGoalJudged
 from harness.gate.commit import CommandEnvelope
 from harness.runtime import Start
-from tests.builders.shadow_sites import ROBOT, ShadowSite, shadow_site
+from harness.workspace.reading import open_workspace
+from tests.builders.shadow_sites import ROBOT, ShadowSite, shadow_site, write_site
 from tests.builders.shops import regen
-from tests.fakes.own_stack import OwnStack
+from tests.fakes.own_stack import OwnStack, serving
+from tests.saying import raises_saying
 
 READ = {"GET /robot", "GET /observations", "GET /stack/goals"}
 ADA = Actor(name="ada", role="operator")
@@ -25,6 +29,13 @@ ADA = Actor(name="ada", role="operator")
 @pytest.fixture
 def site(tmp_path: Path) -> Iterator[ShadowSite]:
     with shadow_site(tmp_path / "shop", OwnStack()) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ShadowSite]:
+    """A site that nothing changes: whatever is asked of it is refused."""
+    with shadow_site(tmp_path_factory.mktemp("sites") / "shop", OwnStack()) as found:
         yield found
 
 
@@ -235,8 +246,8 @@ def test_nothing_but_readings_is_ever_sent(site: ShadowSite) -> None:
         ("/robots/robot-1/teleoperation/turn", {"session": "s", "v_mps": 0.1, "w_radps": 0.0}),
     ],
 )
-def test_the_api_refuses_to_command_it_with_a_code(site: ShadowSite, path: str, body: dict[str, Any]) -> None:
-    answer = site.operator().post(f"/api/v1{path}", json=body)
+def test_the_api_refuses_to_command_it_with_a_code(shared: ShadowSite, path: str, body: dict[str, Any]) -> None:
+    answer = shared.operator().post(f"/api/v1{path}", json=body)
     assert answer.status_code == 409, answer.text
     problem = answer.json()
     assert problem["code"] == "robot_only_observed" and "shadow mode" in problem["detail"]
@@ -244,8 +255,8 @@ def test_the_api_refuses_to_command_it_with_a_code(site: ShadowSite, path: str, 
 
 
 @pytest.mark.parametrize("path", ["stop", "safe", "stand", "drive", "pause", "resume", "autonomy", "release"])
-def test_no_form_of_the_console_commands_it(site: ShadowSite, path: str) -> None:
-    answer = site.operator().post(f"/robots/robot-1/{path}", data={"reason": "x", "autonomy": "autonomous"})
+def test_no_form_of_the_console_commands_it(shared: ShadowSite, path: str) -> None:
+    answer = shared.operator().post(f"/robots/robot-1/{path}", data={"reason": "x", "autonomy": "autonomous"})
     assert answer.status_code == 409 and "shadow mode" in answer.text
 
 
@@ -259,8 +270,8 @@ def test_the_console_offers_no_button_for_it(site: ShadowSite) -> None:
     assert "In shadow mode" in client.get("/robots").text
 
 
-def test_the_gate_lets_nobody_command_it(site: ShadowSite) -> None:
-    runtime = site.harness.runtime
+def test_the_gate_lets_nobody_command_it(shared: ShadowSite) -> None:
+    runtime = shared.harness.runtime
     base = leased(ROBOT, "mobile_base")
     lease = AcquireLease(
         resource=base, mission_id=MissionId("msn_1"), invocation_id=InvocationId("inv_1"), token=1, expires_s=1e12
@@ -315,3 +326,57 @@ def test_regen_mission_run_refuses_it(tmp_path: Path) -> None:
     code, _, said = regen("mission", "run", template, "--site", str(folder), "--robot", "robot-1")
     assert code != 0 and "shadow mode" in said
     assert not [one for one in stack.asked if one.startswith("POST")]
+
+
+def test_the_check_of_a_robot_in_shadow_mode_only_reads_it(site: ShadowSite) -> None:
+    site.stack.given("g1", 4.0, 0.0)
+    site.stack.goes(4.0, 0.0, 3.0)
+    words = ("provider", "check", "robot-1", "--site", str(site.folder))
+    code, answer, _ = regen(*words)
+    assert (code, answer["ok"]) == (0, True), answer
+    assert {row["row"] for row in answer["rows"]} >= {
+        "identity",
+        "evidence",
+        "order",
+        "once_over",
+        "targets",
+        "one_clock",
+    }
+    site.stack.says("g2", "active")
+    site.stack.says("g1", "succeeded")
+    site.stack.says("g1", "active")
+    code, answer, _ = regen(*words)
+    found = {row["row"] for row in answer["rows"] if row["outcome"] == "not met"}
+    assert (code, found) == (1, {"once_over", "targets"})
+    code, _, said = regen(*words, "--allow-motion", "--stands-clear", "robot-1")
+    assert code == 1 and "shadow mode" in said
+    assert set(site.stack.asked) == READ
+
+
+def test_a_robot_that_says_nothing_of_a_stack_is_named(site: ShadowSite) -> None:
+    site.stack.tells = False
+    site.reads()
+    assert site.watch.condition.trouble is not None and not site.goals.goals
+    site.clock.wall_s += 60.0
+    assert "There is nothing of that name" in site.operator().get("/shadow").text
+
+
+def test_an_entry_that_is_observed_and_driven_by_hand_is_refused_with_its_line(tmp_path: Path) -> None:
+    folder = write_site(tmp_path / "shop", "http://127.0.0.1:9", teleoperation=True)
+    code, _, said = regen("check", str(folder))
+    assert code != 0 and "robots.yaml" in said and "shadow mode" in said
+
+
+def test_evidence_by_another_path_is_told_apart_from_the_declaration(tmp_path: Path) -> None:
+    witness = OwnStack()
+    with serving(witness) as seen, serving(OwnStack()) as address:
+        evidence = {"address": seen, "token": {"file": "robot.token"}}
+        write_site(tmp_path / "shop", address, evidence=evidence)
+        workspace = open_workspace(tmp_path / "shop")
+        witness.goes(2.0, 0.0, 1.0)
+        with observed_robot(workspace.observed[0], workspace) as robot:
+            assert len(robot.observations(0).samples) == len(witness.samples)
+            assert robot.stack_goals(0).changes == ()
+            witness.name = "robot-9"
+            with raises_saying(ProviderFailed, match="robot-9 answers at the address of robot-1"):
+                robot.status()
