@@ -10,7 +10,7 @@ from app.i18n.catalogues import LOCALES
 from app.i18n.reasons.rendering import BETWEEN, REMEDIES, SENTENCES
 from app.settings import ROOT
 from harness.contracts.reasons import RECORDED, SEVERAL
-from harness.provider_protocol.wire import REFUSALS
+from harness.provider_protocol.wire import ROBOT_REASONS
 from tools import translations
 
 SPEAKERS = ("harness", "rsi_reviews", "app", "simulator")
@@ -81,8 +81,8 @@ def test_the_holes_of_a_sentence_and_of_what_to_do_are_the_facts_that_are_given(
 
 def test_what_a_robots_program_says_crosses_the_protocol_and_nothing_else_does() -> None:
     said = {code: facts for code, facts, where in given() if where.startswith(ROBOTS)}
-    assert {code: facts for code, facts in said.items() if REFUSALS.get(code) != facts} == {}
-    unsaid = REFUSALS.keys() - said.keys()
+    assert {code: facts for code, facts in said.items() if ROBOT_REASONS.get(code) != facts} == {}
+    unsaid = ROBOT_REASONS.keys() - said.keys()
     assert unsaid == set()
 
 
