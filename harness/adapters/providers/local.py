@@ -13,7 +13,7 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import HarnessError, ProviderFailed
 from harness.contracts.ids import Digest, RequestId
 from harness.contracts.ports import BlobStore, Clock
-from harness.contracts.reasons import Explanation, Reason, because
+from harness.contracts.reasons import Explanation, because
 from harness.contracts.values import Value
 from harness.provider_protocol.acceptance import refuse_changed, refuse_unfit
 from harness.provider_protocol.journal import JournalEntry, RequestJournal
@@ -50,11 +50,6 @@ class Failed(Value):
 
 
 Outcome = Result | protocol.Progress | Failed
-
-
-def located(error: HarnessError) -> Reason:
-    """What happened, with where it happened if the error says so."""
-    return because("happened_at", reason=error.reason, where=error.where) if error.where else error.reason
 
 
 class LocalProvider(ABC):
@@ -148,7 +143,7 @@ class LocalProvider(ABC):
         try:
             outcome = act()
         except HarnessError as error:
-            return self._fail(report, failure=error.code, message=located(error))
+            return self._fail(report, failure=error.code, message=error.located)
         if outcome is None:
             return report
         if isinstance(outcome, Failed):
