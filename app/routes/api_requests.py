@@ -7,6 +7,7 @@ from urllib.parse import urlencode
 
 import msgspec
 from fastapi import APIRouter, Depends, Query, Request, Response
+from starlette.responses import JSONResponse
 
 from app.acts.base import ActModel
 from app.background.lists import Slice
@@ -79,6 +80,17 @@ def known_parameters(request: Request) -> None:
 
 
 CHECKED = [Depends(known_parameters)]
+
+
+def router(tag: str, *, under: str = "") -> APIRouter:
+    """The routes of one subject below /api/v1: JSON in, JSON or a problem out, unknown parameters refused."""
+    return APIRouter(
+        prefix=f"/api/v1{under}",
+        default_response_class=JSONResponse,
+        responses=PROBLEMS,
+        dependencies=CHECKED,
+        tags=[tag],
+    )
 
 
 ANSWERED: set[type] = {ProblemDocument}

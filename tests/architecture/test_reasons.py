@@ -3,12 +3,17 @@ facts given.
 """
 
 import ast
-from collections.abc import Iterator
+import importlib
+import pkgutil
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from string import Formatter
 
 import pytest
 
+from app.i18n import reasons as subjects
 from app.i18n.catalogues import LOCALES
+from app.i18n.reasons import rendering
 from app.i18n.reasons.rendering import BETWEEN, REMEDIES, SENTENCES
 from app.settings import ROOT
 from harness.contracts import errors
@@ -62,6 +67,18 @@ def _codes(node: ast.expr, *, handed_on: bool) -> Iterator[str]:
             return
         case _:
             raise AssertionError(f"a code is a literal: {ast.unparse(node)}")
+
+
+def tables() -> Iterator[Mapping[str, str]]:
+    """The table of each subject: two of them with the same code would hide one another's sentence."""
+    for module in pkgutil.iter_modules(subjects.__path__, prefix=f"{subjects.__name__}."):
+        if module.name != rendering.__name__:
+            yield importlib.import_module(module.name).SENTENCES
+
+
+def test_a_code_stands_in_the_table_of_one_subject() -> None:
+    counts = Counter(code for table in tables() for code in table)
+    assert len(counts) > 500 and [code for code, count in counts.items() if count > 1] == []
 
 
 def holes(message: str) -> frozenset[str]:
