@@ -2,12 +2,12 @@
 
 from typing import Any
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Depends, Response
 from starlette.responses import JSONResponse
 
 from app.acts import robots as acts
 from app.acts.missions import LimitAutonomyAct, SetAutonomyAct
-from app.console import ActorDep, Console, ConsoleDep
+from app.console import ActorDep, Console, ConsoleDep, commanded
 from app.routes import api_requests, robot_acts
 from app.routes import api_schemas as schemas
 from app.routes.driving import turned
@@ -27,7 +27,7 @@ router = APIRouter(
     prefix="/api/v1",
     default_response_class=JSONResponse,
     responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
+    dependencies=[*api_requests.CHECKED, Depends(commanded)],
     tags=["robots"],
 )
 

@@ -72,6 +72,11 @@ PLAYED_FOR = "played_for"
 """The value of a recognition's reference that names the earlier request whose recording was given out again."""
 
 
+PLAYED_AT = "played_at"
+"""The value of a recognition's reference that says how fast its recording runs, where that is no recording of what was
+played."""
+
+
 LOOK_PX = (64, 36)
 """Areas of a look, across and down."""
 

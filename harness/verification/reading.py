@@ -256,6 +256,15 @@ class Evidence:
             self.lineage.note(fact.condition_id, fact.independence)
         return tuple(found)
 
+    def facts_across(self, node_id: str) -> tuple[CommittedFact, ...]:
+        """The accepted facts of a stage of any clause: a report that tells of several clauses rests on all of them."""
+        record = self.context.one("facts")
+        every = read(record, tuple[CommittedFact, ...]) if record else ()
+        found = tuple(one for one in every if one.node_id == node_id)
+        for fact in found:
+            self.lineage.note(fact.condition_id, fact.independence)
+        return found
+
     def _now(self, references: Sequence[EvidenceReference]) -> list[AdmittedTrack]:
         record = self.context.one("observations")
         if record is not None:

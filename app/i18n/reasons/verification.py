@@ -269,8 +269,15 @@ SENTENCES: Mapping[str, str] = {
         "the recording of the room is one of an earlier playback, for request {request}, or a copy of it"
     ),
     "recognition_of_another_sound": N_("the recognition is of another recording"),
+    "another_outcome_asked": N_("the harness asked for another report than this one"),
+    "other_words_heard": N_("words were heard that were not to be said: {words}"),
+    "outcome_denied": N_("what was heard denies what was to be reported: {heard}"),
+    "recording_at_another_speed": N_(
+        "the recording runs {speed:.3f} times as fast as what was played: it is no recording of this playback"
+    ),
     "recording_silent": N_("the microphone recorded nothing but silence"),
     "report_heard": N_("heard in the room: {heard}"),
+    "report_heard_before_outcome": N_("the report was heard before all that it tells was accepted"),
     "report_heard_before_analysis": N_("the report was heard before the analysis"),
     "speech_not_recognised": N_("what was recorded could not be recognised"),
     "unverified_part_not_heard": N_("the report was not heard to call this part unverified: {part}"),

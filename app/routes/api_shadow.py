@@ -1,0 +1,28 @@
+"""/api/v1/shadow: what the own stacks of observed robots declared, what was measured, what is accepted."""
+
+from typing import Any
+
+from fastapi import APIRouter
+from starlette.responses import JSONResponse
+
+from app.console import ConsoleDep
+from app.routes import api_requests
+from app.routes.shadow import Only, robots
+from app.views.shadow import ShadowReport, shadow_report
+
+router = APIRouter(
+    prefix="/api/v1",
+    default_response_class=JSONResponse,
+    responses=api_requests.PROBLEMS,
+    dependencies=api_requests.CHECKED,
+    tags=["robots"],
+)
+
+
+@router.get("/shadow", responses=api_requests.answers(ShadowReport, many=True))
+def shadow(console: ConsoleDep, only: Only = "") -> Any:
+    """Every robot in shadow mode, and every one that the log holds from earlier, each with its newest goals first.
+
+    `only`: goals where declared and accepted agree, disagree, or cannot be compared. Nothing here is a mission.
+    """
+    return [api_requests.plain(shadow_report(one)) for one in robots(console, only)]
