@@ -79,7 +79,8 @@ def fits(pictures: Sequence[SweptPicture], camera: Camera) -> PictureFits:
 
 def standing(cloud: Floats) -> Floats:
     """What of a sweep (N, 3) stands on the floor, seen from above (N, 2)."""
-    return cloud[(cloud[:, 2] > LOWEST_M) & (cloud[:, 2] < HIGHEST_M), :2]
+    found: Floats = cloud[(cloud[:, 2] > LOWEST_M) & (cloud[:, 2] < HIGHEST_M), :2]
+    return found
 
 
 def floor_ends(picture: SweptPicture, camera: Camera, *, turn_rad: float) -> Floats:

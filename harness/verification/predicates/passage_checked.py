@@ -19,7 +19,7 @@ from harness.contracts.rules import LINEAGE, SWEPT
 from harness.contracts.values import Point
 from harness.verification import bearings, passage
 from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
-from harness.verification.floor_edges import SweptPicture
+from harness.verification.floor_edges import SweptPicture, fits
 from harness.verification.geometry import distance
 from harness.verification.predicates.analysis import MOST_SHARES
 from harness.verification.reading import Evidence, read
@@ -208,7 +208,7 @@ def _unbound(
     pictures = _pictures(panorama, returns, look, evidence)
     if look.camera is None or pictures is None:
         return [because("pictures_not_laid_over_sweep")]
-    found, frames = bearings.fits(pictures, look.camera), tuple(panorama.arguments["frames"])
+    found, frames = fits(pictures, look.camera), tuple(panorama.arguments["frames"])
     if (reason := bearings.denied(frames, found)) is not None:
         return [reason]
     if not bearings.sure(found.together):
