@@ -19,8 +19,9 @@ from app.cli.output import Json, data_of, settings, show, table
 from app.cli.owner_api import OwnerApi, owner_api
 from app.i18n.reasons import rendering as reasons
 from app.i18n.visible_text import visible_at_terminal
+from harness.addressed_robots import met_vehicle, observed_robot
 from harness.baseline.load import workspace_in
-from harness.bootstrap import met_vehicle, observed_robot, read_harness
+from harness.bootstrap import read_harness
 from harness.conformance.address import AddressedStands, addressed, by_broker
 from harness.conformance.declaration import ConformanceFile, read, shipped
 from harness.conformance.findings import ConformanceFinding, ConformanceResult

@@ -7,8 +7,8 @@ from starlette.responses import JSONResponse
 
 from app.acts.goal_proposals import DismissGoalAct, ProposeGoalAct
 from app.console import ActorDep, ConsoleDep
+from app.routes import api_mission_schemas as schemas
 from app.routes import api_requests
-from app.routes import api_schemas as schemas
 from app.routes.queue import proposed_goals
 from app.views.readings import reading_json
 from app.web.security import PrincipalDep

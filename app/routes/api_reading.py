@@ -5,6 +5,7 @@ from typing import Annotated, Any
 from fastapi import Path, Query, Response
 
 from app.console import ConsoleDep
+from app.routes import api_mission_schemas as mission_schemas
 from app.routes import api_requests
 from app.routes import api_schemas as schemas
 from app.routes.audit import Before, Filter, newest_first
@@ -33,14 +34,16 @@ BLOB: dict[int | str, dict[str, Any]] = {
 }
 
 
-@router.get("/missions/{mission_id}/exploration", responses=api_requests.answers(schemas.ExplorationChoice, many=True))
+@router.get(
+    "/missions/{mission_id}/exploration", responses=api_requests.answers(mission_schemas.ExplorationChoice, many=True)
+)
 def exploration(console: ConsoleDep, mission_id: MissionId) -> Any:
     """Every target that an exploring mission chose, oldest first, with what the proposer was asked and answered."""
     mission = console.runtime.mission(mission_id)
     made = explorations.decisions(mission) if mission.contract else ()
     return [
         api_requests.plain(
-            schemas.ExplorationChoice(
+            mission_schemas.ExplorationChoice(
                 decision=one,
                 question=console.target_question(one.question),
                 answer=console.target_answer(one.answer),

@@ -7,8 +7,8 @@ from fastapi import Query
 from app.acts import releases as acts
 from app.console import ActorDep, ConsoleDep
 from app.i18n.reasons.rendering import sentence
+from app.routes import api_release_schemas as schemas
 from app.routes import api_requests, candidate_evaluation
-from app.routes import api_schemas as schemas
 from app.routes.candidate_editor import checked, proposed
 from app.routes.candidate_json import row, sheet
 from app.routes.candidates import replayed

@@ -6,8 +6,8 @@ from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 
 from app.console import ConsoleDep
+from app.routes import api_mission_schemas as schemas
 from app.routes import api_requests
-from app.routes import api_schemas as schemas
 from app.web.security import PrincipalDep
 
 SAMPLES = {"type": "string", "contentMediaType": "application/octet-stream"}

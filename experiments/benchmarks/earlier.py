@@ -38,7 +38,7 @@ class Row:
     def cost(self, reply: dict[str, Any]) -> float:
         """What one turn cost, in the row's unit: processor time, or the mean wait."""
         if self.per is None:
-            return self.scale * sum(reply["waits_s"]) / len(reply["waits_s"])
+            return self.scale * float(sum(reply["waits_s"])) / len(reply["waits_s"])
         return self.scale * float(reply.get("cpu_s", reply["wall_s"])) / float(reply[self.per])
 
     def per_s(self, reply: dict[str, Any]) -> float:

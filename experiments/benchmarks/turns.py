@@ -67,7 +67,7 @@ def timed(work: Callable[[], None], *, count: int) -> dict[str, Any]:
     }
 
 
-def mission_turns(mission: Callable[[int], None], *, warm: int = 10) -> Turn:
+def mission_turns(mission: Callable[[int], object], *, warm: int = 10) -> Turn:
     """Turns {missions, at_once} over one mission function; `warm` of them run at once, untimed."""
     for number in range(warm):
         mission(number)

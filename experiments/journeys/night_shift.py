@@ -54,7 +54,7 @@ def walk(way: JourneyWalk, link: str) -> dict[str, float]:
         page.wait_for_url(re.compile(r"/missions/msn_"))
         expect(page.locator("#stop-vbot-1")).to_have_attribute("data-state", "running")
         expect(page.locator("#stages")).to_contain_text("running")
-    measured = {}
+    measured: dict[str, float] = {}
     with way.step("stop it, by one press, and say why afterwards"):
         began_s = time.monotonic()
         way.click(page.locator("#stop-vbot-1"))

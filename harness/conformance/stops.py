@@ -86,9 +86,11 @@ def dead_man(bench: Bench) -> RuleObservation:
     after = bench.observations.motion(lost_s + STANDS_WITHIN_S + WINDOW_S)
     held = bench.report(report.handle)
     return judged(
-        because("kit_stood_still", before=_shown(motion), after=_shown(after), within_s=STANDS_WITHIN_S),
+        because("kit_stood_still", before=_in_window(motion), after=_in_window(after), within_s=STANDS_WITHIN_S),
         unless(after is not None, because("kit_standstill_unseen")),
-        unless(after is None or after.still, because("kit_still_moving", rest=_shown(after), within_s=STANDS_WITHIN_S)),
+        unless(
+            after is None or after.still, because("kit_still_moving", rest=_in_window(after), within_s=STANDS_WITHIN_S)
+        ),
         unless(held.status == "blocked", because("kit_not_blocked", status=held.status)),
         unless(
             held.failure == KEEPALIVE_LOST,
@@ -111,7 +113,7 @@ def resume(bench: Bench) -> RuleObservation:
         if again is not None and not again.still:
             break
     return judged(
-        because("kit_resumed", status=resumed.status, rest=_shown(again)),
+        because("kit_resumed", status=resumed.status, rest=_in_window(again)),
         unless(resumed.status in ("accepted", "running"), because("kit_not_resumed", status=resumed.status)),
         unless(again is not None and not again.still, because("kit_resumed_without_motion")),
         unless(bench.starts_of(request) in (None, 1), because("kit_resume_started")),
@@ -125,10 +127,10 @@ def _rest_after(bench: Bench, ended: InvocationReport) -> tuple[Reason, bool]:
     ended_s = min(ended.at_s, bench.now_s)
     bench.wait(max(0.0, ended_s + WINDOW_S + POLL_S - bench.now_s))
     motion = bench.observations.motion(ended_s + WINDOW_S)
-    return _shown(motion), motion is None or not motion.still
+    return _in_window(motion), motion is None or not motion.still
 
 
-def _shown(motion: Motion | None) -> Reason:
+def _in_window(motion: Motion | None) -> Reason:
     """What odometry shows of a window."""
     if motion is None:
         return because("kit_no_odometry")

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from app.i18n.catalogues import N_
 
 SENTENCES: Mapping[str, str] = {
-    "channel_acknowledged": N_("The channel acknowledged the text and {images} images"),
+    "delivery_acknowledged": N_("The channel acknowledged the text and {images} images"),
     "channel_silent_so_far": N_("The channel has not answered yet"),
     "controller_interrupted": N_("The robot's controller was interrupted"),
     "goal_reached_within": N_("The robot reports the goal as reached within {distance_m:.2f} m"),

@@ -9,7 +9,6 @@ SENTENCES: Mapping[str, str] = {
     "base_held": N_("Invocation {handle} still holds the base"),
     "body_moves": N_("The body still moves"),
     "drive_session_over": N_("Session {session} has ended"),
-    "hardware_stop_engaged": N_("the hardware stop is engaged"),
     "journal_line_unreadable": N_("A provider's journal holds an unreadable line ({error})"),
     "journal_unusable": N_("A provider's journal cannot be used ({error})"),
     "nothing_received": N_("Nothing of this robot was received yet"),

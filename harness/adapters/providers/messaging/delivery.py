@@ -95,7 +95,7 @@ class OutboxDelivery(LocalProvider):
         items = (*images, self._blobs.put(text.encode()))
         answered = {"sent_s": self._clock.now().wall_s} if _channel(request) else {}
         return Result(
-            message=because("channel_acknowledged", images=len(images)),
+            message=because("delivery_acknowledged", images=len(images)),
             drafts=tuple(
                 ReceiptDraft(
                     kind="delivery",
