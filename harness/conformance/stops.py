@@ -88,7 +88,9 @@ def dead_man(bench: Bench) -> RuleObservation:
     return judged(
         because("kit_stood_still", before=_in_window(motion), after=_in_window(after), within_s=STANDS_WITHIN_S),
         unless(after is not None, because("kit_standstill_unseen")),
-        unless(after is None or after.still, because("kit_still_moving", rest=_in_window(after), within_s=STANDS_WITHIN_S)),
+        unless(
+            after is None or after.still, because("kit_still_moving", rest=_in_window(after), within_s=STANDS_WITHIN_S)
+        ),
         unless(held.status == "blocked", because("kit_not_blocked", status=held.status)),
         unless(
             held.failure == KEEPALIVE_LOST,
