@@ -85,7 +85,7 @@ class Idempotency:
         writes = RequestWrites()
         mark, answer = WRITES.set(writes), _RecordingSend(send)
         try:
-            await self._app(scope, _told_again(body, receive), answer)
+            await self._app(scope, _body_again(body, receive), answer)
         finally:
             WRITES.reset(mark)
             try:
@@ -166,7 +166,7 @@ async def _read(receive: Receive) -> bytes:
             return bytes(body)
 
 
-def _told_again(body: bytes, receive: Receive) -> Receive:
+def _body_again(body: bytes, receive: Receive) -> Receive:
     sent = False
 
     async def again() -> Message:

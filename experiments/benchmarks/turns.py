@@ -37,7 +37,7 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
     return found
 
 
-def timed_missions(mission: Callable[[int], None], *, first: int, count: int, at_once: int) -> dict[str, Any]:
+def timed_missions(mission: Callable[[int], object], *, first: int, count: int, at_once: int) -> dict[str, Any]:
     """Run missions number `first` to `first + count`, `at_once` of them at a time: seconds for all of them.
 
     `cpu_s` is the process's own work in that time, which a busy machine distorts less than wall time.

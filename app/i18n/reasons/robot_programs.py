@@ -1,4 +1,4 @@
-"""Holds the sentences of what a robot's own program refuses, and what the simulated robot cannot do, by reason code."""
+"""Holds the sentences of the serving end of the provider protocol: robots' programs, journals, spools, simulation."""
 
 from collections.abc import Mapping
 
