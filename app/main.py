@@ -97,6 +97,7 @@ from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
 from app.web import errors
 from app.web.connections import ConnectionLimits, bounded_protocol
+from app.web.dossier_export import export_with_report
 from app.web.errors import PortBusy
 from app.web.idempotency import Idempotency
 from app.web.response_cache import ResponseCache
@@ -111,7 +112,6 @@ from harness.adapters.stores.audit_results import stored_audits
 from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId, ProviderId, RobotId
 from harness.contracts.reasons import Reason, because
-from harness.dossiers import export_dossier
 from harness.runtime import AnswerHandoff, FreeResource, HaltRobot, Runtime, unhalted, unobserved, unsupervised
 
 GRACE_S = 3
@@ -291,7 +291,7 @@ def _dossiers(runtime: Runtime, folder: Path | None) -> Dossier | None:
         return None
 
     def export(mission_id: MissionId, file: Path, by: str) -> object:
-        return export_dossier(runtime, mission_id, file, data=folder, exported_by=by)
+        return export_with_report(runtime, mission_id, file, data=folder, exported_by=by)
 
     return export
 

@@ -52,7 +52,7 @@ COMMANDS = {
     "restore": "backups:restore",
     "incident": "incidents:incident",
     "audit bags": "bag_audits:bags",
-    "mission dossier": "dossiers:dossier",
+    "mission dossier": "dossier_export:dossier",
     "rsi case": "rsi_cases:case",
     "rsi evaluate": "rsi_evaluate:evaluate",
     "rsi cancel-evaluation": "rsi_evaluate:cancel",

@@ -62,7 +62,8 @@ def walk(way: JourneyWalk, link: str) -> dict[str, float]:
         expect(answer).to_contain_text("taken up after")
         measured["stop_seen_ms"] = round(1000 * (time.monotonic() - began_s))
         measured["stop_taken_up_ms"] = float(re.findall(r"after (\d+) ms", answer.inner_text())[0])
-        way.click(page.locator("#stopped").get_by_role("button").first)
+        way.click(page.locator("#stopped [data-reason]").first)
+        way.click(page.locator("#stopped").get_by_role("button", name="Save the reason"))
         expect(page.locator("#head")).to_contain_text("cancelled")
     with way.step("send it to safety and see it arrive, measured"):
         way.section("Robots")

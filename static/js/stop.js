@@ -21,6 +21,7 @@ function post(path, body) {
 function show(name, sentence) {
   title.textContent = name;
   text.textContent = sentence;
+  if (panel.hidden) panel.reset();
   panel.hidden = false;
 }
 
@@ -63,10 +64,15 @@ document.addEventListener("keydown", (event) => {
   if (!event.repeat) stop(button.form);
 }, true);
 
-panel?.addEventListener("click", async (event) => {
-  const chosen = event.target.closest("[data-why]");
-  if (!chosen) return;
+panel?.addEventListener("click", (event) => {
+  if (event.target.closest("[data-close]")) panel.hidden = true;
+});
+
+panel?.addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const reason = panel.elements.reason.value.trim();
+  if (!reason) return panel.elements.reason.focus();
   panel.hidden = true;
   const robots = last ? [last] : [...document.querySelectorAll("#bar form[data-stop]")].map((one) => one.dataset.stop).filter(Boolean);
-  if (chosen.dataset.why) for (const robot of robots) await post(`/${robot}/stop/reason`, { reason: chosen.dataset.why }).catch(() => {});
+  for (const robot of robots) await post(`/${robot}/stop/reason`, { reason }).catch(() => {});
 });
