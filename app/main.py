@@ -97,7 +97,6 @@ from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
 from app.web import errors
 from app.web.connections import ConnectionLimits, bounded_protocol
-from app.web.dossier_export import export_with_report
 from app.web.errors import PortBusy
 from app.web.idempotency import Idempotency
 from app.web.response_cache import ResponseCache
@@ -291,6 +290,8 @@ def _dossiers(runtime: Runtime, folder: Path | None) -> Dossier | None:
         return None
 
     def export(mission_id: MissionId, file: Path, by: str) -> object:
+        from app.web.dossier_export import export_with_report  # noqa: PLC0415  loads the PDF library, as the report does
+
         return export_with_report(runtime, mission_id, file, data=folder, exported_by=by)
 
     return export
