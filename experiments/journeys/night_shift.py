@@ -32,7 +32,7 @@ def walk(way: JourneyWalk, link: str) -> dict[str, float]:
         offered = page.locator('[data-offer="retry"]')
         if offered.count():
             way.click(offered.first)
-        expect(page.locator(".answer .act")).to_be_visible()
+        expect(page.locator(".decide")).to_contain_text("Try the same stage again")
     with way.step("approve, by holding"):
         _fresh(way)
         way.click(page.locator("[data-reason]").first)
