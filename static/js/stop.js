@@ -38,7 +38,7 @@ async function stop(form) {
     if (!answer.ok) throw new Error(String(answer.status));
     const ms = Math.round(performance.now() - began), told = await answer.json();
     const left = told.refused.join(" ");
-    show(name, left || tr("was taken up after {ms} ms. Why was it stopped?", { ms }));
+    show(name, left || tr("was sent after {ms} ms. Why was it stopped?", { ms }));
   } catch {
     form.submit();
   } finally {
