@@ -114,7 +114,6 @@ from harness.adapters.stores.audit_results import stored_audits
 from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId, ProviderId, RobotId
 from harness.contracts.reasons import Reason, because
-from harness.dossiers import export_dossier
 from harness.runtime import AnswerHandoff, FreeResource, HaltRobot, Runtime, unhalted, unobserved, unsupervised
 
 GRACE_S = 3
@@ -299,7 +298,9 @@ def _dossiers(runtime: Runtime, folder: Path | None) -> Dossier | None:
         return None
 
     def export(mission_id: MissionId, file: Path, by: str) -> object:
-        return export_dossier(runtime, mission_id, file, data=folder, exported_by=by)
+        from app.web.dossier_export import export_with_report  # noqa: PLC0415  loads the PDF library, as the report does
+
+        return export_with_report(runtime, mission_id, file, data=folder, exported_by=by)
 
     return export
 
