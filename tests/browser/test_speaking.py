@@ -46,7 +46,9 @@ def speaking(playwright: Playwright, tmp_path: Path) -> Iterator[Speaking]:
         server = uvicorn.Server(uvicorn.Config(stand.app, log_level="warning", timeout_graceful_shutdown=1))
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})
         thread.start()
-        browser = playwright.chromium.launch(executable_path=executable, headless=True, args=[*chromium.FLAGS_2D, *flags])
+        browser = playwright.chromium.launch(
+            executable_path=executable, headless=True, args=[*chromium.FLAGS_2D, *flags]
+        )
         page = browser.new_page()
         page.set_default_timeout(TIMEOUT_MS)
         page.add_init_script(VIOLATIONS)
