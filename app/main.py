@@ -6,7 +6,7 @@ import socket
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import FrameType, MappingProxyType
 from typing import Any
@@ -14,6 +14,7 @@ from typing import Any
 import uvicorn
 from argon2 import PasswordHasher
 from fastapi import FastAPI
+from starlette.routing import BaseRoute
 
 from app.auth.accounts import Accounts
 from app.auth.exposure import check_exposure
@@ -117,6 +118,56 @@ from harness.contracts.reasons import Reason, because
 from harness.runtime import AnswerHandoff, FreeResource, HaltRobot, Runtime, unhalted, unobserved, unsupervised
 
 GRACE_S = 3
+PAGES = (
+    overview,
+    robots,
+    driving,
+    scene,
+    missions,
+    queue,
+    recordings,
+    report,
+    exploration,
+    fleet_page,
+    shadow,
+    watch,
+    places,
+    providers,
+    memory,
+    handoffs,
+    alerts,
+    evidence,
+    candidate_editor,
+    candidate_comparison,
+    candidate_evaluation,
+    candidates,
+    releases,
+    evaluation,
+    sign_in,
+    account,
+    audit,
+    live,
+    metrics,
+)
+API = (
+    api,
+    api_handoffs,
+    api_leases,
+    api_alerts,
+    api_maps,
+    api_admissions,
+    api_goal_proposals,
+    api_places,
+    api_reading,
+    api_releases,
+    api_robots,
+    api_people,
+    api_events,
+    api_evidence,
+    api_shadow,
+    api_speech,
+    api_uploads,
+)
 
 
 def create_app(
@@ -218,58 +269,7 @@ def create_app(
         **_kept_in(folder, settings),
     )
     app.mount("/static", StampedFiles(directory=settings.static), name="static")
-    for room in (
-        overview,
-        robots,
-        driving,
-        scene,
-        missions,
-        queue,
-        recordings,
-        report,
-        exploration,
-        fleet_page,
-        shadow,
-        watch,
-        places,
-        providers,
-        memory,
-        handoffs,
-        alerts,
-        evidence,
-        candidate_editor,
-        candidate_comparison,
-        candidate_evaluation,
-        candidates,
-        releases,
-        evaluation,
-        sign_in,
-        account,
-        audit,
-        live,
-        metrics,
-    ):
-        app.include_router(room.router, include_in_schema=False)
-    for room in (
-        api,
-        api_handoffs,
-        api_leases,
-        api_alerts,
-        api_maps,
-        api_admissions,
-        api_goal_proposals,
-        api_places,
-        api_reading,
-        api_releases,
-        api_robots,
-        api_people,
-        api_events,
-        api_evidence,
-        api_shadow,
-        api_speech,
-        api_uploads,
-    ):
-        app.include_router(room.router)
+    app.router.routes.extend(_routes())
     openapi.install(app)
     errors.install(app)
     app.add_middleware(ResponseCache, changes=lambda: broker.changes, clock=time.monotonic)
@@ -278,6 +278,19 @@ def create_app(
     app.add_middleware(SecurityMiddleware, sessions=sessions, policy=_policy(settings))
     app.add_middleware(Languages, secure=settings.secure)
     return app
+
+
+@cache
+def _routes() -> tuple[BaseRoute, ...]:
+    """Every address, for all applications of a process: FastAPI reads the signatures of the handlers for each
+    application that includes their routers.
+    """
+    shared = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    for page in PAGES:
+        shared.include_router(page.router, include_in_schema=False)
+    for part in API:
+        shared.include_router(part.router)
+    return tuple(shared.router.routes)
 
 
 def _kept_in(folder: Path | None, settings: ConsoleSettings) -> dict[str, Any]:
