@@ -430,15 +430,14 @@ def local_services(
             else []
         ),
     )
+    claims = RecordingClaims(journal("room-recordings"), read=blobs.get)
     sources = (
         MessageReadBack(lambda name: messages.of(name).reader, keep=blobs.put),
         PassageSweep(keep=blobs.put),
         PictureReading(parts.observer, keep=blobs.put, read=blobs.get),
-        RoomMicrophone(
-            room,
-            keep=blobs.put,
-            read=blobs.get,
-            claims=RecordingClaims(journal("room-recordings"), read=blobs.get),
+        *(
+            RoomMicrophone(room, keep=blobs.put, read=blobs.get, claims=claims, predicate=one)
+            for one in ("heard", "outcome_heard")
         ),
     )
     return LocalServices(providers, sources)

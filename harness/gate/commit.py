@@ -188,8 +188,9 @@ class Gate:
     def _lock(self, stream: StreamId) -> RLock:
         """The stream's lock, the same for every thread that holds or waits for it; an unused one is dropped."""
         with self._making:
-            lock = self._near.get(stream) or self._locks.setdefault(stream, RLock())
-            self._near[stream] = lock
+            lock = self._near.get(stream)
+            if lock is None:
+                lock = self._near[stream] = self._locks.setdefault(stream, RLock())
         return lock
 
     def _restored(self, stream: StreamId, decider: Decider[Any, Any, Any]) -> tuple[Any, int]:

@@ -25,7 +25,8 @@ from harness.goals.predicates import with_pins
 from harness.goals.satisfiable import check_satisfiable
 from harness.goals.sources import world_sources
 from harness.goals.vocabulary import problems
-from harness.planning.compile import compile_contract
+from harness.planning.clauses import tells_only
+from harness.planning.compile import compile_contract, outcome_in_words
 from harness.supervisor.zones import ARRIVED_M, way_of
 from harness.verification.finding import RECEIPTS
 from harness.verification.predicates.registry import PREDICATES
@@ -328,7 +329,12 @@ def mission_problems(
     if undeclared or any(parameter.default is None for parameter in template.parameters):
         return
     try:
-        contract = compile_contract(goal=template.goal, template=template, arguments={}, site=site, rules=CURRENT_RULES)
+        achieved = template.goal if tells_only(template) else ""
+        contract = compile_contract(
+            goal=template.goal, template=template, arguments={}, site=site, achieved=achieved, rules=CURRENT_RULES
+        )
+        if isinstance(template.outcome, str):
+            outcome_in_words(template.outcome, contract)
         names = [node.node_id for node in contract.nodes]
         for one in problems(contract.nodes, vocabulary):
             where = lines.of("nodes", names.index(NodeId(one.node_id)), *one.path)
