@@ -65,14 +65,14 @@ T = TypeVar("T")
 SPENT_KEYS = 1024
 
 
-class Watched(Protocol):
+class ShadowPort(Protocol):
     """A robot that is only observed; see harness/supervisor/shadow_watch.py."""
 
     @property
     def condition(self) -> StackCondition: ...
 
 
-Shadows = Mapping[RobotId, Watched]
+Shadows = Mapping[RobotId, ShadowPort]
 """The robots in shadow mode that this process watches."""
 
 
