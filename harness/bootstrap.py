@@ -22,8 +22,9 @@ from harness.adapters.providers.speech.transcriber import SphinxTranscriber
 from harness.adapters.providers.topics.connection import topic_witness
 from harness.adapters.providers.topics.ros_messages import ROLES
 from harness.adapters.providers.topics.samples import TopicFrames
-from harness.adapters.providers.vda5050.connection import BrokerAccess, connected_vehicle
+from harness.adapters.providers.vda5050.connection import BrokerAccess, connected_vehicle, listened_vehicle
 from harness.adapters.providers.vda5050.robot import VehicleRobot, VehicleSettings
+from harness.adapters.providers.witnessed_stack import WitnessedStack
 from harness.adapters.secret_values import secret
 from harness.adapters.stores.anchors import anchor_key, anchoring
 from harness.adapters.stores.blob_address import open_blobs, open_owned_blobs
@@ -81,6 +82,7 @@ from harness.projections.admissions import Admissions
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
+from harness.supervisor.shadow_watch import ShadowWatch
 from harness.workspace.files import AddressedEntry, EvidencePath, HttpRobotEntry, SimulatedRobotEntry, VehicleEntry
 from harness.workspace.model_ports import open_models
 from harness.workspace.reading import Workspace, password_of, token_of
@@ -104,6 +106,7 @@ __all__ = [
     "move_log",
     "nothing_on_trial",
     "nothing_selected",
+    "observed_robot",
     "open_harness",
     "open_lists",
     "open_reports",
@@ -185,11 +188,14 @@ def open_harness(
             models=open_models(workspace.models, workspace.folder, stack=stack, keep=blobs.put, read=blobs.get),
             transcriber=_transcriber(workspace),
             vocabulary=workspace.vocabulary,
+            observed=_observed_names(settings, workspace),
         )
         members = [_kept_member(parts, one, folder) for one in processes]
         members += [_addressed_member(parts, *one, folder) for one in connected]
         unused = {RobotId(entry.name): robot.unused for entry, robot in connected if robot.unused}
-        harness = replace(joined(stack, settings, parts, members), token=token, absent=absent, unused=unused)
+        harness = replace(joined(stack, settings, parts, members), token=token, unused=unused)
+        shadows, unseen = _shadowed(stack, harness.runtime, settings, workspace)
+        harness = replace(harness, shadows=shadows, absent=absent | unseen)
         finish_erasures(harness.runtime)
         yield harness
 
@@ -251,6 +257,7 @@ def _without_robots(
             site=workspace.site,
             missions=workspace.missions,
             vocabulary=workspace.vocabulary,
+            observed=_observed_names(settings, workspace),
         )
         yield runtime_on(parts)
 
@@ -390,9 +397,62 @@ def simulated_names(settings: HarnessSettings, workspace: Workspace) -> tuple[st
 
 
 def addressed_entries(settings: HarnessSettings, workspace: Workspace) -> tuple[AddressedEntry, ...]:
-    """The robots to connect by address: none where the settings name robots to simulate."""
+    """The robots to connect by address: none where the settings name robots to simulate. Those in shadow mode are not
+    among them."""
     entries = () if settings.no_robots or settings.robots or settings.site_folder is None else workspace.robots
-    return tuple(one for one in entries if not isinstance(one, SimulatedRobotEntry))
+    addressed = (one for one in entries if not isinstance(one, SimulatedRobotEntry))
+    return tuple(one for one in addressed if one.authority == "command")
+
+
+def _observed_names(settings: HarnessSettings, workspace: Workspace) -> frozenset[RobotId]:
+    """The robots in shadow mode, watched from this process or not; none where the settings name robots to simulate."""
+    own = settings.site_folder is not None and not settings.robots
+    return frozenset(RobotId(one.name) for one in workspace.observed) if own else frozenset()
+
+
+def _shadowed(
+    stack: ExitStack, runtime: Runtime, settings: HarnessSettings, workspace: Workspace
+) -> tuple[dict[RobotId, ShadowWatch], dict[RobotId, Reason]]:
+    """A watch for each robot in shadow mode, and why the others are left out. A robot that does not answer yet is
+    watched: it may come."""
+    names = frozenset[RobotId]() if settings.no_robots else _observed_names(settings, workspace)
+    found: dict[RobotId, ShadowWatch] = {}
+    absent: dict[RobotId, Reason] = {}
+    for entry in (one for one in workspace.observed if one.name in names):
+        name = RobotId(entry.name)
+        try:
+            robot = _observed_robot(stack, entry, workspace)
+        except (ProviderFailed, ContractInvalid) as error:
+            absent[name] = error.reason
+            continue
+        apart = entry.evidence is not None
+        found[name] = ShadowWatch(name, robot, runtime=runtime, clock=SystemClock(), apart=apart)
+        stack.callback(found[name].close)
+    return found, absent
+
+
+@contextmanager
+def observed_robot(entry: AddressedEntry, workspace: Workspace) -> Iterator[ports.ObservedRobot]:
+    """A robot in shadow mode, to be read until the block ends. Raises as connecting it does."""
+    with ExitStack() as stack:
+        yield _observed_robot(stack, entry, workspace)
+
+
+def _observed_robot(stack: ExitStack, entry: AddressedEntry, workspace: Workspace) -> ports.ObservedRobot:
+    """The robot of an entry, to be read and nothing else."""
+    if isinstance(entry, VehicleEntry):
+        listened = stack.enter_context(
+            listened_vehicle(vehicle_settings(entry, workspace), broker_access(entry, workspace))
+        )
+        if entry.evidence is None:
+            return listened
+        clock = RobotClock(listened.now_s, REAL_TIME)
+        return WitnessedStack(listened, _witness(stack, entry.evidence, workspace)(listened, clock))
+    client = _client(stack, entry, workspace)
+    if entry.evidence is None:
+        return client
+    clock = RobotClock(lambda: client.status().at_s, REAL_TIME)
+    return WitnessedStack(client, _witness(stack, entry.evidence, workspace)(client, clock))
 
 
 def _connected(
@@ -497,7 +557,13 @@ def _addressed_vehicle(
 def met_vehicle(entry: VehicleEntry, workspace: Workspace, data: Path) -> AbstractContextManager[VehicleRobot]:
     """A vehicle of a site by its broker; what it is asked is remembered in the data folder. Raises as
     `connected_vehicle` does."""
-    settings = VehicleSettings(
+    settings, broker = vehicle_settings(entry, workspace), broker_access(entry, workspace)
+    return connected_vehicle(settings, broker, journal=data / "vehicles" / f"{entry.name}.jsonl")
+
+
+def vehicle_settings(entry: VehicleEntry, workspace: Workspace) -> VehicleSettings:
+    """Which vehicle an entry means, on the site's map."""
+    return VehicleSettings(
         name=entry.name,
         interface=entry.interface,
         manufacturer=entry.manufacturer,
@@ -510,14 +576,16 @@ def met_vehicle(entry: VehicleEntry, workspace: Workspace, data: Path) -> Abstra
         velocity_measured=entry.velocity == "measured",
         speed_limit_mps=entry.speed_limit_mps,
     )
-    authority = str(workspace.folder / entry.authority_file) if entry.authority_file else ""
-    broker = BrokerAccess(
+
+
+def broker_access(entry: VehicleEntry, workspace: Workspace) -> BrokerAccess:
+    """Where a vehicle's broker is, and who asks. Raises ContractInvalid for a password that is not there."""
+    return BrokerAccess(
         address=entry.address,
         user=entry.user,
         password=password_of(entry, workspace.folder),
-        authority_file=authority,
+        authority_file=str(workspace.folder / entry.authority_file) if entry.authority_file else "",
     )
-    return connected_vehicle(settings, broker, journal=data / "vehicles" / f"{entry.name}.jsonl")
 
 
 def _addressed_member(parts: Parts, entry: AddressedEntry, robot: AddressedRobot, folder: DataFolder) -> Member:

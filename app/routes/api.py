@@ -3,9 +3,8 @@
 from typing import Annotated, Any
 
 import msgspec
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from starlette.concurrency import run_in_threadpool
-from starlette.responses import JSONResponse
 
 from app.acts.base import Act
 from app.acts.missions import ACTS, DisputeCompletionAct, StartMissionAct
@@ -27,13 +26,7 @@ from harness.extra_templates import draft
 
 WAV = {"type": "string", "contentMediaType": "audio/wav"}
 
-router = APIRouter(
-    prefix="/api/v1",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["missions"],
-)
+router = api_requests.router("missions")
 
 
 @router.get("/missions", responses=api_requests.answers(schemas.MissionSummary, many=True))

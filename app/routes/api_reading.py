@@ -2,8 +2,7 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path, Query, Response
-from starlette.responses import JSONResponse
+from fastapi import Path, Query, Response
 
 from app.console import ConsoleDep
 from app.routes import api_requests
@@ -22,13 +21,7 @@ from harness.contracts.tasks import TaskTemplate
 from harness.extra_templates import offered
 from harness.projections import exploration as explorations
 
-router = APIRouter(
-    prefix="/api/v1",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["reading"],
-)
+router = api_requests.router("reading")
 BLOB: dict[int | str, dict[str, Any]] = {
     200: {
         "description": "The bytes, verified against their digest as they were read.",

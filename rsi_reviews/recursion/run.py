@@ -10,6 +10,7 @@ from pathlib import Path
 
 import msgspec
 
+from harness.adapters.replaced_files import replacing
 from harness.contracts.errors import ContractInvalid, StoreUnavailable
 from harness.contracts.ids import sha256
 from harness.contracts.reasons import because
@@ -106,6 +107,5 @@ def _read_outcome(folder: Path, task: Task) -> FleetOutcome | None:
 
 def _keep(folder: Path, outcome: FleetOutcome) -> None:
     file = _file(folder, outcome.task)
-    part = file.with_suffix(".part")
-    part.write_bytes(encode(outcome))
-    part.replace(file)
+    with replacing(file) as written:
+        written.write(encode(outcome))

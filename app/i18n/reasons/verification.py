@@ -209,6 +209,23 @@ SENTENCES: Mapping[str, str] = {
     "findings_not_in_sight": N_(
         "{findings} findings are out of view, range or line of sight in the images that are to show them"
     ),
+    "inertia_fell_silent": N_(
+        "odometry shows a change of motion at {at_s:.1f} s, and inertia, which is to be felt, is missing there "
+        "({samples} samples in all)"
+    ),
+    "picture_of_another_heading": N_(
+        "picture {image} fits the lidar sweep better {turn_deg:+.0f}° beside the claimed heading ({other:.1f}) than "
+        "there ({own:.1f})"
+    ),
+    "pictures_fit_no_heading": N_(
+        "the pictures do not clearly fit the lidar sweep at the claimed headings: {own:.1f} there, {other:.1f} "
+        "{turn_deg:+.0f}° beside them"
+    ),
+    "pictures_not_laid_over_sweep": N_("the pictures cannot be laid over the lidar sweep"),
+    "pictures_of_other_headings": N_(
+        "{pictures} pictures fit the lidar sweeps better {turn_deg:+.0f}° beside the claimed headings ({other:.1f}) "
+        "than there ({own:.1f})"
+    ),
     "findings_outside_passage": N_("{findings} findings are not in the passage"),
     "frames_without_heading": N_("no measured heading of the frames is known"),
     "message_changed": N_("the message was changed after it was accepted"),
