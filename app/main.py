@@ -40,6 +40,7 @@ from app.console import (
     Console,
     Dossier,
     EvaluationPort,
+    Shadows,
     Starts,
     TeleoperationPort,
     no_cards,
@@ -63,6 +64,7 @@ from app.routes import (
     api_reading,
     api_releases,
     api_robots,
+    api_shadow,
     api_speech,
     api_uploads,
     audit,
@@ -89,6 +91,7 @@ from app.routes import (
     report,
     robots,
     scene,
+    shadow,
     sign_in,
     watch,
 )
@@ -137,6 +140,7 @@ def create_app(
     unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = MappingProxyType({}),
     clear_way: ClearWay | None = None,
     replays: ReplayJobs | None = None,
+    shadows: Shadows = MappingProxyType({}),
 ) -> FastAPI:
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
@@ -147,7 +151,8 @@ def create_app(
     `clear_way` takes away what stands in a simulated robot's way.
 
     `fleet` shows what robots say of themselves, `teleoperation` lets people drive them; both are ended with the
-    console. `evaluations` runs what people ask to have evaluated, `replays` the recordings that they upload.
+    console. `evaluations` runs what people ask to have evaluated, `replays` the recordings that they upload. `shadows`
+    are the robots that are only observed.
 
     Sign-in links come from `app.state.sessions`. Its lists are kept in `folder`, or in memory without one, and have
     caught up with the log on return.
@@ -209,6 +214,7 @@ def create_app(
         issuer=oidc_login(settings, sessions, clock=time.time, fresh=_fresh),
         speech=speech,
         replays=replays,
+        shadows=shadows,
         fresh=_fresh,
         **_kept_in(folder, settings),
     )
@@ -224,6 +230,7 @@ def create_app(
         report,
         exploration,
         fleet_page,
+        shadow,
         watch,
         places,
         providers,
@@ -259,6 +266,7 @@ def create_app(
         api_people,
         api_events,
         api_evidence,
+        api_shadow,
         api_speech,
         api_uploads,
     ):

@@ -1,7 +1,7 @@
 """Connects the robots of a site that have addresses: over HTTP, by a broker, and their evidence apart from them."""
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,8 +12,9 @@ from harness.adapters.providers.http.robot import HttpRobot
 from harness.adapters.providers.topics.connection import topic_witness
 from harness.adapters.providers.topics.ros_messages import ROLES
 from harness.adapters.providers.topics.samples import TopicFrames
-from harness.adapters.providers.vda5050.connection import BrokerAccess, connected_vehicle
+from harness.adapters.providers.vda5050.connection import BrokerAccess, connected_vehicle, listened_vehicle
 from harness.adapters.providers.vda5050.robot import VehicleRobot, VehicleSettings
+from harness.adapters.providers.witnessed_stack import WitnessedStack
 from harness.adapters.stores.folder import DataFolder
 from harness.assembly import (
     Member,
@@ -138,7 +139,13 @@ def _addressed_vehicle(
 def met_vehicle(entry: VehicleEntry, workspace: Workspace, data: Path) -> AbstractContextManager[VehicleRobot]:
     """A vehicle of a site by its broker; what it is asked is remembered in the data folder. Raises as
     `connected_vehicle` does."""
-    settings = VehicleSettings(
+    settings, broker = _vehicle_settings(entry, workspace), _broker_access(entry, workspace)
+    return connected_vehicle(settings, broker, journal=data / "vehicles" / f"{entry.name}.jsonl")
+
+
+def _vehicle_settings(entry: VehicleEntry, workspace: Workspace) -> VehicleSettings:
+    """Which vehicle an entry means, on the site's map."""
+    return VehicleSettings(
         name=entry.name,
         interface=entry.interface,
         manufacturer=entry.manufacturer,
@@ -151,14 +158,40 @@ def met_vehicle(entry: VehicleEntry, workspace: Workspace, data: Path) -> Abstra
         velocity_measured=entry.velocity == "measured",
         speed_limit_mps=entry.speed_limit_mps,
     )
-    authority = str(workspace.folder / entry.authority_file) if entry.authority_file else ""
-    broker = BrokerAccess(
+
+
+def _broker_access(entry: VehicleEntry, workspace: Workspace) -> BrokerAccess:
+    """Where a vehicle's broker is, and who asks. Raises ContractInvalid for a password that is not there."""
+    return BrokerAccess(
         address=entry.address,
         user=entry.user,
         password=password_of(entry, workspace.folder),
-        authority_file=authority,
+        authority_file=str(workspace.folder / entry.authority_file) if entry.authority_file else "",
     )
-    return connected_vehicle(settings, broker, journal=data / "vehicles" / f"{entry.name}.jsonl")
+
+
+@contextmanager
+def observed_robot(entry: AddressedEntry, workspace: Workspace) -> Iterator[ports.ObservedRobot]:
+    """A robot in shadow mode, to be read until the block ends. Raises as connecting it does."""
+    with ExitStack() as stack:
+        yield read_only(stack, entry, workspace)
+
+
+def read_only(stack: ExitStack, entry: AddressedEntry, workspace: Workspace) -> ports.ObservedRobot:
+    """The robot of an entry, to be read and nothing else, until the stack closes."""
+    if isinstance(entry, VehicleEntry):
+        listened = stack.enter_context(
+            listened_vehicle(_vehicle_settings(entry, workspace), _broker_access(entry, workspace))
+        )
+        if entry.evidence is None:
+            return listened
+        clock = RobotClock(listened.now_s, REAL_TIME)
+        return WitnessedStack(listened, _witness(stack, entry.evidence, workspace)(listened, clock))
+    client = _client(stack, entry, workspace)
+    if entry.evidence is None:
+        return client
+    clock = RobotClock(lambda: client.status().at_s, REAL_TIME)
+    return WitnessedStack(client, _witness(stack, entry.evidence, workspace)(client, clock))
 
 
 def addressed_member(parts: Parts, entry: AddressedEntry, robot: AddressedRobot, folder: DataFolder) -> Member:

@@ -33,7 +33,7 @@ from harness.adapters.stores.read_models import SqlReadModels
 from harness.adapters.stores.snapshots import StoredSnapshots
 from harness.adapters.stores.spool import FileSpool
 from harness.adapters.vision.observer import LocalPictureObserver
-from harness.addressed_robots import addressed_member, connected_robots
+from harness.addressed_robots import addressed_member, connected_robots, read_only
 from harness.assembly import (
     DECIDERS,
     Deciders,
@@ -55,13 +55,13 @@ from harness.baseline.load import baseline, workspace_in
 from harness.contracts import ports
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Authority, unquestioned
-from harness.contracts.errors import ContractInvalid, ProviderUnreachable
+from harness.contracts.errors import ContractInvalid, ProviderFailed, ProviderUnreachable
 from harness.contracts.fleet import WorkerReport
 from harness.contracts.ids import RobotId
 from harness.contracts.models import Models
 from harness.contracts.observations import Camera
 from harness.contracts.places import Site
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Reason, because
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.secret_references import SecretReference
@@ -71,6 +71,7 @@ from harness.gate.decide import DECIDER as MISSION
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
+from harness.supervisor.shadow_watch import ShadowWatch
 from harness.workspace.files import AddressedEntry, SimulatedRobotEntry
 from harness.workspace.model_ports import open_models
 from harness.workspace.reading import Workspace
@@ -172,11 +173,14 @@ def open_harness(
             models=open_models(workspace.models, workspace.folder, stack=stack, keep=blobs.put, read=blobs.get),
             transcriber=_transcriber(workspace),
             vocabulary=workspace.vocabulary,
+            observed=_observed_names(settings, workspace),
         )
         members = [_kept_member(parts, one, folder) for one in processes]
         members += [addressed_member(parts, *one, folder) for one in connected]
         unused = {RobotId(entry.name): robot.unused for entry, robot in connected if robot.unused}
-        harness = replace(joined(stack, settings, parts, members), token=token, absent=absent, unused=unused)
+        harness = replace(joined(stack, settings, parts, members), token=token, unused=unused)
+        shadows, unseen = _shadowed(stack, harness.runtime, settings, workspace)
+        harness = replace(harness, shadows=shadows, absent=absent | unseen)
         finish_erasures(harness.runtime)
         yield harness
 
@@ -238,6 +242,7 @@ def _without_robots(
             site=workspace.site,
             missions=workspace.missions,
             vocabulary=workspace.vocabulary,
+            observed=_observed_names(settings, workspace),
         )
         yield runtime_on(parts)
 
@@ -377,9 +382,38 @@ def simulated_names(settings: HarnessSettings, workspace: Workspace) -> tuple[st
 
 
 def addressed_entries(settings: HarnessSettings, workspace: Workspace) -> tuple[AddressedEntry, ...]:
-    """The robots to connect by address: none where the settings name robots to simulate."""
+    """The robots to connect by address: none where the settings name robots to simulate. Those in shadow mode are not
+    among them."""
     entries = () if settings.no_robots or settings.robots or settings.site_folder is None else workspace.robots
-    return tuple(one for one in entries if not isinstance(one, SimulatedRobotEntry))
+    addressed = (one for one in entries if not isinstance(one, SimulatedRobotEntry))
+    return tuple(one for one in addressed if one.authority == "command")
+
+
+def _observed_names(settings: HarnessSettings, workspace: Workspace) -> frozenset[RobotId]:
+    """The robots in shadow mode, watched from this process or not; none where the settings name robots to simulate."""
+    own = settings.site_folder is not None and not settings.robots
+    return frozenset(RobotId(one.name) for one in workspace.observed) if own else frozenset()
+
+
+def _shadowed(
+    stack: ExitStack, runtime: Runtime, settings: HarnessSettings, workspace: Workspace
+) -> tuple[dict[RobotId, ShadowWatch], dict[RobotId, Reason]]:
+    """A watch for each robot in shadow mode, and why the others are left out. A robot that does not answer yet is
+    watched: it may come."""
+    names = frozenset[RobotId]() if settings.no_robots else _observed_names(settings, workspace)
+    found: dict[RobotId, ShadowWatch] = {}
+    absent: dict[RobotId, Reason] = {}
+    for entry in (one for one in workspace.observed if one.name in names):
+        name = RobotId(entry.name)
+        try:
+            robot = read_only(stack, entry, workspace)
+        except (ProviderFailed, ContractInvalid) as error:
+            absent[name] = error.reason
+            continue
+        apart = entry.evidence is not None
+        found[name] = ShadowWatch(name, robot, runtime=runtime, clock=SystemClock(), apart=apart)
+        stack.callback(found[name].close)
+    return found, absent
 
 
 def _transcriber(workspace: Workspace) -> SphinxTranscriber:

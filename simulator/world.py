@@ -190,7 +190,8 @@ class World:
             velocity = invocation.tick(perception)
             if invocation.card.moves:
                 command = velocity
-            self._strike(invocation)
+            if self.faults.strikes_motion:
+                self._strike(invocation)
             if self._disturbances is not None and self._hindered(self._disturbances, invocation):
                 command = bodies.Velocity()
         return command
@@ -230,8 +231,7 @@ class World:
     def _strike(self, invocation: RunningSkill) -> None:
         """Applies the mission's faults to a navigation that is under way."""
         skill = invocation.skill
-        idle = not self.faults.strikes_motion or invocation.terminal or invocation.braking
-        if idle or not isinstance(skill, RouteFollower):
+        if invocation.terminal or invocation.braking or not isinstance(skill, RouteFollower):
             return
         whole_m = max(skill.route.length_m - skill.begin_m, 1e-6)
         share, remaining_m = (skill.at_m - skill.begin_m) / whole_m, skill.remaining_m

@@ -51,6 +51,7 @@ COMMANDS = {
     "backup": "backups:backup",
     "restore": "backups:restore",
     "incident": "incidents:incident",
+    "shadow": "shadow:shadow",
     "audit bags": "bag_audits:bags",
     "mission dossier": "dossiers:dossier",
     "rsi case": "rsi_cases:case",

@@ -135,6 +135,10 @@ def up(
         steps.begin("Building the console")
         harness.supervisor.serve()
         harness.teleoperation.watch()
+        for shadow in harness.shadows.values():
+            shadow.watch()
+        if harness.shadows:
+            sys.stderr.write(f"Watching, and not commanding: {', '.join(harness.shadows)}\n")
         stack.callback(harness.teleoperation.close)
         fleet = reported_fleet(stack, harness, chosen, broker)
         evaluations = EvaluationJobs(
@@ -168,6 +172,7 @@ def up(
             unused=harness.unused,
             clear_way=_clear_way(harness),
             replays=replays,
+            shadows=harness.shadows,
         )
         app.state.alert_watch.watch()
         evaluations.watch()

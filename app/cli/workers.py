@@ -54,6 +54,8 @@ def worker(
         output.warn_of_robots(harness.absent, harness.unused)
         harness.supervisor.serve()
         harness.teleoperation.watch()
+        for shadow in harness.shadows.values():
+            shadow.watch()
         stack.callback(harness.teleoperation.close)
         stack.callback(reported_fleet(stack, harness, settings).close)
         typer.echo(f"Worker drives {', '.join(robot_names(settings))}")

@@ -3,14 +3,14 @@
 from collections.abc import Callable
 from typing import Annotated
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter, Depends, Path
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.base import Act
 from app.acts.missions import LimitAutonomyAct, PauseMissionAct, ResumeMissionAct, SetAutonomyAct
 from app.acts.robots import ExplainStopAct, OrderPostureAct, SendToSafetyAct, StopRobotAct, StopRobotsAct
 from app.auth.permissions import Permission
-from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.console import ActorDep, Console, ConsoleDep, FormDep, commanded
 from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from app.routes import robot_acts
@@ -34,7 +34,7 @@ from harness.contracts.values import Point
 from harness.projections.admissions import Admissions
 from harness.projections.mission import Mission
 
-router = APIRouter(prefix="/robots")
+router = APIRouter(prefix="/robots", dependencies=[Depends(commanded)])
 RobotPath = Annotated[RobotId, Path(pattern="^[a-z0-9][a-z0-9-]{0,30}$")]
 JPEG = "image/jpeg"
 OTHERWISE = {
@@ -291,7 +291,13 @@ def _index(console: Console, actor: Actor, *, errors: list[str] | None = None, s
     shell = console.shell("Robots", "robots", actor)
     present = console.presence.people()
     page = robots.robots_page(
-        shell, cards(console), console.control(), present=present, errors=errors or (), absent=console.absent
+        shell,
+        cards(console),
+        console.control(),
+        present=present,
+        errors=errors or (),
+        absent=console.absent,
+        observed=console.runtime.observed,
     )
     return render("robots/index.html", page, status=status)
 

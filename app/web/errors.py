@@ -28,6 +28,7 @@ from harness.contracts.reasons import Reason
 STATUS: tuple[tuple[type[errors.HarnessError], int], ...] = (
     (NotPermitted, 403),
     (errors.UnknownName, 404),
+    (errors.OnlyObserved, 409),
     (errors.ContractInvalid, 422),
     (errors.CloudInvalid, 422),
     (errors.RecordingInvalid, 422),

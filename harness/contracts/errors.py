@@ -6,6 +6,7 @@ HarnessError                 something went wrong that a person can act on
 │   ├── ReadingStale         the reading that was confirmed is not the one that the goal has now
 │   └── Unsatisfiable        a condition that no stage and no verifier could ever show to hold
 ├── UnknownName              no template, place, provider, mission or handoff of that name
+├── OnlyObserved             a robot in shadow mode is not commanded by this harness
 ├── ConfigurationMissing     a configuration version is not stored here, or this release cannot read it
 ├── ConcurrencyConflict      somebody else appended to the stream first
 ├── StoreUnavailable         the data folder or database cannot be used as it is
@@ -95,6 +96,10 @@ class Unsatisfiable(ContractInvalid):
 
 class UnknownName(HarnessError):
     code = "unknown_name"
+
+
+class OnlyObserved(HarnessError):
+    code = "robot_only_observed"
 
 
 class ConfigurationMissing(HarnessError):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from msgspec import UNSET, UnsetType
 
 from harness.contracts.readings import Act, Clause, ClauseObject, PictureSubject, TextSpan, Unread, UnreadWhy
-from harness.goals.lexicon import LIMITING, LOOKING_AROUND, STATING, TELLING_SIGHT
+from harness.goals.lexicon import ARRIVING, FINDING, HOMECOMING, LIMITING, LOOKING_AROUND, STATING, TELLING_SIGHT
 from harness.goals.words import Item, Meaning
 
 DIRECTLY, FOR = frozenset({"verb", "name", "here", "pronoun"}), "for"
@@ -52,6 +52,10 @@ class ClauseDraft:
     around: bool = False
     telling: bool = False
     """A report of what is seen: of a picture, or on the way to a place, a description."""
+    finding: bool = False
+    """A report of what was found or seen, not only of what was done."""
+    arriving: int = 0
+    """A report of having come somewhere (ARRIVING) or back (HOMECOMING)."""
     seconds: int | UnsetType = UNSET
     """How long is to be waited."""
     subject: PictureSubject | UnsetType = UNSET
@@ -91,11 +95,24 @@ def described(drafts: Sequence[ClauseDraft]) -> list[ClauseDraft]:
     return made
 
 
+def misplaced(drafts: Sequence[ClauseDraft]) -> list[ClauseDraft]:
+    """Reports of having come somewhere that do not follow a way there: "photograph it and tell me when you arrive"."""
+    found = []
+    for index, draft in enumerate(drafts):
+        before = drafts[index - 1] if index else None
+        acts = ("go", "return") if draft.arriving == ARRIVING else ("return", "walk_route")
+        there = before is not None and before.act in acts and not before.negated and before.count == 1
+        if draft.arriving and not draft.negated and not there:
+            found.append(draft)
+    return found
+
+
 def clause_of(draft: ClauseDraft) -> Clause:
-    """The clause that a draft has become."""
+    """The clause that a draft has become. A report of what was found is about the finding."""
+    finding = ClauseObject(kind="finding") if draft.finding and draft.act == "report" and not draft.negated else None
     return Clause(
         act=draft.act,
-        object=draft.object,
+        object=draft.object or finding,
         negated=draft.negated,
         count=draft.count,
         spans=draft.spans,
@@ -212,6 +229,8 @@ class _Builder:
             passing=item.kind == "passes",
             around=item.word.number == LOOKING_AROUND,
             telling=item.word.number == TELLING_SIGHT,
+            finding=item.word.act == "report" and item.word.number in (TELLING_SIGHT, FINDING),
+            arriving=item.word.number if item.word.number in (ARRIVING, HOMECOMING) else 0,
             meant=self._state.place,
         )
         self._glue = []
@@ -368,9 +387,10 @@ class _Builder:
         elif item.kind == "tail" and draft is None and self._named:
             self._verb(Item(Meaning("verb", act="inspect"), item.start, item.end, item.text))
         elif item.kind == "attached" and draft is not None and draft.act == item.word.act:
-            self._made[-1] = _grown(draft, span_of(item))
+            self._made[-1] = replace(_grown(draft, span_of(item)), finding=draft.finding or item.word.number == FINDING)
         elif item.kind == "attached" and draft is None and self._before(item.word.act):
-            self._state.clauses[-1] = _grown(self._state.clauses[-1], span_of(item))
+            grown = _grown(self._state.clauses[-1], span_of(item))
+            self._state.clauses[-1] = replace(grown, finding=grown.finding or item.word.number == FINDING)
         else:
             self._leave(item)
 
@@ -414,7 +434,8 @@ def _folds(before: ClauseDraft, draft: ClauseDraft, *, together: bool) -> bool:
     """Whether a clause without an object adds nothing to the one before; `together`: both stand in one part."""
     if draft.object is not None or draft.negated or before.negated:
         return False
-    observation = before.act in SHOWN and (draft.act == "report" or (draft.act == "inspect" and not together))
+    shown = draft.act == "report" and (draft.finding or before.act == "describe")
+    observation = before.act in SHOWN and (shown or (draft.act == "inspect" and not together))
     return observation or (together and before.act == draft.act)
 
 

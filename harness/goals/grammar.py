@@ -17,6 +17,8 @@ CONNECTORS = frozenset({"and", "then", "but", "first", "last", "before", "after"
 GOING = "去"
 VERBS = frozenset({"verb", "asks", "passes", "done", "tail", "attached", "avoid"})
 SWALLOWED: dict[str, UnreadWhy] = {"condition": "condition", "time": "time", "or": "alternative"}
+SINGLE = ("a", "for a")
+"""What counts a time once: "a minute"."""
 ENDED = ("done", "finished")
 AND_THEN = frozenset({"and then", "and next", "and afterwards", "followed by"})
 
@@ -88,9 +90,9 @@ def _numbered(made: Sequence[Item]) -> list[Item]:
             kind = "count" if item.kind == "times" else "laps"
             joined[-1] = Item(Meaning(kind, number=before.word.number), before.start, item.end, kind)
         elif item.kind == "duration":
-            counted = before is not None and before.kind == "number"
-            if counted and before is not None:
-                seconds = item.word.number * before.word.number
+            single = before is not None and before.text in SINGLE
+            if before is not None and (single or before.kind == "number"):
+                seconds = item.word.number * (1 if single else before.word.number)
                 joined[-1] = Item(Meaning("lasting", number=seconds), before.start, item.end, "lasting")
             else:
                 joined.append(Item(Meaning("time"), item.start, item.end, item.text))

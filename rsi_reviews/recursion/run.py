@@ -10,7 +10,6 @@ from pathlib import Path
 
 import msgspec
 
-from harness.adapters.replaced_files import replacing
 from harness.contracts.errors import ContractInvalid, StoreUnavailable
 from harness.contracts.ids import sha256
 from harness.contracts.reasons import because
@@ -106,6 +105,5 @@ def _read_outcome(folder: Path, task: Task) -> FleetOutcome | None:
 
 
 def _keep(folder: Path, outcome: FleetOutcome) -> None:
-    file = _file(folder, outcome.task)
-    with replacing(file) as written:
-        written.write(encode(outcome))
+    """One that a crash cuts off cannot be read, and its fleet runs again."""
+    _file(folder, outcome.task).write_bytes(encode(outcome))

@@ -107,12 +107,13 @@ class Ros:
         return found
 
     def whole(self, *, base: tuple[str, ...] = (), navigation: tuple[str, ...] = ()) -> HttpRobot:
-        """Everything, localised and with its action server found."""
+        """Everything, localised and with its emergency stop heard to be released."""
         self.base(*base)
         self.navigation(*navigation)
         self.sidecar()
         found = self.client()
         eventually(lambda: found.status().localised, "a fresh pose")
+        eventually(lambda: not found.status().hardware_stop, "the released emergency stop")
         return found
 
 

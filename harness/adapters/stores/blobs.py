@@ -3,6 +3,7 @@
 A blob is written under another name, synced, then renamed, so that its digest names all of it or nothing.
 """
 
+import os
 import re
 from collections.abc import Callable, Iterator
 from logging import getLogger
@@ -66,7 +67,7 @@ class FileBlobStore:
 
     def has(self, digest: Digest) -> bool:
         """Whether there is a file of that digest. Only `get` looks inside."""
-        return _DIGEST.fullmatch(digest) is not None and self._path(digest).is_file()
+        return _DIGEST.fullmatch(digest) is not None and os.path.isfile(self._file(digest))
 
     def digests(self) -> Iterator[Digest]:
         """All digests, in ascending order."""
@@ -111,7 +112,10 @@ class FileBlobStore:
     def _path(self, digest: Digest) -> Path:
         if not _DIGEST.fullmatch(digest):
             raise BlobDamaged(because("digest_invalid", digest=digest[:80]), where=str(self._folder))
-        return Path(f"{self._folder}/{digest[:2]}/{digest[2:4]}/{digest}")
+        return Path(self._file(digest))
+
+    def _file(self, digest: Digest) -> str:
+        return f"{self._folder}/{digest[:2]}/{digest[2:4]}/{digest}"
 
     def _unavailable(self, error: OSError) -> StoreUnavailable:
         return StoreUnavailable(

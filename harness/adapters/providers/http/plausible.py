@@ -7,7 +7,7 @@ import msgspec
 from msgspec.structs import replace
 
 from harness.contracts.errors import ProviderFailed
-from harness.contracts.protocol import InvocationReport, Observations, Receipt
+from harness.contracts.protocol import InvocationReport, Observations, Receipt, StackGoals
 from harness.contracts.reasons import because, plain
 from harness.provider_protocol.wire import trusted
 
@@ -31,6 +31,20 @@ def check_batch(batch: Observations, *, limit: int) -> None:
         _figures(
             (value for value in msgspec.structs.astuple(sample) if isinstance(value, float)), where="/observations"
         )
+
+
+def check_stack_goals(goals: StackGoals, *, limit: int) -> StackGoals:
+    """The changes. Raises ProviderFailed for more than were asked for, figures that cannot be, and another order."""
+    where = "/stack/goals"
+    if len(goals.changes) > limit:
+        raise ProviderFailed(because("too_many_of", what="changes", limit=limit), where=where)
+    _figures((goals.at_s, float(goals.next_seq)), where=where)
+    for one in goals.changes:
+        _figures((one.at_s, *(one.target_m or ())), where=where)
+    numbers = [one.seq for one in goals.changes]
+    if numbers != sorted(set(numbers)) or any(one > goals.next_seq for one in numbers):
+        raise ProviderFailed(because("stack_changes_unordered"), where=where)
+    return goals
 
 
 def check_report(report: InvocationReport) -> InvocationReport:
