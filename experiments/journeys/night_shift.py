@@ -34,7 +34,7 @@ def walk(way: JourneyWalk, link: str) -> dict[str, float]:
             way.click(offered.first)
         expect(page.locator(".decide")).to_contain_text("Try the same stage again")
     with way.step("approve, by holding"):
-        way.click(page.locator("[data-reason]").first)
+        way.click(page.locator("#decision [data-reason]").first)
         way.hold(page.locator("#approve"), lambda: _fresh(way))
         expect(page.locator(".steps")).to_contain_text("approved")
     with way.step("follow the mission to its end"):
