@@ -2,29 +2,21 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
 
-from harness.adapters.clock import REAL_TIME, LockstepClock, RobotClock, SystemClock
+from harness.adapters.clock import LockstepClock, SystemClock
 from harness.adapters.failpoints import parse, with_failpoint
 from harness.adapters.ids import SeededIds, SystemIds
-from harness.adapters.providers.http.addressed import AddressedRobot, Refusal, addressed_over_http
 from harness.adapters.providers.http.process import RobotSettings
-from harness.adapters.providers.http.robot import HttpRobot
 from harness.adapters.providers.http.supervised_process import SupervisedProcess
 from harness.adapters.providers.messaging.folder import erase_from_outbox
 from harness.adapters.providers.speech.endpoint import EndpointDecoder
 from harness.adapters.providers.speech.transcriber import SphinxTranscriber
-from harness.adapters.providers.topics.connection import topic_witness
-from harness.adapters.providers.topics.ros_messages import ROLES
-from harness.adapters.providers.topics.samples import TopicFrames
-from harness.adapters.providers.vda5050.connection import BrokerAccess, connected_vehicle, listened_vehicle
-from harness.adapters.providers.vda5050.robot import VehicleRobot, VehicleSettings
-from harness.adapters.providers.witnessed_stack import WitnessedStack
 from harness.adapters.secret_values import secret
 from harness.adapters.stores.anchors import anchor_key, anchoring
 from harness.adapters.stores.blob_address import open_blobs, open_owned_blobs
@@ -41,6 +33,7 @@ from harness.adapters.stores.read_models import SqlReadModels
 from harness.adapters.stores.snapshots import StoredSnapshots
 from harness.adapters.stores.spool import FileSpool
 from harness.adapters.vision.observer import LocalPictureObserver
+from harness.addressed_robots import addressed_member, connected_robots, read_only
 from harness.assembly import (
     DECIDERS,
     Deciders,
@@ -60,8 +53,6 @@ from harness.assembly import (
 )
 from harness.baseline.load import baseline, workspace_in
 from harness.contracts import ports
-from harness.contracts.admissions import admission_stream
-from harness.contracts.capabilities import CapabilityCard, Vocabulary
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.errors import ContractInvalid, ProviderFailed, ProviderUnreachable
@@ -76,19 +67,14 @@ from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.secret_references import SecretReference
 from harness.contracts.simulation import InProcessRobot, Simulator
 from harness.erasures import finish_erasures
-from harness.gate.admissions import DECIDER as ADMISSION
 from harness.gate.decide import DECIDER as MISSION
-from harness.projections.admissions import Admissions
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
 from harness.supervisor.shadow_watch import ShadowWatch
-from harness.workspace.files import AddressedEntry, EvidencePath, HttpRobotEntry, SimulatedRobotEntry, VehicleEntry
+from harness.workspace.files import AddressedEntry, SimulatedRobotEntry
 from harness.workspace.model_ports import open_models
-from harness.workspace.reading import Workspace, password_of, token_of
-
-CONNECT_S = 5.0
-"""The longest that one exchange with a robot at an address may take, wall seconds."""
+from harness.workspace.reading import Workspace
 
 __all__ = [
     "DECIDERS",
@@ -106,7 +92,6 @@ __all__ = [
     "move_log",
     "nothing_on_trial",
     "nothing_selected",
-    "observed_robot",
     "open_harness",
     "open_lists",
     "open_reports",
@@ -160,7 +145,7 @@ def open_harness(
             stack.enter_context(closing(Listener(settings.database, signals.changed)))
         simulated = simulated_names(settings, workspace)
         processes = _started(stack, folder, settings, simulated, under_way=_under_way(store))
-        connected, absent = _connected(stack, store, addressed_entries(settings, workspace), workspace, folder)
+        connected, absent = connected_robots(stack, store, addressed_entries(settings, workspace), workspace, folder)
         clocks = [*(one.clock for one in processes), *(robot.clock for _, robot in connected)]
         if absent and not clocks:
             name, why = next(iter(absent.items()))
@@ -191,7 +176,7 @@ def open_harness(
             observed=_observed_names(settings, workspace),
         )
         members = [_kept_member(parts, one, folder) for one in processes]
-        members += [_addressed_member(parts, *one, folder) for one in connected]
+        members += [addressed_member(parts, *one, folder) for one in connected]
         unused = {RobotId(entry.name): robot.unused for entry, robot in connected if robot.unused}
         harness = replace(joined(stack, settings, parts, members), token=token, unused=unused)
         shadows, unseen = _shadowed(stack, harness.runtime, settings, workspace)
@@ -421,7 +406,7 @@ def _shadowed(
     for entry in (one for one in workspace.observed if one.name in names):
         name = RobotId(entry.name)
         try:
-            robot = _observed_robot(stack, entry, workspace)
+            robot = read_only(stack, entry, workspace)
         except (ProviderFailed, ContractInvalid) as error:
             absent[name] = error.reason
             continue
@@ -429,184 +414,6 @@ def _shadowed(
         found[name] = ShadowWatch(name, robot, runtime=runtime, clock=SystemClock(), apart=apart)
         stack.callback(found[name].close)
     return found, absent
-
-
-@contextmanager
-def observed_robot(entry: AddressedEntry, workspace: Workspace) -> Iterator[ports.ObservedRobot]:
-    """A robot in shadow mode, to be read until the block ends. Raises as connecting it does."""
-    with ExitStack() as stack:
-        yield _observed_robot(stack, entry, workspace)
-
-
-def _observed_robot(stack: ExitStack, entry: AddressedEntry, workspace: Workspace) -> ports.ObservedRobot:
-    """The robot of an entry, to be read and nothing else."""
-    if isinstance(entry, VehicleEntry):
-        listened = stack.enter_context(
-            listened_vehicle(vehicle_settings(entry, workspace), broker_access(entry, workspace))
-        )
-        if entry.evidence is None:
-            return listened
-        clock = RobotClock(listened.now_s, REAL_TIME)
-        return WitnessedStack(listened, _witness(stack, entry.evidence, workspace)(listened, clock))
-    client = _client(stack, entry, workspace)
-    if entry.evidence is None:
-        return client
-    clock = RobotClock(lambda: client.status().at_s, REAL_TIME)
-    return WitnessedStack(client, _witness(stack, entry.evidence, workspace)(client, clock))
-
-
-def _connected(
-    stack: ExitStack,
-    store: ports.EventStore,
-    entries: Sequence[AddressedEntry],
-    workspace: Workspace,
-    folder: DataFolder,
-) -> tuple[list[tuple[AddressedEntry, AddressedRobot]], dict[RobotId, Reason]]:
-    """The robots that answer at their addresses, and why the others are left out."""
-    found: list[tuple[AddressedEntry, AddressedRobot]] = []
-    absent: dict[RobotId, Reason] = {}
-    for entry in entries:
-        name = RobotId(entry.name)
-        checks = [ADMISSION.codec.decode(one) for one in store.load(admission_stream(name))]
-        admissions = ADMISSION.fold(ADMISSION.initial, checks)
-        try:
-            refusal = partial(_refusal, vocabulary=workspace.vocabulary, admissions=admissions, address=entry.identity)
-            if isinstance(entry, VehicleEntry):
-                robot = _addressed_vehicle(stack, entry, workspace, folder, refusal=refusal)
-            else:
-                robot = _addressed_over_http(stack, entry, workspace, refusal=refusal)
-        except (ProviderFailed, ContractInvalid) as error:
-            absent[name] = error.reason
-            continue
-        found.append((entry, robot))
-    return found, absent
-
-
-def _refusal(card: CapabilityCard, *, vocabulary: Vocabulary, admissions: Admissions, address: str) -> Reason | None:
-    """Why a provider is not used here: its capability is not declared at this site, or the kit did not admit it."""
-    return vocabulary.refusal(card) or admissions.refusal(card, address=address)
-
-
-def _addressed_over_http(
-    stack: ExitStack, entry: HttpRobotEntry, workspace: Workspace, *, refusal: Refusal
-) -> AddressedRobot:
-    """The robot of an entry, and what gives its evidence where the entry names that."""
-    return addressed_over_http(
-        _client(stack, entry, workspace),
-        name=entry.name,
-        refusal=refusal,
-        speed_limit_mps=entry.speed_limit_mps,
-        camera=entry.camera,
-        witness=_witness(stack, entry.evidence, workspace) if entry.evidence is not None else None,
-    )
-
-
-def _client(stack: ExitStack, address: HttpRobotEntry | EvidencePath, workspace: Workspace) -> HttpRobot:
-    opened = HttpRobot(address.address, token_of(address, workspace.folder), timeout_s=CONNECT_S)
-    stack.callback(opened.close)
-    return opened
-
-
-def _witness(
-    stack: ExitStack, path: EvidencePath, workspace: Workspace
-) -> Callable[[ports.Robot, ports.Clock], ports.Robot]:
-    """What gives the evidence of a robot apart from who executes: another program, or the robot's own topics."""
-    transport, topics = path.kind, path.topics
-    if transport == "http" or topics is None:
-        return lambda robot, clock: _client(stack, path, workspace)
-    named = {role: name for role in ROLES if (name := getattr(topics, role)) is not None}
-    frames = TopicFrames(
-        frame=workspace.site.frame,
-        map_version=workspace.site.map_version,
-        base_frame=path.base_frame,
-        laser=path.laser,
-    )
-
-    def opened(robot: ports.Robot, clock: ports.Clock) -> ports.Robot:
-        return stack.enter_context(
-            topic_witness(
-                robot,
-                transport=transport,
-                address=path.address,
-                token=token_of(path, workspace.folder),
-                topics=named,
-                frames=frames,
-                now_s=lambda: clock.now().mission_s,
-            )
-        )
-
-    return opened
-
-
-def _addressed_vehicle(
-    stack: ExitStack, entry: VehicleEntry, workspace: Workspace, folder: DataFolder, *, refusal: Refusal
-) -> AddressedRobot:
-    vehicle = stack.enter_context(met_vehicle(entry, workspace, folder.root))
-    clock = RobotClock(vehicle.now_s, REAL_TIME)
-    return AddressedRobot(
-        vehicle,
-        name=entry.name,
-        refusal=refusal,
-        clock=clock,
-        witness=_witness(stack, entry.evidence, workspace)(vehicle, clock) if entry.evidence is not None else None,
-        speed_limit_mps=entry.speed_limit_mps,
-        camera=entry.camera,
-    )
-
-
-def met_vehicle(entry: VehicleEntry, workspace: Workspace, data: Path) -> AbstractContextManager[VehicleRobot]:
-    """A vehicle of a site by its broker; what it is asked is remembered in the data folder. Raises as
-    `connected_vehicle` does."""
-    settings, broker = vehicle_settings(entry, workspace), broker_access(entry, workspace)
-    return connected_vehicle(settings, broker, journal=data / "vehicles" / f"{entry.name}.jsonl")
-
-
-def vehicle_settings(entry: VehicleEntry, workspace: Workspace) -> VehicleSettings:
-    """Which vehicle an entry means, on the site's map."""
-    return VehicleSettings(
-        name=entry.name,
-        interface=entry.interface,
-        manufacturer=entry.manufacturer,
-        serial_number=entry.serial_number,
-        version=entry.version,
-        frame=workspace.site.frame,
-        map_version=workspace.site.map_version,
-        map_id=entry.map_id,
-        base_m=entry.base_m,
-        velocity_measured=entry.velocity == "measured",
-        speed_limit_mps=entry.speed_limit_mps,
-    )
-
-
-def broker_access(entry: VehicleEntry, workspace: Workspace) -> BrokerAccess:
-    """Where a vehicle's broker is, and who asks. Raises ContractInvalid for a password that is not there."""
-    return BrokerAccess(
-        address=entry.address,
-        user=entry.user,
-        password=password_of(entry, workspace.folder),
-        authority_file=str(workspace.folder / entry.authority_file) if entry.authority_file else "",
-    )
-
-
-def _addressed_member(parts: Parts, entry: AddressedEntry, robot: AddressedRobot, folder: DataFolder) -> Member:
-    def configure(mission: Mission) -> None:
-        """A robot of its own world has nothing to configure."""
-
-    own = replace(parts, clock=robot.clock)
-    beside = local_services(own, camera=robot.status().camera, folder=folder.root, robot_id=entry.name)
-    return Member(
-        robot_id=RobotId(entry.name),
-        robot=robot,
-        clock=robot.clock,
-        local=beside.providers,
-        sources=beside.sources,
-        configure=configure,
-        camera=robot.live_camera,
-        hand=robot.hand if isinstance(entry, HttpRobotEntry) and entry.teleoperation else None,
-        origin=entry.identity,
-        evidence_origin=entry.evidence.address if entry.evidence else "",
-        embodiment=entry.embodiment or robot.embodiment,
-    )
 
 
 def _transcriber(workspace: Workspace) -> SphinxTranscriber:

@@ -17,9 +17,11 @@ from app.cli import output
 from app.cli.api import api_without_robots
 from app.cli.output import Json, data_of, settings, show, table
 from app.cli.owner_api import OwnerApi, owner_api
+from app.i18n.reasons import rendering as reasons
 from app.i18n.visible_text import visible_at_terminal
+from harness.addressed_robots import met_vehicle, observed_robot
 from harness.baseline.load import workspace_in
-from harness.bootstrap import met_vehicle, observed_robot, read_harness
+from harness.bootstrap import read_harness
 from harness.conformance.address import AddressedStands, addressed, by_broker
 from harness.conformance.declaration import ConformanceFile, read, shipped
 from harness.conformance.findings import ConformanceFinding, ConformanceResult
@@ -366,7 +368,7 @@ def _row(result: ConformanceResult) -> dict[str, Any]:
         "version": result.version,
         "capability": result.card.capability,
         "ok": result.ok,
-        "rows": msgspec.to_builtins(result.findings),
+        "rows": reasons.stating(result.findings),
     }
 
 
@@ -375,5 +377,5 @@ def _lines(results: list[ConformanceResult]) -> list[str]:
     for result in results:
         counts = ", ".join(f"{len(result.rows(word))} {word}" for word in ("met", "not met", "exempt"))
         lines += [f"{result.provider_id} {result.version} ({result.card.capability}): {counts}"]
-        lines += table([[f"  {one.row}", one.outcome, one.text] for one in result.findings])
+        lines += table([[f"  {one.row}", one.outcome, reasons.sentence(one.text)] for one in result.findings])
     return lines or ["Nothing was tried."]

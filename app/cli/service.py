@@ -87,14 +87,13 @@ def up(
     seen from its beginning. A folder that has missions already starts none by itself.
     """
     console = ConsoleSettings() if port is None else ConsoleSettings(port=port)
-    named = tuple(name.strip() for name in robots.split(",") if name.strip()) if robots else None
     chosen = output.settings(
         data_folder=output.data_of(data, site),
         site_folder=site,
         speed=speed,
         seed=seed,
         fidelity=fidelity,
-        robots=named,
+        robots=output.names(robots),
         no_robots=no_robots or None,
     )
     fleet_names = robot_names(chosen)

@@ -2,8 +2,7 @@
 
 from typing import Any
 
-from fastapi import APIRouter, Depends, Response
-from starlette.responses import JSONResponse
+from fastapi import Depends, Response
 
 from app.acts import robots as acts
 from app.acts.missions import LimitAutonomyAct, SetAutonomyAct
@@ -23,13 +22,7 @@ from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.protocol import DriveReport
 from harness.contracts.reasons import because
 
-router = APIRouter(
-    prefix="/api/v1",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=[*api_requests.CHECKED, Depends(commanded)],
-    tags=["robots"],
-)
+router = api_requests.router("robots", checks=(Depends(commanded),))
 
 
 @router.get("/robots", responses=api_requests.answers(schemas.RobotResource, many=True))

@@ -2,21 +2,12 @@
 
 from typing import Any
 
-from fastapi import APIRouter
-from starlette.responses import JSONResponse
-
 from app.console import ConsoleDep
 from app.routes import api_requests
 from app.routes.shadow import Only, robots
 from app.views.shadow import ShadowReport, shadow_report
 
-router = APIRouter(
-    prefix="/api/v1",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["robots"],
-)
+router = api_requests.router("robots")
 
 
 @router.get("/shadow", responses=api_requests.answers(ShadowReport, many=True))

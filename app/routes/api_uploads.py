@@ -3,9 +3,8 @@
 from typing import Annotated, Any
 
 import msgspec
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from starlette.concurrency import run_in_threadpool
-from starlette.responses import JSONResponse
 
 from app.acts.uploads import BeginUploadAct, ImportFloorAct, ImportUploadAct, ReplayUploadAct
 from app.auth.permissions import Principal
@@ -23,13 +22,7 @@ from harness.contracts.reasons import because
 from harness.map_clouds import stored_cloud, stored_floor
 
 PIECE = {"type": "string", "contentMediaType": "application/octet-stream"}
-router = APIRouter(
-    prefix="/api/v1",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["recordings"],
-)
+router = api_requests.router("recordings")
 
 
 @router.get("/uploads", responses=api_requests.answers(schemas.UploadResource, many=True))

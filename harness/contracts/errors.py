@@ -36,7 +36,7 @@ app's tables by that code. `str(error)` is for logs and exceptions: code and fac
 from harness.contracts.ids import Digest
 from harness.contracts.models import ModelUse
 from harness.contracts.readings import ReadingQuestion
-from harness.contracts.reasons import Explanation, Reason, plain, recorded
+from harness.contracts.reasons import Explanation, Reason, because, plain, recorded
 
 
 class HarnessError(Exception):
@@ -57,6 +57,11 @@ class HarnessError(Exception):
     def reason(self) -> Reason:
         """What happened, as events and refusals keep it."""
         return self.what if isinstance(self.what, Reason) else recorded(self.what)
+
+    @property
+    def located(self) -> Reason:
+        """What happened and where, as reports and findings keep it."""
+        return because("happened_at", reason=self.reason, where=self.where) if self.where else self.reason
 
 
 class ContractInvalid(HarnessError):

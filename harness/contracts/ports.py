@@ -1,4 +1,4 @@
-"""Ports: the interfaces through which the harness reaches the outside world. Adapters implement them."""
+"""The interfaces through which the harness reaches the outside world, and the values that cross them."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager

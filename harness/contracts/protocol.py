@@ -114,13 +114,14 @@ class Progress(Value):
     """Structured progress of a running invocation; metres and shares where they apply."""
 
     share: float
-    text: str = ""
+    text: Explanation = ""
     remaining_m: float | None = None
 
 
 class InvocationReport(Value):
     """What a provider says of an invocation now. `declared` is its own word for the result, by name.
 
+    `message` says the same to people: a reason by code, or text that is shown unchanged.
     `proposed_facts` come with the last report: what the provider believes to be true now. None is a proposal too.
     """
 
@@ -130,7 +131,7 @@ class InvocationReport(Value):
     at_s: float
     progress: Progress
     failure: str = ""
-    message: str = ""
+    message: Explanation = ""
     declared: dict[str, float] = msgspec.field(default_factory=dict)
     receipts: tuple[Receipt, ...] = ()
     samples: tuple[int, ...] = ()

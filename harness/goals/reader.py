@@ -16,7 +16,8 @@ from harness.contracts.models import ModelUse
 from harness.contracts.places import Site
 from harness.contracts.readings import Clause, ClauseObject, Reading, TextSpan, Unread
 from harness.contracts.reasons import because
-from harness.goals.grammar import LOOKING, ClauseDraft, clause_of, described, items, misplaced, parse
+from harness.goals.clause_drafts import LOOKING, ClauseDraft, clause_of, described, misplaced
+from harness.goals.grammar import items, parse
 from harness.goals.lexicon import meanings
 from harness.goals.names import known_object, object_of_route, site_names
 from harness.goals.subjects import with_subjects

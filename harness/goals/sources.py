@@ -143,8 +143,8 @@ class Reachable:
         named = [node for node in self.contract.nodes if node.node_id in named_nodes(condition.effect)]
         stages = [self.of_stage(one, node) for node in named for one in node.success_conditions]
         levels = [level for level in stages if level is not None]
-        told_before = condition.effect.predicate in SPEECH and bool(named)
-        if not told_before and set(sources) - {FACTS, SUPERVISOR, RECEIPTS}:
+        already_there = condition.effect.predicate in SPEECH and bool(named)
+        if not already_there and set(sources) - {FACTS, SUPERVISOR, RECEIPTS}:
             behind = stages_behind(condition.effect, self.contract.nodes)
             levels.append(1 if not behind or self.lacking(condition, behind) else HIGHEST)
         return min((*levels, *self._built_on(condition.effect, None)), default=HIGHEST)

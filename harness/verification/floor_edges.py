@@ -111,7 +111,8 @@ def floor_ends(picture: SweptPicture, camera: Camera, *, turn_rad: float) -> Flo
 def _edges(grey: Grey) -> Floats:
     """Change of brightness between each row and the next (rows - 1, columns), in times its column's mean."""
     change = np.abs(np.diff(grey.astype(np.float64), axis=0))
-    return np.minimum(change / (change.mean(axis=0, keepdims=True) + 1.0), STRONGEST)
+    relative: Floats = np.minimum(change / (change.mean(axis=0, keepdims=True) + 1.0), STRONGEST)
+    return relative
 
 
 def _fit(edges: Floats, ends: Floats) -> float:

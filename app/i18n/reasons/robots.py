@@ -31,7 +31,7 @@ SENTENCES: Mapping[str, str] = {
     "vehicle_on_other_map": N_("The request is in {map_id}, the vehicle on another map"),
     "vehicle_silent": N_("{vehicle} sends no state"),
     "vehicle_timestamp_invalid": N_("The vehicle's timestamp {timestamp} is no time"),
-    "vehicle_unfit": N_("The vehicle cannot drive now. {text}"),
+    "vehicle_unfit": N_("The vehicle cannot drive now. {reason}"),
     "another_robot_answers": N_("{found} answers at the address of {expected}"),
     "answer_breaks_protocol": N_("The robot's answer breaks the protocol ({error})"),
     "answer_nested_too_deep": N_("The robot's answer is nested too deep"),

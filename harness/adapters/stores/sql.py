@@ -71,7 +71,7 @@ class SqlEventStore(SqlLog):
             for last in _readable(connection, position + 1):
                 yield event_of(last)
                 position = last[0]
-            raise damaged(position + 1, f"it cannot be read ({error.orig})") from error
+            raise damaged(position + 1, because("event_row_unreadable", error=str(error.orig))) from error
 
     def _check_indexes(self, connection: Connection, _head: LogHead) -> None:
         with self._examined():
