@@ -104,7 +104,8 @@ def floor_ends(picture: SweptPicture, camera: Camera, *, turn_rad: float) -> Flo
         return np.full(columns, np.nan)
     every = np.arange(columns)
     apart = np.abs(known[None, :] - every[:, None]).min(axis=1)
-    return np.where(apart <= GAP_CELLS, np.interp(every, known, nearest[known]), np.nan)
+    ends: Floats = np.where(apart <= GAP_CELLS, np.interp(every, known, nearest[known]), np.nan)
+    return ends
 
 
 def _edges(grey: Grey) -> Floats:

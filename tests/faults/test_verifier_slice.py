@@ -189,6 +189,7 @@ def test_a_localiser_frozen_before_a_dispatch_in_motion_is_not_believed(drive: S
             Trajectory(
                 poses=tuple(one for one in samples.poses if (one.at_s >= from_s) == since),
                 odometry=tuple(one for one in samples.odometry if (one.at_s >= from_s) == since),
+                imu=tuple(one for one in samples.imu if (one.at_s >= from_s) == since),
             )
             for since in (False, True)
         ]
