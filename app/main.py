@@ -285,12 +285,12 @@ def _routes() -> tuple[BaseRoute, ...]:
     """Every address, for all applications of a process: FastAPI reads the signatures of the handlers for each
     application that includes their routers.
     """
-    shared = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    console = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     for page in PAGES:
-        shared.include_router(page.router, include_in_schema=False)
+        console.include_router(page.router, include_in_schema=False)
     for part in API:
-        shared.include_router(part.router)
-    return tuple(shared.router.routes)
+        console.include_router(part.router)
+    return tuple(console.router.routes)
 
 
 def _kept_in(folder: Path | None, settings: ConsoleSettings) -> dict[str, Any]:

@@ -110,10 +110,10 @@ def board_page(
     known = [one for one in reviews if one.manifest is not None]
     alike = [one for one in known if _like(one, params)]
     refusals = refused_rows(refused, params.words)
-    shown = {one.candidate: status_shown(one, jobs.get(one.candidate)) for one in reviews}
-    statuses = Counter({REFUSED: len(refusals)}) + Counter(shown[one.candidate] for one in alike)
-    wanted = _statuses(params.group, Counter(shown.values()))
-    rows = [one for one in alike if shown[one.candidate] in wanted]
+    status_of = {one.candidate: status_shown(one, jobs.get(one.candidate)) for one in reviews}
+    statuses = Counter({REFUSED: len(refusals)}) + Counter(status_of[one.candidate] for one in alike)
+    chosen = _statuses(params.group, Counter(status_of.values()))
+    rows = [one for one in alike if status_of[one.candidate] in chosen]
     part = rows[params.skip : params.skip + SHOWN]
     more = params.skip + SHOWN < len(rows)
     return BoardPage(
@@ -125,7 +125,7 @@ def board_page(
                 manifest=one.manifest,
                 note=progress.get(one.candidate) or note_of(one),
                 stale=stale(one, pointer),
-                status=shown[one.candidate],
+                status=status_of[one.candidate],
             )
             for one in part
             if one.manifest is not None

@@ -193,7 +193,6 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "review_status": candidates.status_shown,
     "place_name": places.place_name,
     "safe_place": places.safe_place,
-    "entry_at_s": review.entry_at_s,
     "shelved_until_s": alerts.shelved_until_s,
     "stated": memory.stated,
     "stop_steps": robots.stop_steps,

@@ -58,11 +58,6 @@ class Tally:
             mine.update(theirs)
         self.offences = sorted([*self.offences, *other.offences])[:EXAMPLES]
 
-    @property
-    def clean(self) -> bool:
-        """Whether no violation was found."""
-        return not self.offences
-
 
 def counted(tally: Tally, name: str) -> dict[str, float]:
     """Findings of a kind, and the upper 95 % bound of the share of missions that have one."""

@@ -241,6 +241,14 @@ def shown_packet(
     )
 
 
+def with_packet(inputs: CaseInputs, node: Node, packet: EvidencePacket) -> CaseInputs:
+    """The same case where an earlier stage was accepted on this packet."""
+    mission = inputs.view.mission
+    state = replace(mission.nodes[node.node_id], status="committed", packets=(packet,))
+    view = replace(inputs.view, mission=replace(mission, nodes=mission.nodes | {node.node_id: state}))
+    return CaseInputs(view=view, blobs=inputs.blobs, packet=inputs.packet, card=inputs.card)
+
+
 def shown_goal(
     effects: Sequence[AnyEffect],
     nodes: Sequence[Node],

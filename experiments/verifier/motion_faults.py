@@ -105,11 +105,6 @@ def slips(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     return _counted(track, chance.uniform(1.2, 2.0), window, chance)
 
 
-def lifted(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
-    """Odometry counts nothing for a while, as of a body that is carried, or of an encoder that is stuck."""
-    return _counted(track, 0.0, window, chance)
-
-
 def no_odometry(track: Trajectory, window: JudgedSpan, chance: Random) -> Trajectory:
     """Odometry is missing; IMU and localiser go on."""
     return replace(track, odometry=())

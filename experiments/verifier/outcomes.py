@@ -23,7 +23,7 @@ from experiments.verifier.cases import (
 from experiments.verifier.speech import BEGAN_S, BESIDE_S, NAMES, WHOLE, RoomRecording, recorded
 from harness.adapters.providers.speech.voice import CARD as VOICE
 from harness.contracts.effects import Symbolic
-from harness.contracts.evidence import EvidenceReference
+from harness.contracts.evidence import CommittedFact, EvidenceReference
 from harness.contracts.ids import Digest, NodeId, RequestId, sha256
 from harness.contracts.measurements import Recognition
 from harness.contracts.protocol import Receipt
@@ -101,8 +101,8 @@ def _recorded(chance: Random, kind: str) -> SpokenOutcome:
     }.get(kind, request)
     recording = recorded(chance, kind, request, spoken, over=f"Mission report. {contrary} {elsewhere}")
     places = tuple(name for name in (place, other) if name in statement)
-    said = spoken == request and recording.share >= WHOLE
-    return SpokenOutcome(statement, places, said, kind, recording)
+    as_asked = spoken == request and recording.share >= WHOLE
+    return SpokenOutcome(statement, places, as_asked, kind, recording)
 
 
 def _case(name: str, one: SpokenOutcome, chance: Random, *, of_goal: bool) -> VerifierCase:
@@ -114,7 +114,7 @@ def _case(name: str, one: SpokenOutcome, chance: Random, *, of_goal: bool) -> Ve
     blobs = dict(recording.blobs)
     evidence = _altered(name, recording.evidence, blobs)
     early = name == "heard before the stage"
-    facts = (
+    facts: tuple[CommittedFact, ...] = (
         () if name == "stage not accepted" else (fact("arrival", "go", {}, at_s=BEGAN_S + (5.0 if early else -5.0)),)
     )
     effect = _effect(name, one)

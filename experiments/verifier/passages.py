@@ -14,27 +14,45 @@ import cv2
 import numpy as np
 from msgspec.structs import replace
 
-from experiments.verifier.cases import VerifierCase, condition_id_of, fact, identity_of, packet_of, shown_packet, stage
+from experiments.verifier.cases import (
+    VerifierCase,
+    condition_id_of,
+    fact,
+    identity_of,
+    packet_of,
+    shown_packet,
+    stage,
+    with_packet,
+)
 from experiments.verifier.executions import SimulatedExecution, executed
+from harness.adapters.pictures import looked_at
 from harness.adapters.providers.lidar import PassageSweep
 from harness.adapters.providers.models.analysis import CARD as ANALYST
 from harness.adapters.providers.models.passage import FloorObject, OrientedFrame, Report, analyse
 from harness.contracts.effects import Relational
-from harness.contracts.evidence import CommittedFact, EvidenceReference
-from harness.contracts.ids import Digest, sha256
-from harness.contracts.measurements import LidarLook, Measurement
+from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
+from harness.contracts.ids import Digest, NodeId, sha256
+from harness.contracts.measurements import (
+    EXAMINATION,
+    LOOK_PX,
+    LidarLook,
+    Measurement,
+    PictureExamination,
+    PictureLook,
+)
 from harness.contracts.observations import Pose
 from harness.contracts.protocol import Receipt
 from harness.contracts.values import Point, encode
 from simulator.bodies import LIDAR_REACH_M
-from simulator.camera import CAMERA
+from simulator.camera import CAMERA, render
 from simulator.cards import OBSERVER
 from simulator.floor_plan import FloorPlan
-from simulator.picture_cache import photograph_nearby
+from simulator.picture_cache import COARSE, photograph_nearby
 from simulator.site import BLUE, CARDBOARD, PASSAGE_M, TROLLEY, storage_site
 from simulator.solids import SiteModel, Solid
 
 STANDS = (11.0, 8.557)
+PANORAMA = NodeId("panorama")
 AHEAD_RAD = (math.pi / 4, math.pi / 2, 3 * math.pi / 4)
 AGREES, DISAGREES = 0.10, 0.18
 LEAST_M = 0.07
@@ -50,6 +68,7 @@ class PassageScene:
     things: tuple[Solid, ...]
     look: SimulatedExecution
     frames: tuple[Digest, ...]
+    looks: tuple[PictureLook, ...]
     headings: tuple[float, ...]
     report: Report
     rendered: bool
@@ -123,6 +142,7 @@ def passages(chance: Random, count: int, pool: Sequence[PassageScene]) -> Iterat
             receipts=() if name == "report missing" else (receipt,),
         )
         inputs = shown_packet(node, packet, ANALYST, blobs, facts=(_panorama(scene, look, name),))
+        inputs = with_packet(inputs, stage(node_id=PANORAMA), _photographed(scene, blobs))
         truth = _true(answer, scene)
         yield VerifierCase(
             "passage_checked", name, truth, inputs, condition_id_of(effect), epistemic=name in (BOTH, BIASED)
@@ -195,6 +215,7 @@ def _scene(chance: Random, seed: int, *, rendered: bool) -> PassageScene:
     if rendered:
         bodies = [photograph_nearby(model, (x, y, heading), key="") for heading in AHEAD_RAD]
         frames = tuple(map(sha256, bodies))
+        looks = tuple(looked_at(digest, body) for digest, body in zip(frames, bodies, strict=True))
         pictures = [
             OrientedFrame(digest=digest, heading_rad=heading, pixels=_pixels(body))
             for digest, heading, body in zip(frames, AHEAD_RAD, bodies, strict=True)
@@ -202,8 +223,16 @@ def _scene(chance: Random, seed: int, *, rendered: bool) -> PassageScene:
         report = analyse(pictures, camera=CAMERA, position=position, passage=PASSAGE_M)
     else:
         frames = tuple(sha256(f"{seed} {index}".encode()) for index in range(len(AHEAD_RAD)))
+        looks = tuple(_glance(model, (x, y, turn), name) for turn, name in zip(AHEAD_RAD, frames, strict=True))
         report = _drawn(chance, things, frames, position, hidden=hidden)
-    return PassageScene(model, things, look, frames, AHEAD_RAD, report, rendered, hidden)
+    return PassageScene(model, things, look, frames, looks, AHEAD_RAD, report, rendered, hidden)
+
+
+def _glance(model: SiteModel, pose: tuple[float, float, float], name: Digest) -> PictureLook:
+    """What is compared of a picture that is not stored, of few rays."""
+    grey = cv2.cvtColor(render(model, pose, COARSE, grain=False), cv2.COLOR_RGB2GRAY)
+    small = cv2.resize(grey, LOOK_PX, interpolation=cv2.INTER_AREA)
+    return PictureLook(image=name, width_px=CAMERA.width_px, height_px=CAMERA.height_px, grey=small.tobytes())
 
 
 def _thing(chance: Random, index: int) -> Solid:
@@ -437,6 +466,22 @@ def _stale(scene: PassageScene, look: LidarLook, keep: Callable[[bytes], Digest]
     )
 
 
+def _photographed(scene: PassageScene, blobs: dict[Digest, bytes]) -> EvidencePacket:
+    """The packet of the accepted frames, whose bytes the harness examined when it recorded them."""
+    examination = encode(PictureExamination(looks=scene.looks, camera=CAMERA))
+    name = sha256(examination)
+    blobs[name] = examination
+    at_s = scene.look.from_s
+    images = tuple(
+        EvidenceReference(
+            kind="image", origin="sensor", source="camera", from_s=at_s, until_s=at_s, confidence=1.0, blob=frame,
+            values={EXAMINATION: name},
+        )
+        for frame in scene.frames
+    )  # fmt: skip
+    return packet_of(stage(node_id=PANORAMA), OBSERVER, from_s=at_s, until_s=at_s, after=images)
+
+
 def _panorama(scene: PassageScene, look: LidarLook, name: str) -> CommittedFact:
     poses = look.trajectory.poses
     position = [float(np.median([one.x_m for one in poses])), float(np.median([one.y_m for one in poses]))]
@@ -447,7 +492,7 @@ def _panorama(scene: PassageScene, look: LidarLook, name: str) -> CommittedFact:
         "position": position,
         "heading_rad": scene.headings[-1],
     }
-    return fact("panorama", "panorama", arguments)
+    return fact("panorama", PANORAMA, arguments)
 
 
 def _measured(look: SimulatedExecution) -> Point:

@@ -50,7 +50,7 @@ def unpack(request: bytes) -> bytes:
             for name, entry in _entries(opened):
                 left -= _written(opened, entry, Path(task.folder) / name, most_bytes=left)
                 names.append(name)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError) as error:
+    except (zipfile.BadZipFile, RuntimeError, EOFError, OSError) as error:
         raise ContractInvalid(because("zip_unreadable", error=str(error)[:200])) from error
     return encode(UnpackedFiles(names=tuple(names)))
 

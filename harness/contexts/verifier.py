@@ -250,13 +250,13 @@ def _pictures(view: StateView, node: Node) -> list[SelectionItem]:
     """The accepted frames that an analysis of a passage is about, as they were recorded. Rules before 7 show none."""
     if view.mission.rules < SWEPT:
         return []
-    shown = {
+    stages = {
         one.effect.object
         for one in node.success_conditions
         if one.effect.predicate == "passage_checked" and isinstance(one.effect, Relational)
     }
-    frames = {name for one in view.mission.facts if one.node_id in shown for name in one.arguments.get("frames", ())}
-    packets = [packet for name, state in view.mission.nodes.items() if name in shown for packet in state.packets]
+    frames = {name for one in view.mission.facts if one.node_id in stages for name in one.arguments.get("frames", ())}
+    packets = [packet for name, state in view.mission.nodes.items() if name in stages for packet in state.packets]
     images = {one.blob: one for packet in packets for one in packet.after if one.kind == "image" and one.blob in frames}
     if not images:
         return []

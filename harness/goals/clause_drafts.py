@@ -434,8 +434,8 @@ def _folds(before: ClauseDraft, draft: ClauseDraft, *, together: bool) -> bool:
     """Whether a clause without an object adds nothing to the one before; `together`: both stand in one part."""
     if draft.object is not None or draft.negated or before.negated:
         return False
-    shown = draft.act == "report" and (draft.finding or before.act == "describe")
-    observation = before.act in SHOWN and (shown or (draft.act == "inspect" and not together))
+    tells = draft.act == "report" and (draft.finding or before.act == "describe")
+    observation = before.act in SHOWN and (tells or (draft.act == "inspect" and not together))
     return observation or (together and before.act == draft.act)
 
 

@@ -188,8 +188,8 @@ class _Planning:
             if way is None:
                 return "no_template"
             self._parts.append(way)
-        told = [number for number, one in enumerate(self._parts) if one.clause.act == "report"]
-        parts = self._parts[told[-1] + 1 if told else 0 :]
+        reports = [number for number, one in enumerate(self._parts) if one.clause.act == "report"]
+        parts = self._parts[reports[-1] + 1 if reports else 0 :]
         parts = [one for one in parts if "report" not in (one.template.stages or {})]
         outcomes = tuple(_outcome(one.template, reporter) for one in parts)
         if not parts or not all(outcomes):

@@ -23,7 +23,7 @@ from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.planning.binding import bind_place
 from harness.planning.clauses import LOOKING, GoalPlan, Part, home_of, region_of, removable
 from harness.planning.compile import Argument, compile_contract, ground_m, outcome_in_words
-from harness.planning.outcomes import AchievedPart, told, with_outcomes
+from harness.planning.outcomes import AchievedPart, report_of, with_outcomes
 from harness.planning.recipients import of_channel, recipient, sent_to
 
 MISSION_BUDGET = 8
@@ -164,15 +164,15 @@ class _Composition:
             site=self._site,
             origin=self._at,
             stays=stays,
-            achieved=told(self._told(part)) if part.tells else "",
+            achieved=report_of(self._achieved(part)) if part.tells else "",
             rules=self._rules,
         )
         if part.tells:
-            contract = with_outcomes(contract, self._told(part))
+            contract = with_outcomes(contract, self._achieved(part))
         scope = f"{len(self._mission.parts) + 1}." if self._scoped else ""
         return Compiled(part=part, contract=contract, scope=scope, clause=clause_id(self._plan.number(part.clause)))
 
-    def _told(self, part: Part) -> list[AchievedPart]:
+    def _achieved(self, part: Part) -> list[AchievedPart]:
         """What the parts that a report tells of achieved, in order, with the stages that had to be accepted for it."""
         found = []
         for one, sentence in zip(part.tells, part.outcomes, strict=True):
@@ -181,8 +181,10 @@ class _Composition:
             stages = [
                 nodes[name] for node in compiled.contract.nodes if (name := compiled.named(node.node_id)) in nodes
             ]
-            shown = tuple(node.node_id for node in stages if node.node_id != REQUEST and not node.declared)
-            found.append(AchievedPart(outcome_in_words(sentence, compiled.contract), shown, _places(compiled.contract)))
+            accepted = tuple(node.node_id for node in stages if node.node_id != REQUEST and not node.declared)
+            found.append(
+                AchievedPart(outcome_in_words(sentence, compiled.contract), accepted, _places(compiled.contract))
+            )
         return found
 
     def _later(self, part: Part) -> set[NodeId]:

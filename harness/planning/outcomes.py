@@ -25,7 +25,7 @@ class AchievedPart:
     places: tuple[str, ...]
 
 
-def told(parts: Sequence[AchievedPart]) -> str:
+def report_of(parts: Sequence[AchievedPart]) -> str:
     """The sentences of the parts in their order; what was done several times is said once, with how often."""
     found = []
     for sentence, alike in groupby(part.sentence for part in parts):
@@ -36,7 +36,7 @@ def told(parts: Sequence[AchievedPart]) -> str:
 
 def with_outcomes(contract: TaskContract, parts: Sequence[AchievedPart]) -> TaskContract:
     """The contract of a report, whose conditions name the stages that it tells of, and the places in its words."""
-    text = told(parts)
+    text = report_of(parts)
     stages = dict.fromkeys(stage for part in parts for stage in part.stages)
     places = dict.fromkeys(name for part in parts for name in part.places if name in text)
     named = {f"stage_{number}": str(stage) for number, stage in enumerate(stages, start=1)}

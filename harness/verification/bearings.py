@@ -21,8 +21,9 @@ ALL_DENIED, ONE_DENIED = 0.85, 0.7
 """Pictures that fit the claimed headings by less than this share of the best other one were taken elsewhere: all of a
 round, turned alike, or one of them. Honest rounds had 1.4 to 3.4, rounds that were turned 0.3 to 0.5; honest pictures
 had 0.8 and more, those of the heading before 0.1 to 0.8."""
-SURE = 1.2
-"""Pictures that must be of their headings fit these so much better than if all were turned alike."""
+SURE, LIKELY = 1.2, 0.8
+"""Pictures that must be of their headings fit these so much better than if all were turned alike, and each at least so
+well as at any other turn; honest walks of a body with legs had 1.6 and 0.94 at worst."""
 LEAST = 4.0
 """Edges that are weaker, in times the mean change of a column, are chance: nothing is said on them."""
 
@@ -59,7 +60,7 @@ def sure(fit: PictureFit) -> bool:
 
 def likely(fit: PictureFit) -> bool:
     """Whether a picture that must be of its heading fits it about as well as any other."""
-    return fit.own >= ALL_DENIED * fit.other and fit.own > 0.0
+    return fit.own >= LIKELY * fit.other and fit.own > 0.0
 
 
 def _elsewhere(fit: PictureFit, share: float) -> bool:

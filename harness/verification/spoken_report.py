@@ -69,15 +69,15 @@ def why_not_recorded(found: Recognition, evidence: Evidence) -> Reason:
 
 def unnamed(found: Recognition) -> list[Reason]:
     """The unverified parts that the report had to name and was not heard to name, as unverified."""
-    matches, asked = longest_match(found.asked, found.heard), found.asked
-    starts = [index for index, word in enumerate(asked) if word == UNVERIFIED]
+    matches, words = longest_match(found.asked, found.heard), found.asked
+    starts = [index for index, word in enumerate(words) if word == UNVERIFIED]
     problems = []
-    for start, following in pairwise([*starts, len(asked) + 2]):
+    for start, following in pairwise([*starts, len(words) + 2]):
         end = following - 2
         part = range(start + 1, end)
         share = len(matches & set(part)) / max(1, len(part))
         if start not in matches or share < LEAST_PART_SHARE:
-            problems.append(because("unverified_part_not_heard", part=" ".join(asked[index] for index in part)))
+            problems.append(because("unverified_part_not_heard", part=" ".join(words[index] for index in part)))
     return problems
 
 

@@ -33,6 +33,7 @@ LATE = frozenset(
         "app.background.trace_export",
         "app.cli.local_api",
         "app.cli.output",
+        "app.web.dossier_export",
         "app.web.report_pdf",
         "apprise",
         "foxglove",

@@ -4,11 +4,12 @@ import base64
 import os
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Protocol
 
 import pytest
-from playwright.sync_api import Browser, ConsoleMessage, Page, Playwright, expect, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Error, Page, Playwright, expect, sync_playwright
 
 from tests.builders.timeouts import TIMEOUT_MS
 from tools import browser as chromium
@@ -157,11 +158,12 @@ def empty_viewer(page: Page) -> None:
     """
     session = page.context.new_cdp_session(page)
 
-    def answer(held: dict[str, Any]) -> None:
+    def answer(pause: dict[str, Any]) -> None:
         body = base64.b64encode(NO_VIEWER.encode()).decode()
         kind = [{"name": "Content-Type", "value": "text/html"}]
-        given = {"requestId": held["requestId"], "responseCode": 200, "responseHeaders": kind, "body": body}
-        session.send("Fetch.fulfillRequest", given)
+        whole = {"requestId": pause["requestId"], "responseCode": 200, "responseHeaders": kind, "body": body}
+        with suppress(Error):  # the page was left meanwhile
+            session.send("Fetch.fulfillRequest", whole)
 
     session.on("Fetch.requestPaused", answer)
     session.send("Fetch.enable", {"patterns": [{"urlPattern": "*/scene/*/"}]})

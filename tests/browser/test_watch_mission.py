@@ -124,6 +124,7 @@ def test_a_mission_is_watched_to_its_report_without_a_reload(
     page.goto(console_url)
     page.wait_for_url(re.compile(r"/$"))
     open_mission(page)
+    page.locator(".scene").scroll_into_view_if_needed()
     scene = page.frame_locator(".scene iframe").locator("body")
     for body in (page.locator("body"), scene):
         body.evaluate("body => { body.dataset.unreloaded = 'yes' }")
@@ -138,11 +139,12 @@ def test_a_mission_is_watched_to_its_report_without_a_reload(
     for body in (page.locator("body"), scene):
         assert body.get_attribute("data-unreloaded") == "yes"
     take_picture(page, "mission-succeeded")
-    drawn = open_page(viewer=True)
-    drawn.context.add_cookies(page.context.cookies())
-    drawn.goto(page.url)
-    expect(drawn.frame_locator(".scene iframe").locator("canvas").first).to_be_visible()
-    drawn.context.close()
+    other = open_page(viewer=True)
+    other.context.add_cookies(page.context.cookies())
+    other.goto(page.url)
+    other.locator(".scene").scroll_into_view_if_needed()
+    expect(other.frame_locator(".scene iframe").locator("canvas").first).to_be_visible()
+    other.context.close()
     page.goto(page.url.split("?")[0].split("#")[0] + "?node=panorama")
     expect(page.locator("#evidence img")).to_have_count(8)
     expect(page.locator("#evidence figcaption .verdict[data-verdict=satisfied]")).to_have_count(8)

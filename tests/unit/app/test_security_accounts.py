@@ -70,27 +70,27 @@ class Verifying(PasswordHasher):
 
     def __init__(self) -> None:
         super().__init__(time_cost=2, memory_cost=64, parallelism=3)
-        self.hashed, self.compared = 0, list[str]()
+        self.hashes, self.mismatches = 0, list[str]()
 
     def hash(self, password: str | bytes, *, salt: bytes | None = None) -> str:
-        self.hashed += 1
+        self.hashes += 1
         return super().hash(password, salt=salt)
 
     def verify(self, hash: str | bytes, password: str | bytes) -> Literal[True]:
         try:
             return super().verify(hash, password)
         except VerifyMismatchError:
-            self.compared.append(str(hash))
+            self.mismatches.append(str(hash))
             raise
 
 
 def test_a_name_that_nobody_has_takes_as_much_work_as_a_wrong_password_and_opening_takes_none(watch: Watch) -> None:
     hasher = Verifying()
     accounts = Accounts(SqlAccounts(), clock=watch, fresh=numbered(), hasher=hasher)
-    assert hasher.hashed == 0
+    assert hasher.hashes == 0
     accounts.add("root", roles=["admin"], password=PASSWORD, by=ADMIN)
     assert guess(accounts) is None and guess(accounts, name="nobody") is None
-    real, nobodys = hasher.compared
+    real, nobodys = hasher.mismatches
     assert extract_parameters(nobodys) == extract_parameters(real)
     assert nobodys != real
 

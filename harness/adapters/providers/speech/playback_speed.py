@@ -29,11 +29,11 @@ def speed_of(recording: bytes, played: bytes) -> float | None:
 
     Loudness over time in a few bands is compared, so that filters and codecs change little.
     """
-    heard, reference = _features(recording), _features(played)
-    if heard is None or reference is None:
+    recorded, reference = _features(recording), _features(played)
+    if recorded is None or reference is None:
         return None
-    coarse = _best(heard, reference, np.arange(1 - FURTHEST, 1 + FURTHEST, STEP))
-    speed, likeness = _best(heard, reference, coarse[0] + np.arange(-STEP, STEP, STEP / 10))
+    coarse = _best(recorded, reference, np.arange(1 - FURTHEST, 1 + FURTHEST, STEP))
+    speed, likeness = _best(recorded, reference, coarse[0] + np.arange(-STEP, STEP, STEP / 10))
     return speed if likeness >= LEAST_LIKENESS else None
 
 
@@ -58,9 +58,9 @@ def _features(sound: bytes) -> Features | None:
     return np.asarray(loudness - loudness.mean(axis=1, keepdims=True))
 
 
-def _best(heard: Features, reference: Features, speeds: NDArray[np.float64]) -> tuple[float, float]:
+def _best(recorded: Features, reference: Features, speeds: NDArray[np.float64]) -> tuple[float, float]:
     """The speed that makes the two most alike, and how much, 0 to 1."""
-    found = [(_likeness(heard, _played_at(reference, speed)), float(speed)) for speed in speeds]
+    found = [(_likeness(recorded, _played_at(reference, speed)), float(speed)) for speed in speeds]
     likeness, speed = max(found)
     return speed, likeness
 
@@ -71,16 +71,16 @@ def _played_at(reference: Features, speed: float) -> Features:
     return np.stack([np.interp(times, np.arange(reference.shape[1]), band) for band in reference])
 
 
-def _likeness(heard: Features, reference: Features) -> float:
+def _likeness(recorded: Features, reference: Features) -> float:
     """The correlation of both at the shift where they are most alike, over the reference's length."""
-    size = scipy.fft.next_fast_len(heard.shape[1] + reference.shape[1], real=True)
-    product = scipy.fft.rfft(heard, size) * np.conj(scipy.fft.rfft(reference, size))
-    shared = scipy.fft.irfft(product, size).sum(axis=0)
-    energy = np.square(heard).sum(axis=0)
+    size = scipy.fft.next_fast_len(recorded.shape[1] + reference.shape[1], real=True)
+    product = scipy.fft.rfft(recorded, size) * np.conj(scipy.fft.rfft(reference, size))
+    products = scipy.fft.irfft(product, size).sum(axis=0)
+    energy = np.square(recorded).sum(axis=0)
     along = np.concatenate([np.zeros(1), np.cumsum(energy)])
-    starts = np.arange(-reference.shape[1] + 1, heard.shape[1])
-    first, last = np.clip(starts, 0, None), np.clip(starts + reference.shape[1], None, heard.shape[1])
+    starts = np.arange(-reference.shape[1] + 1, recorded.shape[1])
+    first, last = np.clip(starts, 0, None), np.clip(starts + reference.shape[1], None, recorded.shape[1])
     local = np.sqrt(np.maximum(along[last] - along[first], 1e-9))
-    covered = (last - first) >= 0.8 * min(heard.shape[1], reference.shape[1])
-    value = shared[starts % size] / (local * np.linalg.norm(reference))
+    covered = (last - first) >= 0.8 * min(recorded.shape[1], reference.shape[1])
+    value = products[starts % size] / (local * np.linalg.norm(reference))
     return float(np.where(covered, value, 0.0).max())
