@@ -10,6 +10,7 @@ from harness.contracts.errors import HarnessError
 from harness.contracts.observations import Odometry, Pose
 from harness.contracts.ports import ObservedRobot
 from harness.contracts.protocol import MOST_CHANGES, StackGoals
+from harness.contracts.reasons import because
 
 AHEAD_S = 5.0
 MOST_PAGES = 20
@@ -26,13 +27,16 @@ def _finding(row: str, title: str, tried: Row, robot: ObservedRobot, name: str) 
     try:
         seen = tried(robot, name)
     except HarnessError as error:
-        seen = RuleObservation(met=False, text=str(error))
+        seen = RuleObservation(met=False, text=because("kit_failed", code=error.code, reason=error.located))
     return ConformanceFinding(row=row, title=title, outcome="met" if seen.met else "not met", text=seen.text)
 
 
 def _identity(robot: ObservedRobot, name: str) -> RuleObservation:
     found = robot.status().robot_id
-    return judged(f"it says {found}", unless(found == name, f"it says {found}, and not {name}"))
+    return judged(
+        because("stack_says", robot_id=found),
+        unless(found == name, because("stack_says_other", robot_id=found, expected=name)),
+    )
 
 
 def _evidence(robot: ObservedRobot, name: str) -> RuleObservation:
@@ -44,9 +48,9 @@ def _evidence(robot: ObservedRobot, name: str) -> RuleObservation:
         if len(batch.samples) < BATCH:
             break
     return judged(
-        "poses and odometry",
-        unless(Pose in kinds, "no pose, so that no arrival can be shown"),
-        unless(Odometry in kinds, "no odometry, so that every verdict lacks a second source"),
+        because("stack_evidence"),
+        unless(Pose in kinds, because("stack_without_pose")),
+        unless(Odometry in kinds, because("stack_without_odometry")),
     )
 
 
@@ -54,9 +58,9 @@ def _order(robot: ObservedRobot, name: str) -> RuleObservation:
     goals = _whole(robot)
     numbers = [one.seq for one in goals.changes]
     return judged(
-        f"{len(numbers)} changes of {goals.stack}, run {goals.run}",
-        unless(numbers == sorted(set(numbers)), "changes are not in order"),
-        unless(not numbers or goals.next_seq >= numbers[-1], "next_seq lies before the newest change"),
+        because("stack_changes", changes=len(numbers), stack=goals.stack, run=goals.run),
+        unless(numbers == sorted(set(numbers)), because("stack_out_of_order")),
+        unless(not numbers or goals.next_seq >= numbers[-1], because("stack_next_before_newest")),
     )
 
 
@@ -66,20 +70,24 @@ def _ends(robot: ObservedRobot, name: str) -> RuleObservation:
     for one in _whole(robot).changes:
         again |= {one.goal_id} & over
         over |= {one.goal_id} if one.ended else set()
-    return judged(f"{len(over)} goals are over", unless(not again, f"over, and then something else: {sorted(again)}"))
+    return judged(
+        because("stack_goals_over", goals=len(over)),
+        unless(not again, because("stack_goals_again", goals=tuple(sorted(again)))),
+    )
 
 
 def _repeats(robot: ObservedRobot, name: str) -> RuleObservation:
     first, second = _whole(robot), _whole(robot)
     same = first.run == second.run and second.changes[: len(first.changes)] == first.changes
-    return judged("the same changes when asked again", unless(same, "other changes when asked again"))
+    return judged(because("stack_same_again"), unless(same, because("stack_other_again")))
 
 
 def _targets(robot: ObservedRobot, name: str) -> RuleObservation:
     changes = _whole(robot).changes
     bare = {one.goal_id for one in changes} - {one.goal_id for one in changes if one.target_m and one.frame}
     return judged(
-        "every goal has a target and its frame", unless(not bare, f"without a target or its frame: {sorted(bare)[:5]}")
+        because("stack_targets"),
+        unless(not bare, because("stack_without_target", goals=tuple(sorted(bare)[:5]))),
     )
 
 
@@ -87,9 +95,9 @@ def _clock(robot: ObservedRobot, name: str) -> RuleObservation:
     goals, now_s = _whole(robot), robot.status().at_s
     late = [one.goal_id for one in goals.changes if one.at_s > goals.at_s + AHEAD_S]
     return judged(
-        "one clock for condition, samples and goals",
-        unless(abs(goals.at_s - now_s) <= AHEAD_S, f"goals are at {goals.at_s:.1f}, the robot at {now_s:.1f}"),
-        unless(not late, f"declared ahead of the clock: {late[:5]}"),
+        because("stack_one_clock"),
+        unless(abs(goals.at_s - now_s) <= AHEAD_S, because("stack_clocks", goals_s=goals.at_s, robot_s=now_s)),
+        unless(not late, because("stack_ahead", goals=tuple(late[:5]))),
     )
 
 
