@@ -28,7 +28,7 @@ from app.background.trajectories import Measurements
 from app.background.uploads import Uploads
 from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
-from app.views.evidence import Unsound, unsound
+from app.views.evidence import Unsound, checked
 from app.views.shell import Shell, Surroundings, shell
 from app.web.security import actor_of
 from harness.contracts.actors import Actor
@@ -38,7 +38,7 @@ from harness.contracts.contexts import Context
 from harness.contracts.control import CONTROL, Posture
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.declared_successes import BagAudit
-from harness.contracts.errors import BlobDamaged, OnlyObserved, UnknownName
+from harness.contracts.errors import OnlyObserved, UnknownName
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
 from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId, RobotId
 from harness.contracts.ports import LogHead
@@ -65,14 +65,14 @@ T = TypeVar("T")
 SPENT_KEYS = 1024
 
 
-class Watched(Protocol):
+class ShadowPort(Protocol):
     """A robot that is only observed; see harness/supervisor/shadow_watch.py."""
 
     @property
     def condition(self) -> StackCondition: ...
 
 
-Shadows = Mapping[RobotId, Watched]
+Shadows = Mapping[RobotId, ShadowPort]
 """The robots in shadow mode that this process watches."""
 
 
@@ -239,11 +239,7 @@ class Console:
 
     def check(self, digest: Digest) -> Unsound | None:
         """None if a blob's bytes match its digest at this moment, else why not."""
-        try:
-            self.runtime.blob(digest)
-        except BlobDamaged as error:
-            return unsound(error)
-        return None
+        return checked(self.runtime.blob, digest)
 
     def context(self, digest: Digest) -> Context | None:
         return self._record(digest, Context)

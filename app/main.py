@@ -6,7 +6,7 @@ import socket
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import FrameType, MappingProxyType
 from typing import Any
@@ -14,6 +14,7 @@ from typing import Any
 import uvicorn
 from argon2 import PasswordHasher
 from fastapi import FastAPI
+from starlette.routing import BaseRoute
 
 from app.auth.accounts import Accounts
 from app.auth.exposure import check_exposure
@@ -114,10 +115,59 @@ from harness.adapters.stores.audit_results import stored_audits
 from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId, ProviderId, RobotId
 from harness.contracts.reasons import Reason, because
-from harness.dossiers import export_dossier
 from harness.runtime import AnswerHandoff, FreeResource, HaltRobot, Runtime, unhalted, unobserved, unsupervised
 
 GRACE_S = 3
+PAGES = (
+    overview,
+    robots,
+    driving,
+    scene,
+    missions,
+    queue,
+    recordings,
+    report,
+    exploration,
+    fleet_page,
+    shadow,
+    watch,
+    places,
+    providers,
+    memory,
+    handoffs,
+    alerts,
+    evidence,
+    candidate_editor,
+    candidate_comparison,
+    candidate_evaluation,
+    candidates,
+    releases,
+    evaluation,
+    sign_in,
+    account,
+    audit,
+    live,
+    metrics,
+)
+API = (
+    api,
+    api_handoffs,
+    api_leases,
+    api_alerts,
+    api_maps,
+    api_admissions,
+    api_goal_proposals,
+    api_places,
+    api_reading,
+    api_releases,
+    api_robots,
+    api_people,
+    api_events,
+    api_evidence,
+    api_shadow,
+    api_speech,
+    api_uploads,
+)
 
 
 def create_app(
@@ -219,58 +269,7 @@ def create_app(
         **_kept_in(folder, settings),
     )
     app.mount("/static", StampedFiles(directory=settings.static), name="static")
-    for room in (
-        overview,
-        robots,
-        driving,
-        scene,
-        missions,
-        queue,
-        recordings,
-        report,
-        exploration,
-        fleet_page,
-        shadow,
-        watch,
-        places,
-        providers,
-        memory,
-        handoffs,
-        alerts,
-        evidence,
-        candidate_editor,
-        candidate_comparison,
-        candidate_evaluation,
-        candidates,
-        releases,
-        evaluation,
-        sign_in,
-        account,
-        audit,
-        live,
-        metrics,
-    ):
-        app.include_router(room.router, include_in_schema=False)
-    for room in (
-        api,
-        api_handoffs,
-        api_leases,
-        api_alerts,
-        api_maps,
-        api_admissions,
-        api_goal_proposals,
-        api_places,
-        api_reading,
-        api_releases,
-        api_robots,
-        api_people,
-        api_events,
-        api_evidence,
-        api_shadow,
-        api_speech,
-        api_uploads,
-    ):
-        app.include_router(room.router)
+    app.router.routes.extend(_routes())
     openapi.install(app)
     errors.install(app)
     app.add_middleware(ResponseCache, changes=lambda: broker.changes, clock=time.monotonic)
@@ -279,6 +278,19 @@ def create_app(
     app.add_middleware(SecurityMiddleware, sessions=sessions, policy=_policy(settings))
     app.add_middleware(Languages, secure=settings.secure)
     return app
+
+
+@cache
+def _routes() -> tuple[BaseRoute, ...]:
+    """Every address, for all applications of a process: FastAPI reads the signatures of the handlers for each
+    application that includes their routers.
+    """
+    console = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    for page in PAGES:
+        console.include_router(page.router, include_in_schema=False)
+    for part in API:
+        console.include_router(part.router)
+    return tuple(console.router.routes)
 
 
 def _kept_in(folder: Path | None, settings: ConsoleSettings) -> dict[str, Any]:
@@ -299,7 +311,9 @@ def _dossiers(runtime: Runtime, folder: Path | None) -> Dossier | None:
         return None
 
     def export(mission_id: MissionId, file: Path, by: str) -> object:
-        return export_dossier(runtime, mission_id, file, data=folder, exported_by=by)
+        from app.web.dossier_export import export_with_report  # noqa: PLC0415  loads the PDF library, as the report does
+
+        return export_with_report(runtime, mission_id, file, data=folder, exported_by=by)
 
     return export
 

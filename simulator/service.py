@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import msgspec
-from fastapi import FastAPI
+from starlette.applications import Starlette
 
 from harness.contracts.errors import ProviderFailed, ProviderUnreachable
 from harness.contracts.measurements import Sound
@@ -237,7 +237,7 @@ def _seconds(names: Names, name: str) -> float:
     return seconds
 
 
-def robot_service(pace: Pace, token: str) -> FastAPI:
+def robot_service(pace: Pace, token: str) -> Starlette:
     """The whole service of one simulated robot."""
     operations = (
         *provider_operations(pace.robot),

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
-from pydantic import Field, StringConstraints, field_validator
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator
 
 from app.acts import base
 from app.i18n.catalogues import N_
@@ -15,8 +15,10 @@ RoleOfTopic = Annotated[str, StringConstraints(min_length=3, max_length=300, pat
 FileName = Annotated[str, StringConstraints(min_length=1, max_length=300)]
 
 
-class UploadPartAct(base.ActModel):
+class AnnouncedFile(BaseModel):
     """One of several files that belong together."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: FileName
     size_bytes: base.Count
@@ -30,7 +32,7 @@ class BeginUploadAct(base.ActModel):
 
     name: FileName
     size_bytes: base.Count
-    parts: Annotated[tuple[UploadPartAct, ...], Field(max_length=200)] = ()
+    parts: Annotated[tuple[AnnouncedFile, ...], Field(max_length=200)] = ()
 
 
 class ReplayUploadAct(base.ActModel):

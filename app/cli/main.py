@@ -53,7 +53,7 @@ COMMANDS = {
     "incident": "incidents:incident",
     "shadow": "shadow:shadow",
     "audit bags": "bag_audits:bags",
-    "mission dossier": "dossiers:dossier",
+    "mission dossier": "dossier_export:dossier",
     "rsi case": "rsi_cases:case",
     "rsi evaluate": "rsi_evaluate:evaluate",
     "rsi cancel-evaluation": "rsi_evaluate:cancel",

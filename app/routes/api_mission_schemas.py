@@ -315,6 +315,7 @@ class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
     clauses: tuple[ClauseOutcome, ...]
     template: str
     status: str
+    disputed: tuple[str, ...]
     goal_verdict: str | None
     goal_conditions: tuple[GoalCondition, ...]
     declared_conditions: tuple[DeclaredCondition, ...]

@@ -63,7 +63,7 @@ def stopping_all(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
 
 @router.post("/stop")
 def stop_all(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, typed: FormDep) -> Response:
-    act = StopRobotsAct.from_form(typed | {"reason": typed.get("quick") or typed.get("reason", "")})
+    act = StopRobotsAct.from_form(typed)
     if isinstance(act, tuple):
         wrong = tuple(one.text for one in act)
         return render("robots/stop.html", _stop_page(console, actor, errors=wrong), status=422)
@@ -91,7 +91,7 @@ def stop(
 def explain(
     console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
 ) -> Response:
-    act = ExplainStopAct.from_form(typed | {"reason": typed.get("quick") or typed.get("reason", "")})
+    act = ExplainStopAct.from_form(typed)
     if isinstance(act, tuple):
         return _one(console, actor, robot_id, errors=[one.text for one in act], status=422)
     robot_acts.explained(console, principal, robot_id, act)

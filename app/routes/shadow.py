@@ -35,11 +35,11 @@ def robots(console: Console, only: str = "") -> tuple[ShadowRobot, ...]:
 
 
 def _robot(console: Console, robot_id: RobotId, only: str) -> ShadowRobot:
-    watched = console.shadows.get(robot_id)
+    port = console.shadows.get(robot_id)
     return shadow_robot(
         robot_id,
         console.runtime.fold(shadow_stream(robot_id)),
-        watched.condition if watched is not None else None,
+        port.condition if port is not None else None,
         now_s=console.clock(),
         only=only,
     )

@@ -97,7 +97,7 @@ class ShadowRow:
 
 @dataclass(frozen=True)
 class ShadowRobot:
-    """One robot in shadow mode. `watched`: this process reads it now; else only the log speaks."""
+    """One robot in shadow mode. `live`: this process reads it now; else only the log speaks."""
 
     robot_id: RobotId
     condition: StackCondition | None
@@ -106,7 +106,7 @@ class ShadowRobot:
     age_s: float | None
 
     @property
-    def watched(self) -> bool:
+    def live(self) -> bool:
         return self.condition is not None
 
     @property
@@ -192,7 +192,7 @@ class ShadowReport(Value):
 def shadow_report(robot: ShadowRobot) -> ShadowReport:
     return ShadowReport(
         robot_id=robot.robot_id,
-        watched=robot.watched,
+        watched=robot.live,
         stack=robot.stack,
         age_s=robot.age_s,
         counts=robot.counts,

@@ -190,6 +190,7 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "put_away": alerts.put_away,
     "question": handoffs.question,
     "review_tone": candidates.tone,
+    "review_status": candidates.status_shown,
     "place_name": places.place_name,
     "safe_place": places.safe_place,
     "entry_at_s": review.entry_at_s,

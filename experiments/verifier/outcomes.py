@@ -23,6 +23,7 @@ from experiments.verifier.cases import (
 from experiments.verifier.speech import BEGAN_S, BESIDE_S, NAMES, WHOLE, RoomRecording, recorded
 from harness.adapters.providers.speech.voice import CARD as VOICE
 from harness.contracts.effects import Symbolic
+from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest, NodeId, RequestId, sha256
 from harness.contracts.measurements import Recognition
 from harness.contracts.protocol import Receipt
@@ -105,55 +106,26 @@ def _recorded(chance: Random, kind: str) -> SpokenOutcome:
 
 
 def _case(name: str, one: SpokenOutcome, chance: Random, *, of_goal: bool) -> VerifierCase:
-    recording, statement = one.recording, one.statement
-    truth: bool | None = one.said
-    if one.kind in ("noise in the room", "another voice over it") and one.said:
-        truth = None
-    blobs, evidence = dict(recording.blobs), recording.evidence
-    early = name == "heard before the stage"
-    achieved = fact("arrival", "go", {}, at_s=BEGAN_S + (5.0 if early else -5.0))
-    facts = () if name == "stage not accepted" else (achieved,)
-    if name == "another outcome asked":
-        statement = f"{statement} I walked around the moon."
-    match name:
-        case "recording lost":
-            blobs.pop(evidence[0].blob)
-        case "recording altered":
-            blobs[evidence[0].blob] += b"\x00\x00"
-        case "no recognition":
-            evidence = evidence[:1]
-        case "synthesised, not recorded":
-            evidence = evidence[1:]
-        case "recognition of another recording":
-            found = replace(decode(blobs[evidence[1].blob], Recognition), sound=sha256(b"another"))
-            evidence = (evidence[0], replace(evidence[1], blob=_store(blobs, encode(found))))
-        case "recogniser gives out what was asked":
-            found = decode(blobs[evidence[1].blob], Recognition)
-            forged = encode(replace(found, heard=found.asked))
-            evidence = (evidence[0], replace(evidence[1], blob=_store(blobs, forged)))
-        case _:
-            pass
+    recording = one.recording
+    drowned = one.kind in ("noise in the room", "another voice over it")
+    truth: bool | None = None if drowned and one.said else one.said
     if name in ("heard before the stage", "packet of another request", "stage not accepted", "another outcome asked"):
         truth = False
-    named = {f"name_{number}": place for number, place in enumerate(one.places, start=1)}
-    effect = Symbolic(predicate="outcome_heard", arguments={"statement": statement, "stage_1": "go", **named})
-    receipt = Receipt(
-        receipt_id="playback-1",
-        kind="playback",
-        at_s=recording.until_s,
-        source="espeak-voice",
-        request_id=identity_of(VOICE, NodeId("report")).request_id,
-        blob=recording.wav,
+    blobs = dict(recording.blobs)
+    evidence = _altered(name, recording.evidence, blobs)
+    early = name == "heard before the stage"
+    facts = (
+        () if name == "stage not accepted" else (fact("arrival", "go", {}, at_s=BEGAN_S + (5.0 if early else -5.0)),)
     )
+    effect = _effect(name, one)
     node = stage(effect, node_id=NodeId("report"), mandatory=("receipts",))
-    packet = packet_of(node, VOICE, from_s=BEGAN_S, until_s=recording.until_s, after=evidence, receipts=(receipt,))
+    receipts = (_playback(recording),)
+    packet = packet_of(node, VOICE, from_s=BEGAN_S, until_s=recording.until_s, after=evidence, receipts=receipts)
     epistemic = name == FORGED
     if of_goal and len(evidence) == 2 and name != "packet of another request":
         goal = replace(effect, arguments={**effect.arguments, "report": "report"})
-        accepted = fact(
-            "outcome_heard", "report", {"sound": evidence[0].blob, "recognition": evidence[1].blob},
-            at_s=recording.until_s - BESIDE_S,
-        )  # fmt: skip
+        named = {"sound": evidence[0].blob, "recognition": evidence[1].blob}
+        accepted = fact("outcome_heard", "report", named, at_s=recording.until_s - BESIDE_S)
         facts = tuple(replace(done, at_s=recording.until_s + 5.0) if early else done for done in facts)
         nodes = (stage(goal, node_id=NodeId("go")), node)
         packets = {node.node_id: (packet, K + 1)}
@@ -163,6 +135,50 @@ def _case(name: str, one: SpokenOutcome, chance: Random, *, of_goal: bool) -> Ve
         packet = replace(packet, identity=replace(packet.identity, request_id=RequestId("another")))
     inputs = shown_packet(node, packet, VOICE, blobs, facts=facts)
     return VerifierCase("outcome_heard", name, truth, inputs, condition_id_of(effect, "report"), epistemic=epistemic)
+
+
+def _effect(name: str, one: SpokenOutcome) -> Symbolic:
+    more = " I walked around the moon." if name == "another outcome asked" else ""
+    named = {f"name_{number}": place for number, place in enumerate(one.places, start=1)}
+    arguments = {"statement": f"{one.statement}{more}", "stage_1": "go", **named}
+    return Symbolic(predicate="outcome_heard", arguments=arguments)
+
+
+def _playback(recording: RoomRecording) -> Receipt:
+    return Receipt(
+        receipt_id="playback-1",
+        kind="playback",
+        at_s=recording.until_s,
+        source="espeak-voice",
+        request_id=identity_of(VOICE, NodeId("report")).request_id,
+        blob=recording.wav,
+    )
+
+
+def _altered(
+    name: str, evidence: tuple[EvidenceReference, ...], blobs: dict[Digest, bytes]
+) -> tuple[EvidenceReference, ...]:
+    """The recording and its recognition after a fault of the evidence."""
+    sound, recognition = evidence
+    found = decode(blobs[recognition.blob], Recognition)
+    match name:
+        case "recording lost":
+            blobs.pop(sound.blob)
+        case "recording altered":
+            blobs[sound.blob] += b"\x00\x00"
+        case "no recognition":
+            return (sound,)
+        case "synthesised, not recorded":
+            return (recognition,)
+        case "recognition of another recording":
+            changed = encode(replace(found, sound=sha256(b"another")))
+            return sound, replace(recognition, blob=_store(blobs, changed))
+        case "recogniser gives out what was asked":
+            forged = encode(replace(found, heard=found.asked))
+            return sound, replace(recognition, blob=_store(blobs, forged))
+        case _:
+            pass
+    return evidence
 
 
 def _store(blobs: dict[Digest, bytes], body: bytes) -> Digest:

@@ -48,11 +48,11 @@ def fresh_name() -> MissionId:
 
 def protocol(simulator: Simulator) -> dict[str, Any]:
     """The OpenAPI document of what every robot behind HTTP serves."""
-    operations = (*provider_operations(_plain(simulator).robot), *stack_operations(_untold))
+    operations = (*provider_operations(_plain(simulator).robot), *stack_operations(_no_stack))
     return openapi(operations, "RegenHarness providers")
 
 
-def _untold(after: int, limit: int) -> StackGoals:
+def _no_stack(after: int, limit: int) -> StackGoals:
     """The simulated robots have no stack of their own that decides."""
     raise ProviderFailed(because("stack_not_served"))
 

@@ -113,13 +113,13 @@ def provider_operations(robot: Robot) -> tuple[Operation, ...]:
     )  # fmt: skip
 
 
-def stack_operations(told: Callable[[int, int], StackGoals]) -> tuple[Operation, ...]:
-    """The operation of a robot whose own stack decides, for a harness that only observes it (protocol 1.2). `told`:
-    changes after a sequence number, so many at most."""
+def stack_operations(changes: Callable[[int, int], StackGoals]) -> tuple[Operation, ...]:
+    """The operation of a robot whose own stack decides, for a harness that only observes it (protocol 1.2). `changes`:
+    those after a sequence number, so many at most."""
 
     def goals(names: Names, body: None) -> StackGoals:
         after, limit = _whole(names, "after", 0), _whole(names, "limit", MOST_CHANGES)
-        return told(after, min(limit, MOST_CHANGES))
+        return changes(after, min(limit, MOST_CHANGES))
 
     return (
         Operation(

@@ -5,8 +5,12 @@ from collections.abc import Awaitable, Callable
 from contextlib import AbstractContextManager
 
 import msgspec
-from fastapi import FastAPI, Request, Response
+from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
 
 from harness.contracts.errors import HarnessError
 from harness.contracts.reasons import Reason, because, plain
@@ -20,12 +24,11 @@ Endpoint = Callable[[Request], Awaitable[Response]]
 Turn = Callable[[], AbstractContextManager[object]]
 
 
-def provider_service(operations: tuple[Operation, ...], *, token: str, turn: Turn, title: str) -> FastAPI:
+def provider_service(operations: tuple[Operation, ...], *, token: str, turn: Turn, title: str) -> Starlette:
     """The HTTP service. Calls run inside `turn()`, so that one of them at a time sees the robot, save those apart.
 
     `/healthz` and `/openapi.json` need no token.
     """
-    app = FastAPI(title=title, openapi_url=None, docs_url=None, redoc_url=None)
     document = encode(openapi(operations, title))
 
     async def healthz(request: Request) -> Response:
@@ -34,12 +37,14 @@ def provider_service(operations: tuple[Operation, ...], *, token: str, turn: Tur
     async def description(request: Request) -> Response:
         return Response(document, media_type=JSON)
 
-    app.add_route("/healthz", healthz, methods=["GET"])
-    app.add_route("/openapi.json", description, methods=["GET"])
+    routes = [
+        Route("/healthz", healthz, methods=["GET"]),
+        Route("/openapi.json", description, methods=["GET"]),
+    ]
     for operation in operations:
         endpoint = _endpoint(operation, token=token, turn=turn)
-        app.add_route(operation.path, endpoint, methods=[operation.method])
-    return app
+        routes.append(Route(operation.path, endpoint, methods=[operation.method]))
+    return Starlette(routes=routes, exception_handlers={HTTPException: _unserved})
 
 
 def _endpoint(operation: Operation, *, token: str, turn: Turn) -> Endpoint:
@@ -70,6 +75,12 @@ def _endpoint(operation: Operation, *, token: str, turn: Turn) -> Endpoint:
         return Response(encode(answer), media_type=JSON)
 
     return endpoint
+
+
+async def _unserved(request: Request, error: Exception) -> Response:
+    """A path or method that the description does not have."""
+    assert isinstance(error, HTTPException)
+    return JSONResponse({"detail": error.detail}, error.status_code, error.headers)
 
 
 def _refused(status: int, code: str, reason: Reason, *, where: str) -> Response:

@@ -1,13 +1,15 @@
 """A Chromium for the console's pages, and a watch that fails a test on errors nobody expected."""
 
+import base64
 import os
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import pytest
-from playwright.sync_api import Browser, ConsoleMessage, Page, Playwright, expect, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Error, Page, Playwright, expect, sync_playwright
 
 from tests.builders.timeouts import TIMEOUT_MS
 from tools import browser as chromium
@@ -118,9 +120,9 @@ def open_page(request: pytest.FixtureRequest, console_watch: ConsoleWatch) -> It
             java_script_enabled=scripts,
         )
         contexts.append(context)
-        if not viewer:
-            context.route("**/scene/*/", lambda route: route.fulfill(content_type="text/html", body=NO_VIEWER))
         page = context.new_page()
+        if not viewer:
+            empty_viewer(page)
         page.set_default_timeout(TIMEOUT_MS)
         console_watch.follow(page)
         page.goto(url)
@@ -148,6 +150,23 @@ def take_picture() -> TakePicture:
             page.screenshot(path=ARTEFACTS / f"{name}.png", full_page=whole)
 
     return take
+
+
+def empty_viewer(page: Page) -> None:
+    """Put an empty page in the place of the 3D view. The browser holds its address alone: `page.route` would have it
+    hold every request, and keep nothing that it fetched before.
+    """
+    session = page.context.new_cdp_session(page)
+
+    def answer(pause: dict[str, Any]) -> None:
+        body = base64.b64encode(NO_VIEWER.encode()).decode()
+        kind = [{"name": "Content-Type", "value": "text/html"}]
+        whole = {"requestId": pause["requestId"], "responseCode": 200, "responseHeaders": kind, "body": body}
+        with suppress(Error):  # the page was left meanwhile
+            session.send("Fetch.fulfillRequest", whole)
+
+    session.on("Fetch.requestPaused", answer)
+    session.send("Fetch.enable", {"patterns": [{"urlPattern": "*/scene/*/"}]})
 
 
 def _launched(playwright: Playwright, flags: Sequence[str]) -> Iterator[Browser]:

@@ -19,7 +19,7 @@ def test_a_click_claims_as_a_person_and_its_page_renews_by_itself(
     with serving() as served:
         asked = served.asked
         asked.turn_to(asked.wall_s - LITTLE_S)
-        page = served.enter(open_page(viewer=True), f"/handoffs/{asked.handoff_id}")
+        page = served.enter(open_page(), f"/handoffs/{asked.handoff_id}")
         page.wait_for_selector("body[data-link=live]")
         with page.expect_request(claims) as clicked:
             page.locator("#claim").click()

@@ -14,7 +14,7 @@ from pydantic import SecretStr
 from app.main import bind
 from app.settings import ConsoleSettings
 from harness.contracts.ids import MissionId
-from tests.browser.conftest import NO_VIEWER, VIOLATIONS
+from tests.browser.conftest import VIOLATIONS, empty_viewer
 from tests.builders.consoles import Stand, console_stand
 from tests.builders.timeouts import TIMEOUT_MS, TIMEOUT_S
 from tests.integration.test_speaking import LASTS_S, paper_recording
@@ -46,11 +46,13 @@ def speaking(playwright: Playwright, tmp_path: Path) -> Iterator[Speaking]:
         server = uvicorn.Server(uvicorn.Config(stand.app, log_level="warning", timeout_graceful_shutdown=1))
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})
         thread.start()
-        browser = playwright.chromium.launch(executable_path=executable, headless=True, args=[*chromium.FLAGS, *flags])
+        browser = playwright.chromium.launch(
+            executable_path=executable, headless=True, args=[*chromium.FLAGS_2D, *flags]
+        )
         page = browser.new_page()
         page.set_default_timeout(TIMEOUT_MS)
         page.add_init_script(VIOLATIONS)
-        page.route("**/scene/*/", lambda route: route.fulfill(content_type="text/html", body=NO_VIEWER))
+        empty_viewer(page)
         page.goto(f"http://127.0.0.1:{port}{stand.app.state.sessions.invite()}")
         page.wait_for_url(re.compile(r"/$"))
         yield Speaking(stand, page)

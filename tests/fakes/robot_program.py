@@ -12,7 +12,10 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from fastapi import FastAPI, Request, Response
+from starlette.applications import Starlette
+from starlette.middleware.base import BaseHTTPMiddleware
+from starlette.requests import Request
+from starlette.responses import Response
 
 from simulator import __main__ as program
 from simulator.service import Pace, robot_service
@@ -83,12 +86,11 @@ def changed(answer: Any, mode: str) -> Any:
     return answer
 
 
-def service(mode: str) -> Callable[[Pace, str], FastAPI]:
-    def made(pace: Pace, token: str) -> FastAPI:
+def service(mode: str) -> Callable[[Pace, str], Starlette]:
+    def made(pace: Pace, token: str) -> Starlette:
         app = robot_service(pace, token)
         carrier = Carrier(pace, mode.partition(":")[2]) if mode.startswith("carried:") else None
 
-        @app.middleware("http")
         async def change(request: Request, call_next: Any) -> Response:
             if mode == "older" and b'"intended"' in await request.body():
                 return Response(b'{"code": "invalid_body", "what": "unknown field intended"}', 422)
@@ -101,6 +103,7 @@ def service(mode: str) -> Callable[[Pace, str], FastAPI]:
                 body = json.dumps(changed(answer, mode)).encode()
             return Response(body, answered.status_code, media_type=answered.headers.get("content-type"))
 
+        app.add_middleware(BaseHTTPMiddleware, dispatch=change)
         return app
 
     return made

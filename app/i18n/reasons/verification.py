@@ -10,7 +10,7 @@ SENTENCES: Mapping[str, str] = {
     "picture_shows_it": N_("The picture shows {name} (score {score:.2f})"),
     "picture_shows_it_doubtfully": N_("The picture may show {name}: score {score:.2f}, at least {least:.2f} is needed"),
     "reading_of_another_picture": N_("The reading is of another picture ({image})"),
-    "all_conditions_hold": N_("all {count} conditions hold"),
+    "all_conditions_hold": N_("All {count} conditions hold."),
     "another_sound_played": N_("another sound was played"),
     "arrived": N_("{distance_m:.2f} m from the target in {samples} samples, at rest"),
     "away_from_place": N_("{distance_m:.2f} m from the place"),

@@ -3,8 +3,11 @@
 import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Literal
 
 import pytest
+from argon2 import PasswordHasher, extract_parameters
+from argon2.exceptions import VerifyMismatchError
 from argon2.profiles import RFC_9106_LOW_MEMORY
 from sqlalchemy import create_engine, text
 
@@ -60,6 +63,36 @@ def test_a_password_is_kept_as_argon2id_with_the_memory_that_rfc_9106_asks_for(w
     assert PASSWORD not in repr(real.store.accounts())
     assert real.check("root", PASSWORD, source="") is not None
     assert real.check("root", PASSWORD + " ", source="") is None
+
+
+class Verifying(PasswordHasher):
+    """Counts what it hashes, and keeps what it compared a password with, in full."""
+
+    def __init__(self) -> None:
+        super().__init__(time_cost=2, memory_cost=64, parallelism=3)
+        self.hashes, self.mismatches = 0, list[str]()
+
+    def hash(self, password: str | bytes, *, salt: bytes | None = None) -> str:
+        self.hashes += 1
+        return super().hash(password, salt=salt)
+
+    def verify(self, hash: str | bytes, password: str | bytes) -> Literal[True]:
+        try:
+            return super().verify(hash, password)
+        except VerifyMismatchError:
+            self.mismatches.append(str(hash))
+            raise
+
+
+def test_a_name_that_nobody_has_takes_as_much_work_as_a_wrong_password_and_opening_takes_none(watch: Watch) -> None:
+    hasher = Verifying()
+    accounts = Accounts(SqlAccounts(), clock=watch, fresh=numbered(), hasher=hasher)
+    assert hasher.hashes == 0
+    accounts.add("root", roles=["admin"], password=PASSWORD, by=ADMIN)
+    assert guess(accounts) is None and guess(accounts, name="nobody") is None
+    real, nobodys = hasher.mismatches
+    assert extract_parameters(nobodys) == extract_parameters(real)
+    assert nobodys != real
 
 
 def test_a_console_keeps_passwords_with_the_memory_of_its_settings() -> None:

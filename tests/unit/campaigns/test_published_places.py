@@ -5,6 +5,10 @@ from pathlib import Path
 import msgspec
 
 from experiments.campaigns.code import code_digest
+from experiments.campaigns.fuzz_page import BEGIN as FUZZ_BEGIN
+from experiments.campaigns.fuzz_page import END as FUZZ_END
+from experiments.campaigns.fuzz_page import FuzzRun
+from experiments.campaigns.fuzz_page import publish as publish_fuzz
 from experiments.campaigns.hostile import BEGIN, END, HostileResults, KitRun, LooksResult, SecondLooks, publish
 from experiments.campaigns.recovery_steps import BEGIN as STEPS_BEGIN
 from experiments.campaigns.recovery_steps import END as STEPS_END
@@ -75,3 +79,20 @@ def test_the_recovery_table_names_the_code_and_how_often_each_fault_was_played(t
 
 def test_the_code_of_a_campaign_is_another_with_the_sources_of_another_folder() -> None:
     assert code_digest() == code_digest() != code_digest("experiments/verifier")
+
+
+def fuzzed(seed: int, *, tried: int, code: str = "a") -> FuzzRun:
+    return FuzzRun(seed=seed, seconds=120.0, code=code * 64, tried=tried, read=1, refused=tried - 1, limited=0)
+
+
+def test_runs_of_a_parser_with_other_seeds_add_up_and_the_same_seed_counts_once(tmp_path: Path) -> None:
+    page, results = tmp_path / "page.md", tmp_path / "fuzz.json"
+    page.write_text(f"before\n{FUZZ_BEGIN}\n{FUZZ_END}\nafter\n")
+    for runs in (
+        {"pcd": fuzzed(1, tried=900)},
+        {"pcd": fuzzed(1, tried=1000)},
+        {"pcd": fuzzed(2, tried=500, code="b")},
+    ):
+        publish_fuzz(runs, page=page, results=results)
+    assert "| pcd | 4.0 | 1,500 | 2 | 1,498 | 0 | 0 | 1, 2 | `aaaaaaaaaaaa` `bbbbbbbbbbbb` |" in page.read_text()
+    assert page.read_text().startswith("before\n") and page.read_text().endswith("after\n")
