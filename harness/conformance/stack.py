@@ -27,15 +27,15 @@ def _finding(row: str, title: str, tried: Row, robot: ObservedRobot, name: str) 
     try:
         seen = tried(robot, name)
     except HarnessError as error:
-        seen = RuleObservation(met=False, text=error.reason)
+        seen = RuleObservation(met=False, text=because("kit_failed", code=error.code, reason=error.located))
     return ConformanceFinding(row=row, title=title, outcome="met" if seen.met else "not met", text=seen.text)
 
 
 def _identity(robot: ObservedRobot, name: str) -> RuleObservation:
     found = robot.status().robot_id
     return judged(
-        because("kit_stack_named", name=found),
-        unless(found == name, because("kit_stack_other_name", name=found, expected=name)),
+        because("stack_says", robot_id=found),
+        unless(found == name, because("stack_says_other", robot_id=found, expected=name)),
     )
 
 
@@ -48,9 +48,9 @@ def _evidence(robot: ObservedRobot, name: str) -> RuleObservation:
         if len(batch.samples) < BATCH:
             break
     return judged(
-        because("kit_stack_sampled"),
-        unless(Pose in kinds, because("kit_stack_no_pose")),
-        unless(Odometry in kinds, because("kit_stack_no_odometry")),
+        because("stack_evidence"),
+        unless(Pose in kinds, because("stack_without_pose")),
+        unless(Odometry in kinds, because("stack_without_odometry")),
     )
 
 
@@ -58,9 +58,9 @@ def _order(robot: ObservedRobot, name: str) -> RuleObservation:
     goals = _whole(robot)
     numbers = [one.seq for one in goals.changes]
     return judged(
-        because("kit_stack_changes", changes=len(numbers), stack=goals.stack, run=goals.run),
-        unless(numbers == sorted(set(numbers)), because("kit_stack_unordered")),
-        unless(not numbers or goals.next_seq >= numbers[-1], because("kit_stack_next_early")),
+        because("stack_changes", changes=len(numbers), stack=goals.stack, run=goals.run),
+        unless(numbers == sorted(set(numbers)), because("stack_out_of_order")),
+        unless(not numbers or goals.next_seq >= numbers[-1], because("stack_next_before_newest")),
     )
 
 
@@ -71,23 +71,23 @@ def _ends(robot: ObservedRobot, name: str) -> RuleObservation:
         again |= {one.goal_id} & over
         over |= {one.goal_id} if one.ended else set()
     return judged(
-        because("kit_stack_over", goals=len(over)),
-        unless(not again, because("kit_stack_over_again", goals=tuple(sorted(again)))),
+        because("stack_goals_over", goals=len(over)),
+        unless(not again, because("stack_goals_again", goals=tuple(sorted(again)))),
     )
 
 
 def _repeats(robot: ObservedRobot, name: str) -> RuleObservation:
     first, second = _whole(robot), _whole(robot)
     same = first.run == second.run and second.changes[: len(first.changes)] == first.changes
-    return judged(because("kit_stack_repeats"), unless(same, because("kit_stack_repeats_otherwise")))
+    return judged(because("stack_same_again"), unless(same, because("stack_other_again")))
 
 
 def _targets(robot: ObservedRobot, name: str) -> RuleObservation:
     changes = _whole(robot).changes
     bare = {one.goal_id for one in changes} - {one.goal_id for one in changes if one.target_m and one.frame}
     return judged(
-        because("kit_stack_targets"),
-        unless(not bare, because("kit_stack_without_target", goals=tuple(sorted(bare)[:5]))),
+        because("stack_targets"),
+        unless(not bare, because("stack_without_target", goals=tuple(sorted(bare)[:5]))),
     )
 
 
@@ -95,9 +95,9 @@ def _clock(robot: ObservedRobot, name: str) -> RuleObservation:
     goals, now_s = _whole(robot), robot.status().at_s
     late = [one.goal_id for one in goals.changes if one.at_s > goals.at_s + AHEAD_S]
     return judged(
-        because("kit_stack_one_clock"),
-        unless(abs(goals.at_s - now_s) <= AHEAD_S, because("kit_stack_two_clocks", goals_s=goals.at_s, robot_s=now_s)),
-        unless(not late, because("kit_stack_ahead", goals=tuple(late[:5]))),
+        because("stack_one_clock"),
+        unless(abs(goals.at_s - now_s) <= AHEAD_S, because("stack_clocks", goals_s=goals.at_s, robot_s=now_s)),
+        unless(not late, because("stack_ahead", goals=tuple(late[:5]))),
     )
 
 
