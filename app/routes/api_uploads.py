@@ -36,8 +36,8 @@ def begin(console: ConsoleDep, principal: PrincipalDep, body: BeginUploadAct) ->
     """Announce a file. Its pieces follow at /uploads/{upload_id}, each of at most `piece_bytes`."""
     actor = principal.acting("drive")
     parts = [UploadPart(name=one.name, size_bytes=one.size_bytes) for one in body.parts]
-    begun = console.uploads.begin(body.name, size_bytes=body.size_bytes, by=actor.name, parts=parts)
-    return api_requests.plain(_resource(begun))
+    upload = console.uploads.begin(body.name, size_bytes=body.size_bytes, by=actor.name, parts=parts)
+    return api_requests.plain(_resource(upload))
 
 
 @router.get("/uploads/{upload_id}", responses=api_requests.answers(schemas.UploadResource))
