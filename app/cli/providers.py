@@ -172,9 +172,9 @@ def _check_observed(found: SiteRobot, *, as_json: bool, moving: bool) -> NoRetur
         "ok": ok,
         "robot_id": name,
         "authority": "observe",
-        "rows": [msgspec.to_builtins(one) for one in findings],
+        "rows": reasons.stating(findings),
     }
-    lines = table([[one.outcome, one.row, one.text] for one in findings])
+    lines = table([[one.outcome, one.row, reasons.sentence(one.text)] for one in findings])
     show(answer, as_json=as_json, lines=[*lines, f"{name} is in shadow mode: nothing was sent, nothing is admitted."])
     raise typer.Exit(0 if ok else 1)
 

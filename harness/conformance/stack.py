@@ -5,16 +5,28 @@ The rows say whether the harness can judge what that stack declares; none of the
 
 from collections.abc import Callable
 
-from harness.conformance.findings import ConformanceFinding, RuleObservation, judged, unless
+from harness.conformance.findings import ConformanceFinding, RuleObservation
 from harness.contracts.errors import HarnessError
 from harness.contracts.observations import Odometry, Pose
 from harness.contracts.ports import ObservedRobot
 from harness.contracts.protocol import MOST_CHANGES, StackGoals
+from harness.contracts.reasons import recorded
 
 AHEAD_S = 5.0
 MOST_PAGES = 20
 BATCH, MOST_BATCHES = 5000, 24
 Row = Callable[[ObservedRobot, str], RuleObservation]
+
+
+def judged(text: str, *wrong: str) -> RuleObservation:
+    """Met with `text` if nothing is wrong, else what is."""
+    found = [one for one in wrong if one]
+    return RuleObservation(met=not found, text=recorded("; ".join(found) if found else text))
+
+
+def unless(holds: bool, wrong: str) -> str:
+    """`wrong` unless it holds."""
+    return "" if holds else wrong
 
 
 def check_stack(robot: ObservedRobot, name: str) -> tuple[ConformanceFinding, ...]:
@@ -26,7 +38,7 @@ def _finding(row: str, title: str, tried: Row, robot: ObservedRobot, name: str) 
     try:
         seen = tried(robot, name)
     except HarnessError as error:
-        seen = RuleObservation(met=False, text=str(error))
+        seen = RuleObservation(met=False, text=error.reason)
     return ConformanceFinding(row=row, title=title, outcome="met" if seen.met else "not met", text=seen.text)
 
 
