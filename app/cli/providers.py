@@ -187,13 +187,14 @@ def _of_site(name: str, site: Path, data: Path) -> SiteRobot:
     if isinstance(entry, SimulatedRobotEntry):
         raise ContractInvalid(because("robot_without_address", name=name), where=str(site))
     folder = data_of(data, site)
-    owner = owner_api(folder)
-    if entry.authority == "command" and owner is not None and _at_work(owner, name):
+    commanded = entry.authority == "command"
+    owner = owner_api(folder) if commanded else None
+    if owner is not None and _at_work(owner, name):
         raise HarnessError(because("robot_at_work", robot_id=name))
     return SiteRobot(
         entry=entry,
         workspace=workspace,
-        fencing=_newest_token(folder, name),
+        fencing=_newest_token(folder, name) if commanded else FIRST_TOKEN,
         files=workspace.conformance_files(),
         data=folder,
         vocabulary=workspace.vocabulary,

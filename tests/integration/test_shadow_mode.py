@@ -363,8 +363,8 @@ def test_a_robot_that_says_nothing_of_a_stack_is_named(site: ShadowSite) -> None
 
 def test_an_entry_that_is_observed_and_driven_by_hand_is_refused_with_its_line(tmp_path: Path) -> None:
     folder = write_site(tmp_path / "shop", "http://127.0.0.1:9", teleoperation=True)
-    code, _, said = regen("check", str(folder))
-    assert code != 0 and "robots.yaml" in said and "shadow mode" in said
+    code, answer, said = regen("check", str(folder))
+    assert code != 0 and "robots.yaml" in f"{answer} {said}" and "shadow mode" in f"{answer} {said}"
 
 
 def test_evidence_by_another_path_is_told_apart_from_the_declaration(tmp_path: Path) -> None:
