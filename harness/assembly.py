@@ -431,7 +431,7 @@ def local_services(
         ),
     )
     claims = RecordingClaims(journal("room-recordings"), read=blobs.get)
-    sources = (
+    sources: tuple[ports.IndependentSource, ...] = (
         MessageReadBack(lambda name: messages.of(name).reader, keep=blobs.put),
         PassageSweep(keep=blobs.put),
         PictureReading(parts.observer, keep=blobs.put, read=blobs.get),
