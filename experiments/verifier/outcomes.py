@@ -23,7 +23,7 @@ from experiments.verifier.cases import (
 from experiments.verifier.speech import BEGAN_S, BESIDE_S, NAMES, WHOLE, RoomRecording, recorded
 from harness.adapters.providers.speech.voice import CARD as VOICE
 from harness.contracts.effects import Symbolic
-from harness.contracts.evidence import CommittedFact, EvidenceReference
+from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest, NodeId, RequestId, sha256
 from harness.contracts.measurements import Recognition
 from harness.contracts.protocol import Receipt
@@ -114,9 +114,8 @@ def _case(name: str, one: SpokenOutcome, chance: Random, *, of_goal: bool) -> Ve
     blobs = dict(recording.blobs)
     evidence = _altered(name, recording.evidence, blobs)
     early = name == "heard before the stage"
-    facts: tuple[CommittedFact, ...] = (
-        () if name == "stage not accepted" else (fact("arrival", "go", {}, at_s=BEGAN_S + (5.0 if early else -5.0)),)
-    )
+    achieved = fact("arrival", "go", {}, at_s=BEGAN_S + (5.0 if early else -5.0))
+    facts = tuple(done for done in (achieved,) if name != "stage not accepted")
     effect = _effect(name, one)
     node = stage(effect, node_id=NodeId("report"), mandatory=("receipts",))
     receipts = (_playback(recording),)

@@ -16,6 +16,7 @@ from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.contracts.measurements import Sound
 from harness.contracts.ports import Room
 from tests.fakes import lying
+from tests.integration.runs import regen
 
 GOAL = "Walk the circuit and report"
 CONTRARY = "Mission report. I did not walk the circuit."
@@ -78,6 +79,6 @@ def test_a_circuit_that_is_reported_otherwise_does_not_end_as_goal_met(
 
 
 def test_a_wait_that_is_too_long_is_asked_about_with_how_long_it_may_be(tmp_path: Path) -> None:
-    asked = run("Wait at the dock for 20 minutes", tmp_path)
-    assert asked.exit_code == 2
-    assert "ask for 5 minutes or less" in " ".join(asked.output.split())
+    asked = regen("mission", "run", "Wait at the dock for 20 minutes", "--data", tmp_path, "--speed", "0", "--json")
+    assert asked.returncode == 2, asked.stderr
+    assert "ask for 5 minutes or less" in " ".join(asked.stderr.split())

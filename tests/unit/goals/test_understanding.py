@@ -8,6 +8,7 @@ from harness.contracts.effects import Relational
 from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, ReadingStale, UnknownName, Unsatisfiable
 from harness.contracts.tasks import TaskContract
 from harness.goals.understanding import GoalRequest, compiled, read_again, understand
+from harness.planning.clauses import tells_only
 from harness.planning.compile import Argument
 from tests.saying import raises_saying
 
@@ -33,8 +34,14 @@ def asked(text: str, *, template: str = "") -> GoalNotUnderstood:
 
 def test_every_shipped_template_that_serves_clauses_is_understood_by_its_own_goal_and_by_its_name() -> None:
     for one in TEMPLATES:
-        if one.serves:
+        if one.serves and not tells_only(one):
             assert contract(one.goal).template == contract(template=one.name).template == one.name
+
+
+def test_a_template_that_only_reports_has_nothing_to_say_by_itself() -> None:
+    (one,) = [template for template in TEMPLATES if tells_only(template)]
+    assert "no_template" in {unread.why for unread in asked(one.goal).question.unread}
+    assert stages(contract("Walk the circuit and report")) == ["request", "1.circuit", "2.report"]
 
 
 def test_a_goal_of_two_clauses_becomes_one_graph_with_one_return_at_the_end() -> None:
