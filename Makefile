@@ -66,7 +66,7 @@ campaign: install-test ## every fault campaign: CAMPAIGN_MISSIONS=100000 CAMPAIG
 	@$(BIN)/python -m experiments.campaigns run
 	@$(BIN)/python -m experiments.campaigns recovery --missions 400 --publish
 	@$(BIN)/python -m experiments.campaigns seeds --missions 200 --publish
-	@$(BIN)/python -m experiments.campaigns fuzz --minutes 10
+	@$(BIN)/python -m experiments.campaigns fuzz --minutes 10 --publish
 	@$(BIN)/python -m experiments.campaigns hostile --publish
 	@$(BIN)/python -m experiments.campaigns verifier --publish
 

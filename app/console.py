@@ -28,7 +28,7 @@ from app.background.trajectories import Measurements
 from app.background.uploads import Uploads
 from app.scene.port import SceneViews
 from app.settings import ConsoleSettings
-from app.views.evidence import Unsound, unsound
+from app.views.evidence import Unsound, checked
 from app.views.shell import Shell, Surroundings, shell
 from app.web.security import actor_of
 from harness.contracts.actors import Actor
@@ -38,13 +38,14 @@ from harness.contracts.contexts import Context
 from harness.contracts.control import CONTROL, Posture
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.declared_successes import BagAudit
-from harness.contracts.errors import BlobDamaged, UnknownName
+from harness.contracts.errors import OnlyObserved, UnknownName
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
 from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId, RobotId
 from harness.contracts.ports import LogHead
 from harness.contracts.proposals import CandidateSet, RoutingExplanation
 from harness.contracts.protocol import DriveReport, PhysicalStart
 from harness.contracts.reasons import Reason, because
+from harness.contracts.shadow import StackCondition
 from harness.projections.control import SiteControl
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
@@ -62,6 +63,17 @@ ClearWay = Callable[[RobotId], None]
 """Simulation only: somebody takes away what stands in a robot's way."""
 T = TypeVar("T")
 SPENT_KEYS = 1024
+
+
+class ShadowPort(Protocol):
+    """A robot that is only observed; see harness/supervisor/shadow_watch.py."""
+
+    @property
+    def condition(self) -> StackCondition: ...
+
+
+Shadows = Mapping[RobotId, ShadowPort]
+"""The robots in shadow mode that this process watches."""
 
 
 class TeleoperationPort(Protocol):
@@ -169,6 +181,7 @@ class Console:
     uploads: Uploads = field(default_factory=no_uploads)
     replays: ReplayJobs | None = None
     audits: Audits = no_audits
+    shadows: Shadows = field(default_factory=dict)
     fresh: Callable[[], str] = no_name
 
     def head(self) -> LogHead:
@@ -195,12 +208,18 @@ class Console:
         return tuple(dict.fromkeys((*self.settings.robots, *self.fleet.names)))
 
     def robot(self, robot_id: str = "") -> RobotId:
-        """That robot; the first one where none is named. Raises UnknownName."""
+        """That robot; the first one where none is named. Raises UnknownName, OnlyObserved for one in shadow mode."""
+        self.commanded(robot_id or next(iter(self.robots or sorted(self.runtime.observed)), ""))
         if not robot_id and self.robots:
             return RobotId(self.robots[0])
         if robot_id in self.robots:
             return RobotId(robot_id)
         raise UnknownName(because("unknown_robot", robot_id=robot_id[:40], known=self.robots))
+
+    def commanded(self, robot_id: str) -> None:
+        """Raises OnlyObserved for a robot in shadow mode: nobody commands it from here."""
+        if robot_id in self.runtime.observed:
+            raise OnlyObserved(because("robot_only_observed", robot_id=robot_id))
 
     def control(self) -> SiteControl:
         """The fleet's autonomy limit, and who drives which robot by hand."""
@@ -220,11 +239,7 @@ class Console:
 
     def check(self, digest: Digest) -> Unsound | None:
         """None if a blob's bytes match its digest at this moment, else why not."""
-        try:
-            self.runtime.blob(digest)
-        except BlobDamaged as error:
-            return unsound(error)
-        return None
+        return checked(self.runtime.blob, digest)
 
     def context(self, digest: Digest) -> Context | None:
         return self._record(digest, Context)
@@ -255,6 +270,11 @@ def console_of(request: Request) -> Console:
     return console
 
 
+def commanded(request: Request) -> None:
+    """For routes below a robot's name: nothing there is for a robot in shadow mode. Raises OnlyObserved."""
+    console_of(request).commanded(str(request.path_params.get("robot_id", "")))
+
+
 async def file_of(request: Request, name: str) -> bytes:
     """The bytes of a file that a form carries; none where nobody chose one."""
     given = (await request.form()).get(name)
@@ -263,6 +283,16 @@ async def file_of(request: Request, name: str) -> bytes:
     body = await given.read()
     await given.close()
     return body
+
+
+async def files_of(request: Request, name: str) -> list[tuple[str, bytes]]:
+    """The names and bytes of the files that a form carries under one field, in their order."""
+    given = [one for one in (await request.form()).getlist(name) if isinstance(one, UploadFile) and one.filename]
+    found = []
+    for one in given:
+        found.append((one.filename or "", await one.read()))
+        await one.close()
+    return found
 
 
 async def form_of(request: Request) -> dict[str, str]:

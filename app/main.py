@@ -41,6 +41,7 @@ from app.console import (
     Console,
     Dossier,
     EvaluationPort,
+    Shadows,
     Starts,
     TeleoperationPort,
     no_cards,
@@ -64,6 +65,7 @@ from app.routes import (
     api_reading,
     api_releases,
     api_robots,
+    api_shadow,
     api_speech,
     api_uploads,
     audit,
@@ -90,6 +92,7 @@ from app.routes import (
     report,
     robots,
     scene,
+    shadow,
     sign_in,
     watch,
 )
@@ -112,7 +115,6 @@ from harness.adapters.stores.audit_results import stored_audits
 from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId, ProviderId, RobotId
 from harness.contracts.reasons import Reason, because
-from harness.dossiers import export_dossier
 from harness.runtime import AnswerHandoff, FreeResource, HaltRobot, Runtime, unhalted, unobserved, unsupervised
 
 GRACE_S = 3
@@ -127,6 +129,7 @@ PAGES = (
     report,
     exploration,
     fleet_page,
+    shadow,
     watch,
     places,
     providers,
@@ -161,6 +164,7 @@ API = (
     api_people,
     api_events,
     api_evidence,
+    api_shadow,
     api_speech,
     api_uploads,
 )
@@ -186,6 +190,7 @@ def create_app(
     unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = MappingProxyType({}),
     clear_way: ClearWay | None = None,
     replays: ReplayJobs | None = None,
+    shadows: Shadows = MappingProxyType({}),
 ) -> FastAPI:
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
@@ -196,7 +201,8 @@ def create_app(
     `clear_way` takes away what stands in a simulated robot's way.
 
     `fleet` shows what robots say of themselves, `teleoperation` lets people drive them; both are ended with the
-    console. `evaluations` runs what people ask to have evaluated, `replays` the recordings that they upload.
+    console. `evaluations` runs what people ask to have evaluated, `replays` the recordings that they upload. `shadows`
+    are the robots that are only observed.
 
     Sign-in links come from `app.state.sessions`. Its lists are kept in `folder`, or in memory without one, and have
     caught up with the log on return.
@@ -258,6 +264,7 @@ def create_app(
         issuer=oidc_login(settings, sessions, clock=time.time, fresh=_fresh),
         speech=speech,
         replays=replays,
+        shadows=shadows,
         fresh=_fresh,
         **_kept_in(folder, settings),
     )
@@ -304,7 +311,9 @@ def _dossiers(runtime: Runtime, folder: Path | None) -> Dossier | None:
         return None
 
     def export(mission_id: MissionId, file: Path, by: str) -> object:
-        return export_dossier(runtime, mission_id, file, data=folder, exported_by=by)
+        from app.web.dossier_export import export_with_report  # noqa: PLC0415  loads the PDF library, as the report does
+
+        return export_with_report(runtime, mission_id, file, data=folder, exported_by=by)
 
     return export
 

@@ -58,6 +58,7 @@ from harness.gate.handoffs import DECIDER as HANDOFF
 from harness.gate.leases import DECIDER as LEASE
 from harness.gate.maps import DECIDER as MAP
 from harness.gate.places import DECIDER as PLACE
+from harness.gate.shadow import DECIDER as SHADOW
 from harness.goals.model_reader import ModelGoalReader
 from harness.goals.reader import GRAMMAR, GoalReader
 from harness.goals.sources import RobotSources
@@ -70,6 +71,7 @@ from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
 from harness.supervisor.robot_connection import RobotConnection
+from harness.supervisor.shadow_watch import ShadowWatch
 from harness.supervisor.supervisor import Supervisor
 from harness.supervisor.teleoperation import Teleoperation
 from harness.verification.verdict import Verifier, verify
@@ -97,6 +99,7 @@ DECIDERS: dict[str, Decider[Any, Any, Any]] = {
     "admission": ADMISSION,
     "goal-proposal": GOAL_PROPOSAL,
     "erasure": ERASURE,
+    "shadow": SHADOW,
 }
 
 
@@ -128,7 +131,8 @@ class Harness:
 
     Every robot has a mission time of its own: `clock` is the first one's, `clocks` has all of them. `absent`: robots of
     the site that could not be connected, and why; `unused`: providers of connected ones that are not admitted. `parts`
-    are the ports it is built on, for what runs beside it on the same log.
+    are the ports it is built on, for what runs beside it on the same log. `shadows` watch robots whose own stacks
+    decide, once `watch` of each was called.
     """
 
     runtime: Runtime
@@ -142,6 +146,7 @@ class Harness:
     unused: Mapping[RobotId, Mapping[ProviderId, Reason]] = field(default_factory=dict)
     token: str = ""
     parts: "Parts | None" = None
+    shadows: Mapping[RobotId, ShadowWatch] = field(default_factory=dict)
 
     def starts(self, mission_id: MissionId) -> tuple[PhysicalStart, ...]:
         """Physical starts of one mission, from the robots' own journals."""
@@ -153,7 +158,8 @@ class Harness:
 class Parts:
     """The ports that one harness is built on, its settings, and further deciders on its log.
 
-    `channels` are those of the site's folder, `site_folder`, which their secrets are read from.
+    `channels` are those of the site's folder, `site_folder`, which their secrets are read from. `observed`: the robots
+    in shadow mode, which the gate lets nobody command.
     """
 
     store: ports.EventStore
@@ -183,6 +189,7 @@ class Parts:
     observer: ports.PictureObserver | None = None
     vocabulary: Vocabulary = field(default_factory=shipped_vocabulary)
     predicates: ports.Predicates = INSTALLED
+    observed: frozenset[RobotId] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -356,6 +363,7 @@ def runtime_on(
             deciders={**parts.deciders, **DECIDERS},
             snapshots=parts.snapshots,
             authority=parts.authority,
+            observed=parts.observed,
         ),
         store=parts.store,
         blobs=parts.blobs,
@@ -378,6 +386,7 @@ def runtime_on(
         transcriber=parts.transcriber,
         vocabulary=parts.vocabulary,
         predicates=parts.predicates,
+        observed=parts.observed,
     )
     return runtime
 
@@ -421,15 +430,14 @@ def local_services(
             else []
         ),
     )
+    claims = RecordingClaims(journal("room-recordings"), read=blobs.get)
     sources = (
         MessageReadBack(lambda name: messages.of(name).reader, keep=blobs.put),
         PassageSweep(keep=blobs.put),
         PictureReading(parts.observer, keep=blobs.put, read=blobs.get),
-        RoomMicrophone(
-            room,
-            keep=blobs.put,
-            read=blobs.get,
-            claims=RecordingClaims(journal("room-recordings"), read=blobs.get),
+        *(
+            RoomMicrophone(room, keep=blobs.put, read=blobs.get, claims=claims, predicate=one)
+            for one in ("heard", "outcome_heard")
         ),
     )
     return LocalServices(providers, sources)

@@ -2,28 +2,21 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
 
-from harness.adapters.clock import REAL_TIME, LockstepClock, RobotClock, SystemClock
+from harness.adapters.clock import LockstepClock, SystemClock
 from harness.adapters.failpoints import parse, with_failpoint
 from harness.adapters.ids import SeededIds, SystemIds
-from harness.adapters.providers.http.addressed import AddressedRobot, Refusal, addressed_over_http
 from harness.adapters.providers.http.process import RobotSettings
-from harness.adapters.providers.http.robot import HttpRobot
 from harness.adapters.providers.http.supervised_process import SupervisedProcess
 from harness.adapters.providers.messaging.folder import erase_from_outbox
 from harness.adapters.providers.speech.endpoint import EndpointDecoder
 from harness.adapters.providers.speech.transcriber import SphinxTranscriber
-from harness.adapters.providers.topics.connection import topic_witness
-from harness.adapters.providers.topics.ros_messages import ROLES
-from harness.adapters.providers.topics.samples import TopicFrames
-from harness.adapters.providers.vda5050.connection import BrokerAccess, connected_vehicle
-from harness.adapters.providers.vda5050.robot import VehicleRobot, VehicleSettings
 from harness.adapters.secret_values import secret
 from harness.adapters.stores.anchors import anchor_key, anchoring
 from harness.adapters.stores.blob_address import open_blobs, open_owned_blobs
@@ -40,6 +33,7 @@ from harness.adapters.stores.read_models import SqlReadModels
 from harness.adapters.stores.snapshots import StoredSnapshots
 from harness.adapters.stores.spool import FileSpool
 from harness.adapters.vision.observer import LocalPictureObserver
+from harness.addressed_robots import addressed_member, connected_robots, read_only
 from harness.assembly import (
     DECIDERS,
     Deciders,
@@ -59,8 +53,6 @@ from harness.assembly import (
 )
 from harness.baseline.load import baseline, workspace_in
 from harness.contracts import ports
-from harness.contracts.admissions import admission_stream
-from harness.contracts.capabilities import CapabilityCard, Vocabulary
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.errors import ContractInvalid, ProviderFailed, ProviderUnreachable
@@ -75,18 +67,14 @@ from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.secret_references import SecretReference
 from harness.contracts.simulation import InProcessRobot, Simulator
 from harness.erasures import finish_erasures
-from harness.gate.admissions import DECIDER as ADMISSION
 from harness.gate.decide import DECIDER as MISSION
-from harness.projections.admissions import Admissions
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
-from harness.workspace.files import AddressedEntry, EvidencePath, HttpRobotEntry, SimulatedRobotEntry, VehicleEntry
+from harness.supervisor.shadow_watch import ShadowWatch
+from harness.workspace.files import AddressedEntry, SimulatedRobotEntry
 from harness.workspace.model_ports import open_models
-from harness.workspace.reading import Workspace, password_of, token_of
-
-CONNECT_S = 5.0
-"""The longest that one exchange with a robot at an address may take, wall seconds."""
+from harness.workspace.reading import Workspace
 
 __all__ = [
     "DECIDERS",
@@ -157,7 +145,7 @@ def open_harness(
             stack.enter_context(closing(Listener(settings.database, signals.changed)))
         simulated = simulated_names(settings, workspace)
         processes = _started(stack, folder, settings, simulated, under_way=_under_way(store))
-        connected, absent = _connected(stack, store, addressed_entries(settings, workspace), workspace, folder)
+        connected, absent = connected_robots(stack, store, addressed_entries(settings, workspace), workspace, folder)
         clocks = [*(one.clock for one in processes), *(robot.clock for _, robot in connected)]
         if absent and not clocks:
             name, why = next(iter(absent.items()))
@@ -185,11 +173,14 @@ def open_harness(
             models=open_models(workspace.models, workspace.folder, stack=stack, keep=blobs.put, read=blobs.get),
             transcriber=_transcriber(workspace),
             vocabulary=workspace.vocabulary,
+            observed=_observed_names(settings, workspace),
         )
         members = [_kept_member(parts, one, folder) for one in processes]
-        members += [_addressed_member(parts, *one, folder) for one in connected]
+        members += [addressed_member(parts, *one, folder) for one in connected]
         unused = {RobotId(entry.name): robot.unused for entry, robot in connected if robot.unused}
-        harness = replace(joined(stack, settings, parts, members), token=token, absent=absent, unused=unused)
+        harness = replace(joined(stack, settings, parts, members), token=token, unused=unused)
+        shadows, unseen = _shadowed(stack, harness.runtime, settings, workspace)
+        harness = replace(harness, shadows=shadows, absent=absent | unseen)
         finish_erasures(harness.runtime)
         yield harness
 
@@ -251,6 +242,7 @@ def _without_robots(
             site=workspace.site,
             missions=workspace.missions,
             vocabulary=workspace.vocabulary,
+            observed=_observed_names(settings, workspace),
         )
         yield runtime_on(parts)
 
@@ -390,155 +382,38 @@ def simulated_names(settings: HarnessSettings, workspace: Workspace) -> tuple[st
 
 
 def addressed_entries(settings: HarnessSettings, workspace: Workspace) -> tuple[AddressedEntry, ...]:
-    """The robots to connect by address: none where the settings name robots to simulate."""
+    """The robots to connect by address: none where the settings name robots to simulate. Those in shadow mode are not
+    among them."""
     entries = () if settings.no_robots or settings.robots or settings.site_folder is None else workspace.robots
-    return tuple(one for one in entries if not isinstance(one, SimulatedRobotEntry))
+    addressed = (one for one in entries if not isinstance(one, SimulatedRobotEntry))
+    return tuple(one for one in addressed if one.authority == "command")
 
 
-def _connected(
-    stack: ExitStack,
-    store: ports.EventStore,
-    entries: Sequence[AddressedEntry],
-    workspace: Workspace,
-    folder: DataFolder,
-) -> tuple[list[tuple[AddressedEntry, AddressedRobot]], dict[RobotId, Reason]]:
-    """The robots that answer at their addresses, and why the others are left out."""
-    found: list[tuple[AddressedEntry, AddressedRobot]] = []
+def _observed_names(settings: HarnessSettings, workspace: Workspace) -> frozenset[RobotId]:
+    """The robots in shadow mode, watched from this process or not; none where the settings name robots to simulate."""
+    own = settings.site_folder is not None and not settings.robots
+    return frozenset(RobotId(one.name) for one in workspace.observed) if own else frozenset()
+
+
+def _shadowed(
+    stack: ExitStack, runtime: Runtime, settings: HarnessSettings, workspace: Workspace
+) -> tuple[dict[RobotId, ShadowWatch], dict[RobotId, Reason]]:
+    """A watch for each robot in shadow mode, and why the others are left out. A robot that does not answer yet is
+    watched: it may come."""
+    names = frozenset[RobotId]() if settings.no_robots else _observed_names(settings, workspace)
+    found: dict[RobotId, ShadowWatch] = {}
     absent: dict[RobotId, Reason] = {}
-    for entry in entries:
+    for entry in (one for one in workspace.observed if one.name in names):
         name = RobotId(entry.name)
-        checks = [ADMISSION.codec.decode(one) for one in store.load(admission_stream(name))]
-        admissions = ADMISSION.fold(ADMISSION.initial, checks)
         try:
-            refusal = partial(_refusal, vocabulary=workspace.vocabulary, admissions=admissions, address=entry.identity)
-            if isinstance(entry, VehicleEntry):
-                robot = _addressed_vehicle(stack, entry, workspace, folder, refusal=refusal)
-            else:
-                robot = _addressed_over_http(stack, entry, workspace, refusal=refusal)
+            robot = read_only(stack, entry, workspace)
         except (ProviderFailed, ContractInvalid) as error:
             absent[name] = error.reason
             continue
-        found.append((entry, robot))
+        apart = entry.evidence is not None
+        found[name] = ShadowWatch(name, robot, runtime=runtime, clock=SystemClock(), apart=apart)
+        stack.callback(found[name].close)
     return found, absent
-
-
-def _refusal(card: CapabilityCard, *, vocabulary: Vocabulary, admissions: Admissions, address: str) -> Reason | None:
-    """Why a provider is not used here: its capability is not declared at this site, or the kit did not admit it."""
-    return vocabulary.refusal(card) or admissions.refusal(card, address=address)
-
-
-def _addressed_over_http(
-    stack: ExitStack, entry: HttpRobotEntry, workspace: Workspace, *, refusal: Refusal
-) -> AddressedRobot:
-    """The robot of an entry, and what gives its evidence where the entry names that."""
-    return addressed_over_http(
-        _client(stack, entry, workspace),
-        name=entry.name,
-        refusal=refusal,
-        speed_limit_mps=entry.speed_limit_mps,
-        camera=entry.camera,
-        witness=_witness(stack, entry.evidence, workspace) if entry.evidence is not None else None,
-    )
-
-
-def _client(stack: ExitStack, address: HttpRobotEntry | EvidencePath, workspace: Workspace) -> HttpRobot:
-    opened = HttpRobot(address.address, token_of(address, workspace.folder), timeout_s=CONNECT_S)
-    stack.callback(opened.close)
-    return opened
-
-
-def _witness(
-    stack: ExitStack, path: EvidencePath, workspace: Workspace
-) -> Callable[[ports.Robot, ports.Clock], ports.Robot]:
-    """What gives the evidence of a robot apart from who executes: another program, or the robot's own topics."""
-    transport, topics = path.kind, path.topics
-    if transport == "http" or topics is None:
-        return lambda robot, clock: _client(stack, path, workspace)
-    named = {role: name for role in ROLES if (name := getattr(topics, role)) is not None}
-    frames = TopicFrames(
-        frame=workspace.site.frame,
-        map_version=workspace.site.map_version,
-        base_frame=path.base_frame,
-        laser=path.laser,
-    )
-
-    def opened(robot: ports.Robot, clock: ports.Clock) -> ports.Robot:
-        return stack.enter_context(
-            topic_witness(
-                robot,
-                transport=transport,
-                address=path.address,
-                token=token_of(path, workspace.folder),
-                topics=named,
-                frames=frames,
-                now_s=lambda: clock.now().mission_s,
-            )
-        )
-
-    return opened
-
-
-def _addressed_vehicle(
-    stack: ExitStack, entry: VehicleEntry, workspace: Workspace, folder: DataFolder, *, refusal: Refusal
-) -> AddressedRobot:
-    vehicle = stack.enter_context(met_vehicle(entry, workspace, folder.root))
-    clock = RobotClock(vehicle.now_s, REAL_TIME)
-    return AddressedRobot(
-        vehicle,
-        name=entry.name,
-        refusal=refusal,
-        clock=clock,
-        witness=_witness(stack, entry.evidence, workspace)(vehicle, clock) if entry.evidence is not None else None,
-        speed_limit_mps=entry.speed_limit_mps,
-        camera=entry.camera,
-    )
-
-
-def met_vehicle(entry: VehicleEntry, workspace: Workspace, data: Path) -> AbstractContextManager[VehicleRobot]:
-    """A vehicle of a site by its broker; what it is asked is remembered in the data folder. Raises as
-    `connected_vehicle` does."""
-    settings = VehicleSettings(
-        name=entry.name,
-        interface=entry.interface,
-        manufacturer=entry.manufacturer,
-        serial_number=entry.serial_number,
-        version=entry.version,
-        frame=workspace.site.frame,
-        map_version=workspace.site.map_version,
-        map_id=entry.map_id,
-        base_m=entry.base_m,
-        velocity_measured=entry.velocity == "measured",
-        speed_limit_mps=entry.speed_limit_mps,
-    )
-    authority = str(workspace.folder / entry.authority_file) if entry.authority_file else ""
-    broker = BrokerAccess(
-        address=entry.address,
-        user=entry.user,
-        password=password_of(entry, workspace.folder),
-        authority_file=authority,
-    )
-    return connected_vehicle(settings, broker, journal=data / "vehicles" / f"{entry.name}.jsonl")
-
-
-def _addressed_member(parts: Parts, entry: AddressedEntry, robot: AddressedRobot, folder: DataFolder) -> Member:
-    def configure(mission: Mission) -> None:
-        """A robot of its own world has nothing to configure."""
-
-    own = replace(parts, clock=robot.clock)
-    beside = local_services(own, camera=robot.status().camera, folder=folder.root, robot_id=entry.name)
-    return Member(
-        robot_id=RobotId(entry.name),
-        robot=robot,
-        clock=robot.clock,
-        local=beside.providers,
-        sources=beside.sources,
-        configure=configure,
-        camera=robot.live_camera,
-        hand=robot.hand if isinstance(entry, HttpRobotEntry) and entry.teleoperation else None,
-        origin=entry.identity,
-        evidence_origin=entry.evidence.address if entry.evidence else "",
-        embodiment=entry.embodiment or robot.embodiment,
-    )
 
 
 def _transcriber(workspace: Workspace) -> SphinxTranscriber:

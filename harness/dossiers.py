@@ -1,7 +1,9 @@
 """Exports one mission to one signed file (a dossier), and verifies such a file without a data folder or network."""
 
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from harness.adapters.clock import SystemClock
 from harness.adapters.ids import SystemIds
@@ -22,14 +24,20 @@ LIMITS = Limits(memory_bytes=256 * 2**20, cpu_s=300.0, wall_s=900.0, output_byte
 
 
 def export_dossier(
-    runtime: Runtime, mission_id: MissionId, file: Path, *, data: Path, exported_by: str
+    runtime: Runtime,
+    mission_id: MissionId,
+    file: Path,
+    *,
+    data: Path,
+    exported_by: str,
+    attached: Mapping[str, bytes] = MappingProxyType({}),
 ) -> DossierContents:
-    """Write what the log holds of a mission, signed with the key of the data folder.
+    """Write what the log holds of a mission, signed with the key of the data folder; `attached` as in `collect`.
 
     Raises UnknownName, StoreUnavailable.
     """
     now_s = SystemClock().now().wall_s
-    collection = collect(runtime, mission_id, exported_by=exported_by, exported_at_s=now_s)
+    collection = collect(runtime, mission_id, exported_by=exported_by, exported_at_s=now_s, attached=attached)
     write_dossier(file, collection.contents, collection.files, signing_key(data))
     return collection.contents
 

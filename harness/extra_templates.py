@@ -16,6 +16,7 @@ from harness.contracts.places import Site
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import encode
 from harness.goals.understanding import UnderstoodGoal
+from harness.planning.clauses import tells_only
 from harness.planning.decomposition import ONE_AFTER_ANOTHER, DecompositionResult, StagePlanner, decomposed
 from harness.runtime import Start
 
@@ -46,12 +47,14 @@ class MissionStarter(Protocol):
 def offered(runtime: MissionStarter, robot_id: RobotId) -> tuple[TaskTemplate, ...]:
     """What a person may start on this robot: its configuration's templates, then the site's own missions.
 
-    A template of the configuration whose places this site does not have is left out.
+    A template of the configuration whose places this site does not have is left out, and one that only reports what
+    others achieved.
     """
     known = place_names(runtime.site)
     own = tuple(one for one in runtime.current_configuration(robot_id).templates if _at_home(one, known))
     names = {template.name for template in own}
-    return (*own, *(template for template in runtime.beside if template.name not in names))
+    beside = (template for template in runtime.beside if template.name not in names)
+    return (*own, *(template for template in beside if not tells_only(template)))
 
 
 def place_names(site: Site) -> frozenset[str]:

@@ -15,12 +15,19 @@ from harness.adapters.cloud_headers import CloudHead, cloud_head
 from harness.adapters.cloud_levels import CHUNK_POINTS, chunks, origin_of
 from harness.adapters.clouds import read_cloud
 from harness.adapters.limited_process import Limits, run_limited
-from harness.contracts.errors import CloudInvalid
+from harness.adapters.map_rasters import read_map
+from harness.contracts.errors import CloudInvalid, ContractInvalid
+from harness.contracts.exploration import FREE, OCCUPIED, UNKNOWN
 from harness.contracts.ids import Digest
 from harness.contracts.maps import CloudChunk, Corner, MapCloud
-from harness.contracts.values import Value, decode, encode
+from harness.contracts.places import Site
+from harness.contracts.reasons import because
+from harness.contracts.values import Value, decode, digest, encode
+from harness.workspace.checks import floor_at
 
 CHUNK_BYTES = CHUNK_POINTS * 3 * 4
+SAME_SIZE = 1e-3
+"""Cells whose sizes differ by a smaller share are of one size."""
 
 
 class CloudToSplit(Value):
@@ -73,6 +80,45 @@ def stored_cloud(
                 for number, (voxel_m, points) in enumerate(found.chunks)
             ),
         )
+
+
+def stored_floor(
+    runtime: KeepsBytes, file: Path, *, map_version: str, frame: str, metres_per_cell: float, site: Site
+) -> MapCloud:
+    """The walls of a map_server map, as a cloud at the height of the floor: one point for each occupied cell.
+
+    Raises ContractInvalid for a map that cannot be read, whose cells are of another size than somebody said, without
+    walls, or, where it is a map of this `site`, with places of the site in its walls or off its floor.
+    """
+    grid = read_map(file, frame=frame, map_version=map_version)
+    if abs(grid.cell_m - metres_per_cell) > SAME_SIZE * grid.cell_m:
+        raise ContractInvalid(because("map_unit_differs", said_m=metres_per_cell, found_m=grid.cell_m), where=file.name)
+    if (map_version, frame) == (site.map_version, site.frame):
+        off = tuple(one.place_id for one in site.places if floor_at(grid, one.approach_m) not in (FREE, UNKNOWN))
+        if off:
+            raise ContractInvalid(because("map_places_off_floor", places=off), where=file.name)
+    cells = np.frombuffer(grid.cells, np.uint8).reshape(grid.rows, grid.columns)
+    rows, columns = np.nonzero(cells == OCCUPIED)
+    if not len(rows):
+        raise ContractInvalid(because("map_without_walls"), where=file.name)
+    centres = np.column_stack([columns, rows, np.full(len(rows), -0.5)]) + 0.5
+    points = centres * grid.cell_m + (*grid.origin_m, 0.0)
+    origin_m = origin_of(points)
+    return MapCloud(
+        map_version=map_version,
+        frame=frame,
+        source=file.name,
+        source_digest=digest(grid),
+        points=len(points),
+        dropped=0,
+        origin_m=origin_m,
+        low_m=_corner(points.min(axis=0)),
+        high_m=_corner(points.max(axis=0)),
+        chunks=tuple(
+            CloudChunk(voxel_m=one.voxel_m, points=len(one.points), blob=runtime.keep(one.points.tobytes()))
+            for one in chunks(points, origin_m)
+        ),
+    )
 
 
 def limits_for(head: CloudHead, *, size_bytes: int) -> Limits:

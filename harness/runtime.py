@@ -169,7 +169,8 @@ class Runtime:
 
     `sources`: what each connected robot can be judged by; nothing is known of a robot without a connection, and its
     missions are checked where it is connected. `vocabulary` are the capability types that contracts may name;
-    `predicates` are those of installed packages.
+    `predicates` are those of installed packages. `observed`: the robots in shadow mode, which its gate lets nobody
+    command.
     """
 
     def __init__(
@@ -191,7 +192,9 @@ class Runtime:
         stage_planner: StagePlanner = ONE_AFTER_ANOTHER,
         vocabulary: Vocabulary = NOTHING_DECLARED,
         predicates: ports.Predicates = NO_PREDICATES,
+        observed: frozenset[RobotId] = frozenset(),
     ) -> None:
+        self.observed = observed
         self._gate = gate
         self._store = store
         self._blobs = blobs

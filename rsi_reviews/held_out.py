@@ -103,9 +103,7 @@ class Looks:
         """
         look = self._book.get(candidate)
         if look is not None and (look.answer is not None or look.manifest != manifest):
-            raise LookTaken(
-                f"Candidate {candidate[:12]} had look {look.look}", where=LOOKS, do="propose another candidate"
-            )
+            raise LookTaken(because("candidate_had_look", candidate=candidate[:12], look=look.look), where=LOOKS)
         return look or self._write(Look(candidate=candidate, manifest=manifest, look=len(self._book) + 1))
 
     def close(self, look: Look, answer: contracts.HeldOutAnswer) -> None:

@@ -41,7 +41,7 @@ _POLICY = msgspec.to_builtins(EvidencePolicy(mandatory=()))
 def loosened_template(old: TaskTemplate, new: TaskTemplate) -> Iterator[RestrictionViolation]:
     """Refusals for one template, paths from `templates.<name>` on."""
     path = f"templates.{old.name}"
-    for field in ("title", "goal", "phrases", "parameters", "serves", "stages"):
+    for field in ("title", "goal", "phrases", "parameters", "serves", "stages", "outcome", "outcomes"):
         was, would = getattr(old, field), getattr(new, field)
         if would != was:
             yield _refusal("text_fixed", f"{path}.{field}", was, would, "text_fixed")

@@ -7,6 +7,7 @@ import msgspec
 from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import Explanation, because
 from harness.provider_protocol.proposals import intended
 from simulator import skill_interface
 from simulator.bodies import Velocity
@@ -33,7 +34,7 @@ class RunningSkill:
         self._at_s = self._kept_s = at_s
         self._hold: Hold = ""
         self._still_s: float | None = None
-        self._text = "accepted"
+        self._text: Explanation = ""
         self._outcome: skill_interface.Outcome | None = None
         self._last = skill_interface.Step()
         self._receipts: list[protocol.Receipt] = []
@@ -114,7 +115,7 @@ class RunningSkill:
         if self._hold in ("stop", "end"):
             return
         if at_s > self.request.deadline_s:
-            late = skill_interface.Outcome(status="failed", failure="timeout", message="The deadline passed.")
+            late = skill_interface.Outcome(status="failed", failure="timeout", message=because("deadline_passed"))
             self._hold, self._last, self._still_s = "end", skill_interface.Step(outcome=late), None
         elif self._hold == "" and self.card.moves and at_s - self._kept_s > DEAD_MAN_S:
             self._hold, self._still_s = "keepalive", None
@@ -127,9 +128,9 @@ class RunningSkill:
         if perception.at_s - self._still_s < STILL_S:
             return
         if self._hold == "keepalive":
-            self._status, self._text = "blocked", "No keepalive came: the robot stands still by itself."
+            self._status, self._text = "blocked", because("keepalive_missed")
         elif self._hold == "stop":
-            self._status, self._text = "cancelled", "Stopped on request."
+            self._status, self._text = "cancelled", because("stopped_on_request")
         else:
             self._take(self._last, perception)
 
@@ -140,12 +141,12 @@ class RunningSkill:
             self._samples.append(shot.seq)
             self._blobs.append(shot.blob)
         if step.outcome is not None:
-            self._outcome, self._status, self._text = step.outcome, step.outcome.status, step.outcome.message
+            self._outcome, self._status, self._text = step.outcome, step.outcome.status, step.outcome.message or ""
             if step.outcome.status == "succeeded":
                 self._proposed = self._believed(step.outcome, perception)
             return
         self._status = "blocked" if step.blocked else "running"
-        self._text = step.blocked or "under way"
+        self._text = step.blocked or because("under_way")
 
     def _believed(
         self, outcome: skill_interface.Outcome, perception: skill_interface.Perception
@@ -185,5 +186,5 @@ class RunningSkill:
 
 def restarted(report: protocol.InvocationReport) -> protocol.InvocationReport:
     """The status of an invocation that a restart of the robot cut off."""
-    message = "The robot was restarted while this ran; it was not started again."
+    message = because("robot_restarted_under_way")
     return msgspec.structs.replace(report, status="failed", failure="robot_restarted", message=message)

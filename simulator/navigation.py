@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from msgspec.structs import replace
 
+from harness.contracts.reasons import Reason, because
 from harness.contracts.values import Point, Value, encode
 from simulator.bodies import BRAKING_MPS2, LIDAR_REACH_M, Floats, Velocity
 from simulator.local_map import LocalMap
@@ -80,7 +81,7 @@ class RouteFollower:
         self._arrived_s: float | None = None
         self._departed_s: float | None = None
         self._looked_s = -math.inf
-        self._held = ""
+        self._held: Reason | None = None
         self._turning = False
         self._aligning = False
         self._seen: deque[tuple[float, float, float, float]] = deque(maxlen=LAST_SEEN)
@@ -113,7 +114,7 @@ class RouteFollower:
         """Steer, stop in front of an obstacle, settle at the goal, give up after NO_PROGRESS_S."""
         self._seen.append((perception.at_s, perception.x_m, perception.y_m, perception.yaw_rad))
         if not self._leg.reachable:
-            return Step(outcome=self._failed("route_not_reachable", "No way on the map leads to the route."))
+            return Step(outcome=self._failed("route_not_reachable", because("no_way_to_route")))
         if self._approach is not None:
             return self._come_near(self._approach, perception)
         self._follow(perception)
@@ -129,8 +130,7 @@ class RouteFollower:
                 self._arrived_s = perception.at_s
                 return Step()
         if self._stuck(perception.at_s):
-            message = f"No {PROGRESS_M} m of progress in {NO_PROGRESS_S:.0f} s. {self._held}".strip()
-            return Step(outcome=self._failed("no_progress", message))
+            return Step(outcome=self._failed("no_progress", self._no_progress()))
         if self._held:
             return Step(blocked=self._held)
         return Step(command=self._steer(perception, self._aim(), self._stretch_m(perception)))
@@ -155,22 +155,27 @@ class RouteFollower:
         if step.outcome is None:
             return step
         if step.outcome.status == "failed":
-            message = f"On the way to the route: {step.outcome.message}"
-            return Step(outcome=self._failed(step.outcome.failure, message))
+            why = because("on_way_to_route", reason=step.outcome.message)
+            return Step(outcome=self._failed(step.outcome.failure, why))
         self._approach = None
         return Step()
 
-    def _failed(self, failure: str, message: str) -> Outcome:
+    def _no_progress(self) -> Reason:
+        if self._held is None:
+            return because("no_progress", progress_m=PROGRESS_M, within_s=NO_PROGRESS_S)
+        return because("no_progress_since", progress_m=PROGRESS_M, within_s=NO_PROGRESS_S, reason=self._held)
+
+    def _failed(self, failure: str, message: Reason) -> Outcome:
         distance = {} if math.isinf(self._off_m) else {"distance_m": self._off_m}
         declared = {**distance, "route_progress": self.share, "remaining_m": self.remaining_m}
         return Outcome(status="failed", failure=failure, message=message, declared=declared)
 
-    def _look(self, perception: Perception) -> str:
-        """Why the route ahead is blocked; empty if it is free."""
+    def _look(self, perception: Perception) -> Reason | None:
+        """Why the route ahead is blocked; None if it is free."""
         stretch = [self.route.point(self._at_m + ahead) for ahead in (0.2, 0.4, 0.6, 0.8, 1.0)]
         far_m = max(math.hypot(x - perception.x_m, y - perception.y_m) for x, y in stretch) + SWATH_M
         hits = _hits(perception, AHEAD, reach_m=min(far_m + 0.02, LIDAR_REACH_M))
-        return "The route ahead is closed for the lidar." if _touched(hits, stretch) else ""
+        return because("route_closed_ahead") if _touched(hits, stretch) else None
 
     def _aim(self) -> Point:
         if self.remaining_m <= self._leg.lookahead_m:
@@ -237,7 +242,7 @@ class RouteFollower:
         if abs(error) > (AIM_RAD if self._turning else FACING_RAD):
             self._turning = True
             if perception.at_s - arrived_s > TURN_WITHIN_S:
-                return Step(outcome=self._failed("no_progress", "The turn at the target was not completed."))
+                return Step(outcome=self._failed("no_progress", because("turn_not_completed")))
             speed = min(TURN_CAP_RADPS, math.sqrt(2.0 * 1.2 * abs(error)), 4.0 * abs(error) + 0.02)
             return Step(command=Velocity(w_radps=math.copysign(speed, error)))
         self._turning = False
@@ -255,19 +260,19 @@ class RouteFollower:
         }
         if self._departed_s is not None:
             declared["departed_at_s"] = self._departed_s
-        text = f"GOAL REACHED within {distance_m:.2f} m"
         rests_on = ArrivalEstimate(
             target_m=self._leg.target_m, distance_m=declared["distance_m"], poses=tuple(self._seen)
         )
         arrival = Draft(
             kind="arrival",
             at_s=at_s,
-            text=text,
+            text=f"GOAL REACHED within {distance_m:.2f} m",
             values={"distance_m": declared["distance_m"]},
             body=encode(rests_on),
         )
         disarm = Draft(kind="disarm", at_s=at_s, text="velocity interface disarmed")
-        return Step(drafts=(arrival, disarm), outcome=Outcome(status="succeeded", message=text, declared=declared))
+        reached = because("goal_reached_within", distance_m=distance_m)
+        return Step(drafts=(arrival, disarm), outcome=Outcome(status="succeeded", message=reached, declared=declared))
 
 
 class CarefulPlanner(RouteFollower):
@@ -278,7 +283,7 @@ class CarefulPlanner(RouteFollower):
         self._map = LocalMap()
         self._detour: RouteLine | None = None
 
-    def _look(self, perception: Perception) -> str:
+    def _look(self, perception: Perception) -> Reason | None:
         pose = (perception.x_m, perception.y_m, perception.yaw_rad)
         self._map.add(pose, AROUND, perception.ranges(AROUND, LIDAR_REACH_M))
         here = (perception.x_m, perception.y_m)
@@ -287,14 +292,14 @@ class CarefulPlanner(RouteFollower):
         clear = all(self._map.free(self.route.point(at_m)) for at_m in ahead)
         if on_route and clear:
             self._detour = None
-            return ""
+            return None
         for ahead_m in REJOIN_M if clear else reversed(REJOIN_M):
             path = self._map.path(here, self.route.point(self._at_m + ahead_m))
             if path and not self._forbidden(path):
                 self._detour = RouteLine((here, *path[1:]))
-                return ""
+                return None
         self._detour = None
-        return "The lidar shows no gap wide enough."
+        return because("no_gap_wide_enough")
 
     def _forbidden(self, path: Sequence[Point]) -> bool:
         """Whether a way enters floor that it has to keep out of; leaving such floor is allowed."""

@@ -3,6 +3,7 @@
 import math
 
 from harness.contracts.ids import RequestId
+from harness.contracts.reasons import because
 from simulator.bodies import Velocity
 from simulator.skill_interface import Draft, Outcome, Perception, Step
 
@@ -78,7 +79,7 @@ class Panorama:
         if self._done == self._frames:
             outcome = Outcome(
                 status="succeeded",
-                message=f"{self._frames} frames captured in one turn",
+                message=because("turn_photographed", frames=self._frames),
                 declared={"frames": float(self._frames), "turned_rad": math.tau},
             )
         return Step(drafts=(rotation, capture), shots=(shot,), outcome=outcome)
@@ -116,6 +117,6 @@ class Observer:
         self._share = min(1.0, looked_s / self._duration_s)
         outcome = None
         if looked_s >= self._duration_s:
-            message = f"Looked for {looked_s:.1f} s"
+            message = because("observed_for", looked_s=looked_s)
             outcome = Outcome(status="succeeded", message=message, declared={"looked_s": looked_s})
         return Step(drafts=tuple(drafts), shots=tuple(shots), outcome=outcome)

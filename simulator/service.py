@@ -104,7 +104,7 @@ class Pace:
         """Mission seconds per second that are wanted now: 0 while time stands."""
         if not self.speed:
             return REAL_TIME if self._runs_free() else 0.0
-        late = self.speed > REAL_TIME and self.robot.unattended_s > LEAD_S and not self._alone()
+        late = self.speed > REAL_TIME and self.robot.unattended_s > LEAD_S and not self._runs_on()
         return SLOWED if late else self.speed
 
     def _run(self) -> None:
@@ -135,9 +135,12 @@ class Pace:
         silent = self._orphaned_s is not None or self.silent_s > FREE_RUN_AFTER_S
         return silent and not self.standing()
 
-    def _alone(self) -> bool:
-        """Whether the parent is gone and nobody has adopted the robot since; its last requests may still arrive."""
-        return self._orphaned_s is not None and self._asked_s < self._orphaned_s + ALONE_AFTER_S
+    def _runs_on(self) -> bool:
+        """Whether the parent is gone, nobody has adopted the robot since, and it has not come to stand yet; the last
+        requests of the parent may still arrive. One that stands waits for its next supervisor slowly, so that the start
+        of a console costs the stage under way little of its time."""
+        alone = self._orphaned_s is not None and self._asked_s < self._orphaned_s + ALONE_AFTER_S
+        return alone and not self.standing()
 
 
 class PacedCamera:

@@ -6,6 +6,7 @@ from typing import Literal, Protocol
 import msgspec
 
 from harness.contracts.ids import Digest, RequestId, sha256
+from harness.contracts.reasons import Reason
 from harness.contracts.values import Value
 from simulator.bodies import Floats, Velocity
 
@@ -34,7 +35,7 @@ class Outcome(Value):
 
     status: Literal["succeeded", "failed"]
     failure: str = ""
-    message: str = ""
+    message: Reason | None = None
     declared: dict[str, float] = msgspec.field(default_factory=dict)
 
 
@@ -57,7 +58,7 @@ class Step(msgspec.Struct, frozen=True):
     """One tick of a skill: the velocity it wants, whether it is held up, receipts it earned, how it ended."""
 
     command: Velocity = Velocity()
-    blocked: str = ""
+    blocked: Reason | None = None
     drafts: tuple[Draft, ...] = ()
     shots: tuple[Shot, ...] = ()
     outcome: Outcome | None = None

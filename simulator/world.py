@@ -6,6 +6,7 @@ from pathlib import Path
 
 from harness.contracts.ids import MissionId, RequestId
 from harness.contracts.observations import Image
+from harness.contracts.reasons import because
 from harness.contracts.regularities import HiddenSite, Regularity
 from harness.contracts.simulation import Fidelity
 from harness.contracts.values import Point, Value
@@ -31,7 +32,6 @@ EPOCH_S = 1_790_000_000.0
 MOVING_TICKS = 4
 STANDING_TICKS = 20
 EARLY_CLAIM_M = 0.14
-FALLEN = "The robot has fallen and does not stand."
 
 
 class WorldSettings(Value):
@@ -190,7 +190,8 @@ class World:
             velocity = invocation.tick(perception)
             if invocation.card.moves:
                 command = velocity
-            self._strike(invocation)
+            if self.faults.strikes_motion:
+                self._strike(invocation)
             if self._disturbances is not None and self._hindered(self._disturbances, invocation):
                 command = bodies.Velocity()
         return command
@@ -201,7 +202,9 @@ class World:
         for invocation in invocations:
             if invocation.card.moves and not invocation.terminal and not invocation.braking:
                 self.note("fell", request_id=invocation.request.identity.request_id)
-                invocation.brake_for(Step(outcome=Outcome(status="failed", failure="fallen", message=FALLEN)))
+                invocation.brake_for(
+                    Step(outcome=Outcome(status="failed", failure="fallen", message=because("robot_fallen")))
+                )
 
     def note(self, kind: TruthKind, **facts: str) -> None:
         """Write one line of ground truth."""
@@ -228,8 +231,7 @@ class World:
     def _strike(self, invocation: RunningSkill) -> None:
         """Applies the mission's faults to a navigation that is under way."""
         skill = invocation.skill
-        idle = not self.faults.strikes_motion or invocation.terminal or invocation.braking
-        if idle or not isinstance(skill, RouteFollower):
+        if invocation.terminal or invocation.braking or not isinstance(skill, RouteFollower):
             return
         whole_m = max(skill.route.length_m - skill.begin_m, 1e-6)
         share, remaining_m = (skill.at_m - skill.begin_m) / whole_m, skill.remaining_m
@@ -239,7 +241,7 @@ class World:
         if self.faults.ends_early(remaining_m):
             invocation.brake_for(skill.claim(self.at_s, distance_m=EARLY_CLAIM_M))
         elif self.faults.interrupts(share, invocation.card.provider_id):
-            words = Outcome(status="failed", failure="interrupted", message="The controller was interrupted.")
+            words = Outcome(status="failed", failure="interrupted", message=because("controller_interrupted"))
             invocation.brake_for(Step(outcome=words))
 
     def _live_with(self, disturbances: Disturbances) -> None:
@@ -276,7 +278,7 @@ class World:
         if disturbances.holds("claiming", provider_id, self.at_s):
             invocation.brake_for(skill.claim(self.at_s, distance_m=EARLY_CLAIM_M))
         elif disturbances.holds("giving_up", provider_id, self.at_s):
-            words = Outcome(status="failed", failure="interrupted", message="The controller was interrupted.")
+            words = Outcome(status="failed", failure="interrupted", message=because("controller_interrupted"))
             invocation.brake_for(Step(outcome=words))
         elif disturbances.holds("stalling", provider_id, self.at_s):
             skill.resume(self.at_s)

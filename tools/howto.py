@@ -28,6 +28,7 @@ PAGES = (
     "write-a-provider",
     "my-own-predicate",
     "vda5050-vehicle",
+    "shadow-mode",
     "ros2-robot",
 )
 PEERS = {"ros2-robot": "ros2"}

@@ -34,6 +34,7 @@ from harness.contracts import (
     models,
     observations,
     protocol,
+    retreat_events,
     verdicts,
 )
 from harness.contracts.fields import fields
@@ -58,7 +59,8 @@ VOCABULARY = (
     configuration.RecoveryAction, control.Autonomy, protocol.BodyPosture, effects.FactKind, handoff_events.NoAnswer,
     handoff_events.EscalationLevel, memory.MemoryRole, memory.RecordStanding, memory.Verification, observations.Origin,
     observations.Source, protocol.InvocationStatus, verdicts.Verdict, alerts.AlertStatus, handoffs.HandoffStatus,
-    handoffs.Decided, missions.MissionStatus, missions.NodeStatus, permissions.Role, pointers.Draining, reviews.Status,
+    handoffs.Decided, retreat_events.RetreatOutcome, missions.MissionStatus, missions.NodeStatus,
+    permissions.Role, pointers.Draining, reviews.Status,
     reviewing.Answer, reviewing.Direction, reviewing.Family, reviewing.Metric,
 )  # fmt: skip
 PUBLISHED = (

@@ -16,6 +16,7 @@ from harness.contracts import (
     place_events,
     retreat_events,
     revision_commands,
+    shadow,
 )
 from harness.contracts.actors import Actor, Command
 from harness.contracts.reasons import because
@@ -141,6 +142,9 @@ HARNESS_COMMANDS: frozenset[type[Command]] = frozenset(
         alert_commands.ClearAlert,
         alert_commands.NoteNotification,
         erasure_events.ExpireBlob,
+        shadow.NoteStackGoal,
+        shadow.JudgeStackGoal,
+        shadow.NoteStackGoalLost,
         review_commands.BeginEvaluation,
         review_commands.RecordEvaluation,
         review_commands.ExpireAuthorisation,

@@ -144,6 +144,11 @@ class GuardedRuntime:
     # queries --------------------------------------------------------------------------------------------------------
 
     @property
+    def observed(self) -> frozenset[ids.RobotId]:
+        """The robots in shadow mode, which nobody may command."""
+        return self._runtime.observed
+
+    @property
     def site(self) -> Site:
         """The places as people have changed them."""
         return self._runtime.site

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import msgspec
 from cachetools import LRUCache
 
+from harness.adapters.replaced_files import OWN, replacing
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused, refused
 from harness.contracts.errors import HarnessError, StoreUnavailable
@@ -320,12 +321,8 @@ class EvaluationJobs:
     def _write(self) -> None:
         """The whole file anew, in one step: a crash leaves the old one or the new one."""
         self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        beside = self.folder / f"{JOBS}.new"
-        with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:
+        with replacing(self.folder / JOBS, mode=OWN) as file:
             file.write(encode(self._queue))
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(self.folder / JOBS)
 
 
 def evaluate_in_child(line: Connection, order: _Order) -> None:

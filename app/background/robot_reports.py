@@ -29,6 +29,7 @@ MOST_BYTES = 4 * 1024 * 1024
 MOST_SEEN = 300
 """Poses and sweeps of a robot that are kept for its map."""
 BATCH, MOST_BATCHES = 5000, 8
+MOST_DOUBLINGS = 40
 WORD_EVERY_S = 1.0
 PICTURE_EVERY_S = 2.0
 RESTING_EVERY_S = 5.0
@@ -167,12 +168,16 @@ class Fleet:
         return newest_pose(*self.samples(robot_id))
 
     def _read_on(self, post: _Post) -> None:
-        for _ in range(MOST_BATCHES):
-            batch = self._robots[post.robot_id].observations(post.after, BATCH)
+        """Up to the newest sample: where more than one batch waits, all but the last ones are passed over."""
+        robot = self._robots[post.robot_id]
+        for number in range(MOST_BATCHES):
+            batch = robot.observations(post.after, BATCH)
             post.seen.extend(one for one in batch.samples if isinstance(one, Pose | Scan))
             post.seen_s, post.after = batch.at_s, batch.next_seq
             if len(batch.samples) < BATCH:
                 return
+            if number == 0:
+                post.after = _near_the_newest(robot, post.after)
 
     def blob(self, robot_id: str, digest: Digest) -> bytes:
         """What a sample of this robot refers to. Raises UnknownName or BlobDamaged."""
@@ -238,6 +243,20 @@ class Fleet:
             or sum(len(one.picture.body) for one in post.ring) > MOST_BYTES
         ):
             post.ring.popleft()
+
+
+def _near_the_newest(robot: Robot, after: int) -> int:
+    """A seq at most a batch before the newest sample's, found by asking for single samples."""
+    low, step = after, BATCH
+    for _ in range(MOST_DOUBLINGS):
+        if not robot.observations(low + step, 1).samples:
+            break
+        low, step = low + step, 2 * step
+    high = low + step
+    while high - low > BATCH // 2:
+        middle = (low + high) // 2
+        low, high = (middle, high) if robot.observations(middle, 1).samples else (low, middle)
+    return max(after, low - BATCH // 2)
 
 
 def no_fleet() -> Fleet:

@@ -1,40 +1,20 @@
-"""regen mission dossier and regen verify: a mission as one signed file, and the check of such a file offline."""
+"""regen verify: the check of a mission's dossier, offline."""
 
 from pathlib import Path
 from typing import Annotated
 
-import msgspec
 import typer
 
 from app.cli import output
-from app.cli.logins import acting_name
 from app.i18n.reasons.rendering import sentence, stating
 from app.views.unverified import UNVERIFIED
 from harness.auditing.dossier import DossierVerdict
 from harness.auditing.places import PlaceChange
 from harness.auditing.replay import RECONSTRUCTED
-from harness.bootstrap import read_harness
 from harness.contracts.dossier import JudgedGoal
 from harness.contracts.erasure_events import BlobErased
-from harness.contracts.ids import MissionId
 from harness.contracts.spoken_goals import SpokenGoal
-from harness.dossiers import export_dossier, verify_dossier
-
-
-def dossier(
-    mission_id: Annotated[str, typer.Argument(help="The mission.")],
-    out: Annotated[Path | None, typer.Option("--out", help="The file; MISSION.dossier.zip if left out.")] = None,
-    data: output.Data = output.DEFAULT_DATA,
-    as_json: output.Json = False,
-) -> None:
-    """Write events, verdicts, decisions, contexts and evidence of a mission as one signed file."""
-    file = out or Path(f"{mission_id}.dossier.zip")
-    with read_harness(output.settings(data_folder=data)) as runtime:
-        contents = export_dossier(runtime, MissionId(mission_id), file, data=data, exported_by=acting_name(data))
-    lines = [f"{file}: {contents.events} events, {contents.records} records, {len(contents.files) - 2} blobs."]
-    lines += [f"Evidence {digest} was missing or damaged and is not in it." for digest in contents.absent]
-    lines += [f"Evidence {digest} was erased; its tombstone is in it." for digest in contents.erased or ()]
-    output.show({"file": str(file), **msgspec.to_builtins(contents)}, as_json=as_json, lines=lines)
+from harness.dossiers import verify_dossier
 
 
 def verify(

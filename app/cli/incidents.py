@@ -18,13 +18,14 @@ from app.cli.person import me
 from app.i18n.reasons import rendering as reasons
 from app.views import sentences
 from app.views.timeline import TimelineEntry
+from app.web.dossier_export import export_with_report
 from harness.bootstrap import read_harness
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import MissionId
 from harness.contracts.incidents import CaseCondition, IncidentCase, RecordedDrive
 from harness.contracts.reasons import because
 from harness.contracts.values import decode, encode
-from harness.dossiers import export_dossier, verify_dossier
+from harness.dossiers import verify_dossier
 from harness.projections.mission import Mission
 from harness.recordings import replayed
 from harness.runtime import Runtime
@@ -59,7 +60,7 @@ def incident(
         folder = _new_folder(out or Path(f"incident-{mission_id}"))
         timeline = [_entry(one) for one in Histories(runtime).of(mission_id)]
         (folder / TIMELINE).write_text(json.dumps(timeline, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-        export_dossier(runtime, mission_id, folder / DOSSIER, data=data, exported_by=acting_name(data))
+        export_with_report(runtime, mission_id, folder / DOSSIER, data=data, exported_by=acting_name(data))
     if drive:
         _copied(path, folder / RECORDING)
     case = IncidentCase(mission_id=mission_id, recorded=drive[1] if drive else None, judged=judged_in(mission))

@@ -46,11 +46,14 @@ def free(
     resource: str,
     reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
     data: output.Data = output.DEFAULT_DATA,
+    site: output.Site = None,
     as_json: output.Json = False,
 ) -> None:
     """Free a resource in quarantine. The robot is observed first: it must stand by its odometry, or have its hardware
     stop engaged. Nothing is started or re-armed by this. Exit 1 if the robot is not shown at rest."""
     act = FreeLeaseAct.of(reason=reason)
-    with api_with_robots(data) as api:
+    folder = output.data_of(data, site)
+    chosen = output.settings(data_folder=folder, site_folder=site, speed=0.0) if site is not None else None
+    with api_with_robots(folder, chosen) as api:
         lease = msgspec.convert(api.post(f"/leases/{quote(resource)}/free", act.body()), Lease)
     output.show(_row(lease), as_json=as_json, lines=[f"{resource} is free: {reason}"])

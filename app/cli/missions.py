@@ -152,7 +152,7 @@ def _arguments(given: list[str] | None) -> dict[str, str | float]:
 
 
 def _summary(outcome: dict[str, Any]) -> list[str]:
-    lines = [f"{outcome['mission_id']}  {outcome['status']}  goal {outcome['goal_verdict'] or 'not judged'}"]
+    lines = [f"{outcome['mission_id']}  {_status(outcome)}  goal {outcome['goal_verdict'] or 'not judged'}"]
     lines += output.table(
         [["segment", "L_ref m", "declared m", "measured m", "last pose m"]]
         + [
@@ -241,6 +241,7 @@ def list_missions(data: output.Data = output.DEFAULT_DATA, as_json: output.Json 
             {
                 "mission_id": mission.mission_id,
                 "status": mission.status,
+                "disputed": bool(mission.disputed),
                 "template": mission.template,
                 "goal": mission.goal,
                 "robot_id": mission.robot_id,
@@ -249,12 +250,17 @@ def list_missions(data: output.Data = output.DEFAULT_DATA, as_json: output.Json 
             }
             for mission in runtime.missions()
         ]
-    lines = output.table([[m["mission_id"], m["status"], m["template"], m["goal"][:60]] for m in rows])
+    lines = output.table([[m["mission_id"], _status(m), m["template"], m["goal"][:60]] for m in rows])
     output.show(
         {"missions": rows},
         as_json=as_json,
         lines=lines or ["No mission yet: `regen mission run warehouse-inspection`."],
     )
+
+
+def _status(row: dict[str, Any]) -> str:
+    """The status, never without what is disputed of it."""
+    return f"{row['status']}, disputed" if row.get("disputed") else str(row["status"])
 
 
 @app.command("show")

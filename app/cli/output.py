@@ -45,6 +45,11 @@ def settings(**given: Any) -> HarnessSettings:
         raise typer.BadParameter(f"{'.'.join(str(part) for part in first['loc'])}: {first['msg']}") from error
 
 
+def names(text: str | None) -> tuple[str, ...] | None:
+    """The names in a list with commas; None where none was given."""
+    return tuple(one.strip() for one in text.split(",") if one.strip()) if text else None
+
+
 def data_of(data: Path, site: Path | None) -> Path:
     """The data folder: the site's own where none was named."""
     return site / SITE_DATA if site is not None and data == DEFAULT_DATA else data

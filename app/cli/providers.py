@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import msgspec
 import typer
@@ -17,9 +17,11 @@ from app.cli import output
 from app.cli.api import api_without_robots
 from app.cli.output import Json, data_of, settings, show, table
 from app.cli.owner_api import OwnerApi, owner_api
+from app.i18n.reasons import rendering as reasons
 from app.i18n.visible_text import visible_at_terminal
+from harness.addressed_robots import met_vehicle, observed_robot
 from harness.baseline.load import workspace_in
-from harness.bootstrap import met_vehicle, read_harness
+from harness.bootstrap import read_harness
 from harness.conformance.address import AddressedStands, addressed, by_broker
 from harness.conformance.declaration import ConformanceFile, read, shipped
 from harness.conformance.findings import ConformanceFinding, ConformanceResult
@@ -28,9 +30,17 @@ from harness.conformance.hostile.lies import Mode
 from harness.conformance.hostile.missions import MissionUnderLie, met, met_at
 from harness.conformance.kit import FIRST_TOKEN, check
 from harness.conformance.provider_setup import fresh_name, installed, installed_cards, protocol
+from harness.conformance.stack import check_stack
 from harness.conformance.subject import Stand
 from harness.contracts.capabilities import CapabilityCard, Vocabulary
-from harness.contracts.errors import ContractInvalid, HarnessError, ProviderFailed, StoreUnavailable, UnknownName
+from harness.contracts.errors import (
+    ContractInvalid,
+    HarnessError,
+    OnlyObserved,
+    ProviderFailed,
+    StoreUnavailable,
+    UnknownName,
+)
 from harness.contracts.ids import ProviderId, RobotId
 from harness.contracts.reasons import because
 from harness.workspace.files import AddressedEntry, SimulatedRobotEntry, VehicleEntry
@@ -107,9 +117,11 @@ def check_provider(
 
     At an address, providers that move do move the robot: they are tried with --allow-motion and after somebody said
     that it stands clear, and left out with --still. With --site, the name is that of a robot of the site; the result is
-    recorded, and decides which of its providers missions may use.
+    recorded, and decides which of its providers missions may use. A robot in shadow mode is only read.
     """
     found = _of_site(target, site, data) if site else None
+    if found and found.entry.authority == "observe":
+        _check_observed(found, as_json=as_json, moving=allow_motion)
     files = [*(found.files if found else ()), *(file or [])]
     declared = {one.provider_id: one for one in map(read, files)}
     address = found.entry.identity if found else target
@@ -147,6 +159,27 @@ class SiteRobot:
     vocabulary: Vocabulary
 
 
+def _check_observed(found: SiteRobot, *, as_json: bool, moving: bool) -> NoReturn:
+    """A robot in shadow mode is asked for nothing but what it says. Raises OnlyObserved where it is to move."""
+    name = found.entry.name
+    if moving:
+        raise OnlyObserved(because("robot_only_observed", robot_id=name), where="--allow-motion")
+    with observed_robot(found.entry, found.workspace) as robot:
+        findings = check_stack(robot, name)
+    for one in findings:
+        _tell(one)
+    ok = all(one.outcome != "not met" for one in findings)
+    answer = {
+        "ok": ok,
+        "robot_id": name,
+        "authority": "observe",
+        "rows": [msgspec.to_builtins(one) for one in findings],
+    }
+    lines = table([[one.outcome, one.row, one.text] for one in findings])
+    show(answer, as_json=as_json, lines=[*lines, f"{name} is in shadow mode: nothing was sent, nothing is admitted."])
+    raise typer.Exit(0 if ok else 1)
+
+
 def _of_site(name: str, site: Path, data: Path) -> SiteRobot:
     """Raises ContractInvalid for a robot that is not of this site or has no address, HarnessError while it works."""
     workspace = workspace_in(site)
@@ -155,7 +188,7 @@ def _of_site(name: str, site: Path, data: Path) -> SiteRobot:
         raise ContractInvalid(because("robot_without_address", name=name), where=str(site))
     folder = data_of(data, site)
     owner = owner_api(folder)
-    if owner is not None and _at_work(owner, name):
+    if entry.authority == "command" and owner is not None and _at_work(owner, name):
         raise HarnessError(because("robot_at_work", robot_id=name))
     return SiteRobot(
         entry=entry,
@@ -335,7 +368,7 @@ def _row(result: ConformanceResult) -> dict[str, Any]:
         "version": result.version,
         "capability": result.card.capability,
         "ok": result.ok,
-        "rows": msgspec.to_builtins(result.findings),
+        "rows": reasons.stating(result.findings),
     }
 
 
@@ -344,5 +377,5 @@ def _lines(results: list[ConformanceResult]) -> list[str]:
     for result in results:
         counts = ", ".join(f"{len(result.rows(word))} {word}" for word in ("met", "not met", "exempt"))
         lines += [f"{result.provider_id} {result.version} ({result.card.capability}): {counts}"]
-        lines += table([[f"  {one.row}", one.outcome, one.text] for one in result.findings])
+        lines += table([[f"  {one.row}", one.outcome, reasons.sentence(one.text)] for one in result.findings])
     return lines or ["Nothing was tried."]

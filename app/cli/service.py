@@ -87,14 +87,13 @@ def up(
     seen from its beginning. A folder that has missions already starts none by itself.
     """
     console = ConsoleSettings() if port is None else ConsoleSettings(port=port)
-    named = tuple(name.strip() for name in robots.split(",") if name.strip()) if robots else None
     chosen = output.settings(
         data_folder=output.data_of(data, site),
         site_folder=site,
         speed=speed,
         seed=seed,
         fidelity=fidelity,
-        robots=named,
+        robots=output.names(robots),
         no_robots=no_robots or None,
     )
     fleet_names = robot_names(chosen)
@@ -136,6 +135,10 @@ def up(
         steps.begin("Building the console")
         harness.supervisor.serve()
         harness.teleoperation.watch()
+        for shadow in harness.shadows.values():
+            shadow.watch()
+        if harness.shadows:
+            sys.stderr.write(f"Watching, and not commanding: {', '.join(harness.shadows)}\n")
         stack.callback(harness.teleoperation.close)
         fleet = reported_fleet(stack, harness, chosen, broker)
         evaluations = EvaluationJobs(
@@ -169,6 +172,7 @@ def up(
             unused=harness.unused,
             clear_way=_clear_way(harness),
             replays=replays,
+            shadows=harness.shadows,
         )
         app.state.alert_watch.watch()
         evaluations.watch()

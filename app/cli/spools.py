@@ -12,8 +12,8 @@ import uvicorn
 
 from harness.adapters.providers.http.robot import HttpRobot
 from harness.adapters.secret_values import secret
+from harness.provider_protocol.evidence_receiver import EvidenceReceiver, receiver_operations
 from harness.provider_protocol.forwarding import EvidenceForwarder
-from harness.provider_protocol.receiving import EvidenceReceiver, receiver_operations
 from harness.provider_protocol.service import provider_service
 from harness.provider_protocol.spool import EvidenceSpool, SpoolBatch, SpoolHead
 

@@ -29,11 +29,10 @@ def worker(
     Each worker has a data folder and robots of its own. A worker that is killed goes on from the log when it is
     started again, with the same folder and robots.
     """
-    named = tuple(one.strip() for one in robots.split(",") if one.strip()) if robots else None
     settings = output.settings(
         data_folder=output.data_of(data, site),
         site_folder=site,
-        robots=named,
+        robots=output.names(robots),
         worker=name,
         speed=speed,
         seed=seed,
@@ -55,6 +54,8 @@ def worker(
         output.warn_of_robots(harness.absent, harness.unused)
         harness.supervisor.serve()
         harness.teleoperation.watch()
+        for shadow in harness.shadows.values():
+            shadow.watch()
         stack.callback(harness.teleoperation.close)
         stack.callback(reported_fleet(stack, harness, settings).close)
         typer.echo(f"Worker drives {', '.join(robot_names(settings))}")

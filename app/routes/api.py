@@ -3,14 +3,14 @@
 from typing import Annotated, Any
 
 import msgspec
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from starlette.concurrency import run_in_threadpool
-from starlette.responses import JSONResponse
 
 from app.acts.base import Act
 from app.acts.missions import ACTS, DisputeCompletionAct, StartMissionAct
 from app.console import ActorDep, Console, ConsoleDep
 from app.i18n.reasons import rendering as reasons
+from app.routes import api_mission_schemas as mission_schemas
 from app.routes import api_requests
 from app.routes import api_schemas as schemas
 from app.routes.missions import ordered, started
@@ -27,16 +27,10 @@ from harness.extra_templates import draft
 
 WAV = {"type": "string", "contentMediaType": "audio/wav"}
 
-router = APIRouter(
-    prefix="/api/v1",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["missions"],
-)
+router = api_requests.router("missions")
 
 
-@router.get("/missions", responses=api_requests.answers(schemas.MissionSummary, many=True))
+@router.get("/missions", responses=api_requests.answers(mission_schemas.MissionSummary, many=True))
 def missions(
     console: ConsoleDep,
     response: Response,
@@ -51,13 +45,13 @@ def missions(
     return api_requests.plain([summary(one) for one in found])
 
 
-@router.get("/missions/{mission_id}", responses=api_requests.answers(schemas.MissionOutcome))
+@router.get("/missions/{mission_id}", responses=api_requests.answers(mission_schemas.MissionOutcome))
 def mission(console: ConsoleDep, mission_id: MissionId) -> Any:
     """The object that `regen mission run --json` prints."""
     return outcome(console, mission_id)
 
 
-@router.post("/missions", status_code=201, responses=api_requests.answers(schemas.MissionOutcome, status=201))
+@router.post("/missions", status_code=201, responses=api_requests.answers(mission_schemas.MissionOutcome, status=201))
 def start(console: ConsoleDep, actor: ActorDep, body: StartMissionAct) -> Any:
     """Compile the goal to a contract and start it; nothing is written if that fails."""
     return outcome(console, started(console, ordered(console, actor, body, channel="api")))
@@ -66,7 +60,7 @@ def start(console: ConsoleDep, actor: ActorDep, body: StartMissionAct) -> Any:
 @router.post(
     "/recordings",
     status_code=201,
-    responses=api_requests.answers(schemas.RecordingHeard, status=201),
+    responses=api_requests.answers(mission_schemas.RecordingHeard, status=201),
     openapi_extra={"requestBody": {"required": True, "content": {"audio/wav": {"schema": WAV}}}},
 )
 async def recording(console: ConsoleDep, principal: PrincipalDep, request: Request) -> Any:
@@ -77,10 +71,10 @@ async def recording(console: ConsoleDep, principal: PrincipalDep, request: Reque
     """
     principal.acting("drive")
     transcription = await run_in_threadpool(console.runtime.hear, await request.body())
-    return api_requests.plain(schemas.as_answered(transcription))
+    return api_requests.plain(mission_schemas.as_answered(transcription))
 
 
-@router.post("/missions/preview", responses=api_requests.answers(schemas.MissionPreview))
+@router.post("/missions/preview", responses=api_requests.answers(mission_schemas.MissionPreview))
 def preview(console: ConsoleDep, principal: PrincipalDep, body: StartMissionAct) -> Any:
     """The contract that the same request would start, with its configuration, highest risk and longest time.
 
@@ -89,14 +83,14 @@ def preview(console: ConsoleDep, principal: PrincipalDep, body: StartMissionAct)
     order = ordered(console, principal.acting("drive"), body, channel="api")
     contract = draft(console.runtime, order)
     content = previewed(contract, console.runtime.site)
-    found = schemas.MissionPreview(
+    found = mission_schemas.MissionPreview(
         robot_id=order.robot_id,
         configuration=console.runtime.current_configuration_id(order.robot_id),
         highest_risk=content.highest_risk,
         longest_s=content.longest_s,
         stages=tuple(one.node_id for one in content.stages),
         contract=contract,
-        reading=msgspec.convert(reading_json(contract.goal.text, contract.reading), schemas.ReadingResource)
+        reading=msgspec.convert(reading_json(contract.goal.text, contract.reading), mission_schemas.ReadingResource)
         if isinstance(contract.reading, Reading)
         else None,
     )
@@ -104,7 +98,8 @@ def preview(console: ConsoleDep, principal: PrincipalDep, body: StartMissionAct)
 
 
 @router.post(
-    "/missions/{mission_id}/facts/{condition_id}/dispute", responses=api_requests.answers(schemas.MissionOutcome)
+    "/missions/{mission_id}/facts/{condition_id}/dispute",
+    responses=api_requests.answers(mission_schemas.MissionOutcome),
 )
 def dispute(
     console: ConsoleDep, actor: ActorDep, mission_id: MissionId, condition_id: str, body: DisputeCompletionAct
@@ -125,8 +120,8 @@ def events(
     return api_requests.plain(later[:limit])
 
 
-def summary(one: MissionItem) -> schemas.MissionSummary:
-    return schemas.MissionSummary(
+def summary(one: MissionItem) -> mission_schemas.MissionSummary:
+    return mission_schemas.MissionSummary(
         mission_id=one.mission_id,
         robot_id=one.robot_id,
         goal=one.goal,
@@ -138,7 +133,7 @@ def summary(one: MissionItem) -> schemas.MissionSummary:
         handoff_id=one.handoff_id or None,
         began_s=one.began_s,
         ended_s=one.ended_s,
-        recovery=schemas.RecoverySpend(spent=one.spent, remaining=max(one.budget - one.spent, 0)),
+        recovery=mission_schemas.RecoverySpend(spent=one.spent, remaining=max(one.budget - one.spent, 0)),
     )
 
 
@@ -161,4 +156,4 @@ def _act() -> api_requests.Handler:
     return act
 
 
-api_requests.post_acts(router, "/missions/{mission_id}", ACTS, _act, answered=schemas.MissionOutcome)
+api_requests.post_acts(router, "/missions/{mission_id}", ACTS, _act, answered=mission_schemas.MissionOutcome)

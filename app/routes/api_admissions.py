@@ -2,9 +2,6 @@
 
 from typing import Any
 
-from fastapi import APIRouter
-from starlette.responses import JSONResponse
-
 from app.acts.admissions import RecordCheckAct
 from app.console import ActorDep, ConsoleDep
 from app.routes import api_requests
@@ -13,13 +10,7 @@ from harness.contracts.admissions import admission_stream
 from harness.contracts.decisions import Refused
 from harness.projections.admissions import Admissions
 
-router = APIRouter(
-    prefix="/api/v1/robots",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["robots"],
-)
+router = api_requests.router("robots", under="/robots")
 
 
 @router.get("/{robot_id}/checks", responses=api_requests.answers(Admissions))

@@ -2,8 +2,7 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
-from starlette.responses import JSONResponse
+from fastapi import Query
 
 from app.acts.alerts import ACTS
 from app.console import ActorDep, Console, ConsoleDep
@@ -16,13 +15,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.reasons import because
 
-router = APIRouter(
-    prefix="/api/v1",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["alerts"],
-)
+router = api_requests.router("alerts")
 
 
 @router.get("/alerts", responses=api_requests.answers(schemas.AlertSummary, many=True))

@@ -2,9 +2,6 @@
 
 from typing import Any
 
-from fastapi import APIRouter
-from starlette.responses import JSONResponse
-
 from app.acts.erasures import EraseBlobAct
 from app.console import ConsoleDep
 from app.routes import api_requests
@@ -15,13 +12,7 @@ from harness.contracts.errors import UnknownName
 from harness.contracts.ids import Digest
 from harness.contracts.reasons import because
 
-router = APIRouter(
-    prefix="/api/v1/evidence",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["evidence"],
-)
+router = api_requests.router("evidence", under="/evidence")
 
 
 @router.get("/{digest}/erasure", responses=api_requests.answers(BlobErased))

@@ -2,13 +2,13 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path
+from fastapi import Path
 from starlette.responses import JSONResponse
 
 from app.acts.goal_proposals import DismissGoalAct, ProposeGoalAct
 from app.console import ActorDep, ConsoleDep
+from app.routes import api_mission_schemas as schemas
 from app.routes import api_requests
-from app.routes import api_schemas as schemas
 from app.routes.queue import proposed_goals
 from app.views.readings import reading_json
 from app.web.security import PrincipalDep
@@ -16,13 +16,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.goal_proposals import PROPOSED_GOALS, GoalProposed
 from harness.runtime import Start
 
-router = APIRouter(
-    prefix="/api/v1/goal-proposals",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["goals"],
-)
+router = api_requests.router("goals", under="/goal-proposals")
 ProposalPath = Annotated[str, Path(pattern="^[0-9a-f]{16}$")]
 
 

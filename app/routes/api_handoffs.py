@@ -3,7 +3,7 @@
 import json
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Response
+from fastapi import Depends, Query, Response
 from starlette.responses import JSONResponse
 
 from app.acts import handoffs as acts
@@ -16,13 +16,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.ids import HandoffId
 from harness.projections.handoffs import Handoff
 
-router = APIRouter(
-    prefix="/api/v1",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["handoffs"],
-)
+router = api_requests.router("handoffs")
 Waits = Annotated[str, Query(alias="open", max_length=200)]
 
 

@@ -2,9 +2,6 @@
 
 from typing import Any
 
-from fastapi import APIRouter
-from starlette.responses import JSONResponse
-
 from app.acts.leases import FreeLeaseAct
 from app.console import ConsoleDep
 from app.routes import api_requests
@@ -12,13 +9,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.ids import ResourceId
 from harness.projections.leases import Lease
 
-router = APIRouter(
-    prefix="/api/v1",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["leases"],
-)
+router = api_requests.router("leases")
 
 
 @router.get("/leases", responses=api_requests.answers(Lease, many=True))

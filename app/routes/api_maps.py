@@ -2,9 +2,6 @@
 
 from typing import Any
 
-from fastapi import APIRouter
-from starlette.responses import JSONResponse
-
 from app.acts.maps import AttachCloudAct
 from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_requests
@@ -13,13 +10,7 @@ from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.maps import AttachCloud, MapCloud, map_stream
 from harness.contracts.reasons import because
 
-router = APIRouter(
-    prefix="/api/v1/maps",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["maps"],
-)
+router = api_requests.router("maps", under="/maps")
 
 
 @router.get("/{map_version}/cloud", responses=api_requests.answers(MapCloud))

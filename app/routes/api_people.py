@@ -2,9 +2,6 @@
 
 from typing import Any
 
-from fastapi import APIRouter
-from starlette.responses import JSONResponse
-
 from app.acts.accounts import AddAccountAct, ChangeAccountAct, IssueTokenAct
 from app.acts.base import Slug
 from app.auth.permissions import GRANTS
@@ -16,13 +13,7 @@ from app.web.errors import problem
 from app.web.security import PrincipalDep
 from harness.contracts.values import Value
 
-router = APIRouter(
-    prefix="/api/v1",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["people"],
-)
+router = api_requests.router("people")
 
 
 @router.get("/account", responses=api_requests.answers(schemas.Caller))

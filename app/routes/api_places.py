@@ -2,8 +2,7 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path
-from starlette.responses import JSONResponse
+from fastapi import Path
 
 from app.acts.places import RemovePlaceAct, SavePlaceAct
 from app.console import ActorDep, Console, ConsoleDep
@@ -17,13 +16,7 @@ from harness.contracts.ids import PlaceId
 from harness.contracts.places import Site
 from harness.contracts.reasons import because
 
-router = APIRouter(
-    prefix="/api/v1",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["places"],
-)
+router = api_requests.router("places")
 PlacePath = Annotated[PlaceId, Path(pattern="^[a-z][a-z0-9_]{0,39}$")]
 
 

@@ -2,10 +2,10 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path, Query, Response
-from starlette.responses import JSONResponse
+from fastapi import Path, Query, Response
 
 from app.console import ConsoleDep
+from app.routes import api_mission_schemas as mission_schemas
 from app.routes import api_requests
 from app.routes import api_schemas as schemas
 from app.routes.audit import Before, Filter, newest_first
@@ -22,13 +22,7 @@ from harness.contracts.tasks import TaskTemplate
 from harness.extra_templates import offered
 from harness.projections import exploration as explorations
 
-router = APIRouter(
-    prefix="/api/v1",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["reading"],
-)
+router = api_requests.router("reading")
 BLOB: dict[int | str, dict[str, Any]] = {
     200: {
         "description": "The bytes, verified against their digest as they were read.",
@@ -40,14 +34,16 @@ BLOB: dict[int | str, dict[str, Any]] = {
 }
 
 
-@router.get("/missions/{mission_id}/exploration", responses=api_requests.answers(schemas.ExplorationChoice, many=True))
+@router.get(
+    "/missions/{mission_id}/exploration", responses=api_requests.answers(mission_schemas.ExplorationChoice, many=True)
+)
 def exploration(console: ConsoleDep, mission_id: MissionId) -> Any:
     """Every target that an exploring mission chose, oldest first, with what the proposer was asked and answered."""
     mission = console.runtime.mission(mission_id)
     made = explorations.decisions(mission) if mission.contract else ()
     return [
         api_requests.plain(
-            schemas.ExplorationChoice(
+            mission_schemas.ExplorationChoice(
                 decision=one,
                 question=console.target_question(one.question),
                 answer=console.target_answer(one.answer),

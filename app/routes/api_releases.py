@@ -2,14 +2,13 @@
 
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Query
-from starlette.responses import JSONResponse
+from fastapi import Query
 
 from app.acts import releases as acts
 from app.console import ActorDep, ConsoleDep
 from app.i18n.reasons.rendering import sentence
+from app.routes import api_release_schemas as schemas
 from app.routes import api_requests, candidate_evaluation
-from app.routes import api_schemas as schemas
 from app.routes.candidate_editor import checked, proposed
 from app.routes.candidate_json import row, sheet
 from app.routes.candidates import replayed
@@ -27,13 +26,7 @@ from rsi_reviews.difference import CandidateDifference
 from rsi_reviews.release_service import SignedBy
 from rsi_reviews.suite_growth import CaseAdded
 
-router = APIRouter(
-    prefix="/api/v1",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["candidates"],
-)
+router = api_requests.router("candidates")
 Group = Literal[
     "", "draft", "evaluating", "accepted", "in_review", "authorised", "canary", "current", "not_accepted", "taken_back"
 ]

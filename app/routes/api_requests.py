@@ -1,12 +1,13 @@
 """What every part of the API shares: how lists are paged, how failures and answers are described."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, TypeVar
 from urllib.parse import urlencode
 
 import msgspec
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response, params
+from starlette.responses import JSONResponse
 
 from app.acts.base import ActModel
 from app.background.lists import Slice
@@ -79,6 +80,20 @@ def known_parameters(request: Request) -> None:
 
 
 CHECKED = [Depends(known_parameters)]
+
+
+def router(tag: str, *, under: str = "", checks: Sequence[params.Depends] = ()) -> APIRouter:
+    """The routes of one subject below /api/v1: JSON in, JSON or a problem out, unknown parameters refused.
+
+    `checks` come beside, for each request to the subject.
+    """
+    return APIRouter(
+        prefix=f"/api/v1{under}",
+        default_response_class=JSONResponse,
+        responses=PROBLEMS,
+        dependencies=[*CHECKED, *checks],
+        tags=[tag],
+    )
 
 
 ANSWERED: set[type] = {ProblemDocument}

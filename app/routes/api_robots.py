@@ -2,12 +2,11 @@
 
 from typing import Any
 
-from fastapi import APIRouter, Response
-from starlette.responses import JSONResponse
+from fastapi import Depends, Response
 
 from app.acts import robots as acts
 from app.acts.missions import LimitAutonomyAct, SetAutonomyAct
-from app.console import ActorDep, Console, ConsoleDep
+from app.console import ActorDep, Console, ConsoleDep, commanded
 from app.routes import api_requests, robot_acts
 from app.routes import api_schemas as schemas
 from app.routes.driving import turned
@@ -23,13 +22,7 @@ from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.protocol import DriveReport
 from harness.contracts.reasons import because
 
-router = APIRouter(
-    prefix="/api/v1",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["robots"],
-)
+router = api_requests.router("robots", checks=(Depends(commanded),))
 
 
 @router.get("/robots", responses=api_requests.answers(schemas.RobotResource, many=True))

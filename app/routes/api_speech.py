@@ -2,23 +2,16 @@
 
 from typing import Any
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from starlette.concurrency import run_in_threadpool
-from starlette.responses import JSONResponse
 
 from app.console import ConsoleDep
+from app.routes import api_mission_schemas as schemas
 from app.routes import api_requests
-from app.routes import api_schemas as schemas
 from app.web.security import PrincipalDep
 
 SAMPLES = {"type": "string", "contentMediaType": "application/octet-stream"}
-router = APIRouter(
-    prefix="/api/v1/speech",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["missions"],
-)
+router = api_requests.router("missions", under="/speech")
 
 
 @router.post("", status_code=201, responses=api_requests.answers(schemas.SpeechOpened, status=201))

@@ -3,33 +3,26 @@
 from typing import Annotated, Any
 
 import msgspec
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from starlette.concurrency import run_in_threadpool
-from starlette.responses import JSONResponse
 
-from app.acts.uploads import BeginUploadAct, ImportUploadAct, ReplayUploadAct
+from app.acts.uploads import BeginUploadAct, ImportFloorAct, ImportUploadAct, ReplayUploadAct
 from app.auth.permissions import Principal
 from app.console import Console, ConsoleDep
 from app.i18n.reasons import rendering as reasons
 from app.routes import api_requests
 from app.routes import api_schemas as schemas
 from app.routes.api_maps import attached
-from app.views.uploaded_files import CHUNK_BYTES, ReplayJob, Upload
+from app.views.uploaded_files import CHUNK_BYTES, ReplayJob, Upload, UploadPart
 from app.web.security import PrincipalDep
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.maps import AttachCloud, MapCloud
 from harness.contracts.reasons import because
-from harness.map_clouds import stored_cloud
+from harness.map_clouds import stored_cloud, stored_floor
 
 PIECE = {"type": "string", "contentMediaType": "application/octet-stream"}
-router = APIRouter(
-    prefix="/api/v1",
-    default_response_class=JSONResponse,
-    responses=api_requests.PROBLEMS,
-    dependencies=api_requests.CHECKED,
-    tags=["recordings"],
-)
+router = api_requests.router("recordings")
 
 
 @router.get("/uploads", responses=api_requests.answers(schemas.UploadResource, many=True))
@@ -42,7 +35,9 @@ def uploads(console: ConsoleDep) -> Any:
 def begin(console: ConsoleDep, principal: PrincipalDep, body: BeginUploadAct) -> Any:
     """Announce a file. Its pieces follow at /uploads/{upload_id}, each of at most `piece_bytes`."""
     actor = principal.acting("drive")
-    return api_requests.plain(_resource(console.uploads.begin(body.name, size_bytes=body.size_bytes, by=actor.name)))
+    parts = [UploadPart(name=one.name, size_bytes=one.size_bytes) for one in body.parts]
+    begun = console.uploads.begin(body.name, size_bytes=body.size_bytes, by=actor.name, parts=parts)
+    return api_requests.plain(_resource(begun))
 
 
 @router.get("/uploads/{upload_id}", responses=api_requests.answers(schemas.UploadResource))
@@ -92,6 +87,14 @@ def replay(console: ConsoleDep, principal: PrincipalDep, upload_id: str, body: R
 def cloud(console: ConsoleDep, principal: PrincipalDep, upload_id: str, body: ImportUploadAct) -> Any:
     """Split the cloud and attach it; views of that map version show it from now on."""
     decision = imported(console, principal, upload_id, body)
+    return api_requests.refusal(decision) if isinstance(decision, Refused) else api_requests.plain(decision)
+
+
+@router.post("/uploads/{upload_id}/map", responses=api_requests.answers(MapCloud))
+def floor(console: ConsoleDep, principal: PrincipalDep, upload_id: str, body: ImportFloorAct) -> Any:
+    """Show the walls of a floor map (map_server) with a map version; one that has a picture keeps it without
+    `replace`."""
+    decision = imported_floor(console, principal, upload_id, body)
     return api_requests.refusal(decision) if isinstance(decision, Refused) else api_requests.plain(decision)
 
 
@@ -159,6 +162,24 @@ def imported(console: Console, principal: Principal, upload_id: str, act: Import
     )
     command = AttachCloud(actor=actor, cloud=stored, reason=act.reason)
     return attached(console, command, replace=act.replace)
+
+
+def imported_floor(console: Console, principal: Principal, upload_id: str, act: ImportFloorAct) -> MapCloud | Refused:
+    """The floor map as the picture of its map version, or why not. Raises ContractInvalid for a map that cannot be
+    read, is in other units than somebody said, or has this site's places in its walls."""
+    actor = principal.acting("drive")
+    found = console.uploads.whole(upload_id)
+    if found.kind != "map":
+        raise ContractInvalid(because("upload_is_no_map", name=found.name))
+    stored = stored_floor(
+        console.runtime,
+        console.uploads.path(found),
+        map_version=act.map_version,
+        frame=act.frame,
+        metres_per_cell=act.metres_per_cell,
+        site=console.runtime.site,
+    )
+    return attached(console, AttachCloud(actor=actor, cloud=stored, reason=act.reason), replace=act.replace)
 
 
 def removed(console: Console, upload_id: str) -> None:

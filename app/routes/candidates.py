@@ -159,8 +159,9 @@ def board_of(console: Console, actor: Actor, params: CandidateListParams) -> Boa
     reviews = console.releases.reviews()
     progress = {one.candidate: console.evaluated.progress(one) for one in reviews if one.status == "evaluating"}
     shell = console.shell("Candidates", "candidates", actor)
-    refused = console.releases.refused_proposals()
-    return candidates.board_page(shell, reviews, console.releases.pointer(), params, progress, refused)
+    refused, jobs = console.releases.refused_proposals(), console.evaluations
+    newest = {name: jobs.newest(name) for name in progress} if jobs else {}
+    return candidates.board_page(shell, reviews, console.releases.pointer(), params, progress, refused, newest)
 
 
 def page_of(

@@ -1,11 +1,11 @@
 """/robots/{id}/drive: drives a robot by hand from the browser: hold to move, let go to stop."""
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Depends
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 
 from app.acts.robots import BeginTeleoperationAct, SteerAct
 from app.auth.permissions import NotPermitted, Principal
-from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.console import ActorDep, Console, ConsoleDep, FormDep, commanded
 from app.i18n.catalogues import N_
 from app.i18n.languages import in_words
 from app.i18n.messages import lazy_gettext, reasoned
@@ -21,7 +21,7 @@ from harness.contracts.ids import RequestId, RobotId
 from harness.contracts.protocol import DriveReport
 from harness.contracts.reasons import because
 
-router = APIRouter(prefix="/robots/{robot_id}")
+router = APIRouter(prefix="/robots/{robot_id}", dependencies=[Depends(commanded)])
 
 
 @router.get("/drive")

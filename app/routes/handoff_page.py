@@ -8,6 +8,7 @@ from app.acts.handoffs import ApproveHandoffAct
 from app.console import Console
 from app.routes.robots import camera_of
 from app.views import handoffs, robots
+from app.views.fleet import OLD_POSE_S
 from app.views.handoff_question import ShownQuestion, differences, shown_question, shown_record
 from app.views.handoffs import HandoffEvents, HandoffForm, HandoffInputs, HandoffPage, HandoffScene
 from app.views.history import ShownDifference
@@ -26,6 +27,7 @@ from harness.contracts.observations import Pose
 from harness.contracts.read_models import HandoffItem, ListQuery
 from harness.contracts.values import digest, encode
 from harness.projections.handoffs import Handoff, apply
+from harness.projections.mission import TERMINAL_MISSION
 
 CODEC: Codec[HandoffEvent] = Codec(HandoffEvent)
 EARLIER = 50
@@ -157,9 +159,21 @@ def _camera(console: Console, robot_id: ids.RobotId) -> CameraView | None:
 
 
 def _live_at(console: Console, mission_id: ids.MissionId) -> tuple[float, float, float] | None:
-    live = console.runtime.observations(mission_id)
+    """Where the robot is now; None where nobody knows. Of a mission that ended, its samples say nothing of now."""
+    mission = console.runtime.mission(mission_id)
+    live = console.runtime.observations(mission_id) if mission.status not in TERMINAL_MISSION else None
     pose = next((one for one in reversed(live.samples) if isinstance(one, Pose)), None) if live else None
+    if pose is None:
+        pose, age_s = _position(console, mission.robot_id)
+        pose = pose if age_s <= OLD_POSE_S else None
     return (pose.x_m, pose.y_m, pose.yaw_rad) if pose else None
+
+
+def _position(console: Console, robot_id: ids.RobotId) -> tuple[Pose | None, float]:
+    try:
+        return console.fleet.pose(robot_id)
+    except UnknownName:
+        return None, 0.0
 
 
 def _seen(console: Console, mission_id: ids.MissionId) -> SeenAround:

@@ -145,7 +145,7 @@ def stopping(console: ConsoleDep, actor: ActorDep, mission_id: MissionId) -> HTM
 
 @router.post("/{mission_id}/stop")
 def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, typed: FormDep) -> Response:
-    act = StopMissionAct.from_form(typed | {"reason": typed.get("quick") or typed.get("reason", "")})
+    act = StopMissionAct.from_form(typed)
     if isinstance(act, tuple):
         errors = tuple(one.text for one in act)
         return render("missions/stop.html", _stop_page(console, actor, mission_id, errors=errors), status=422)

@@ -7,6 +7,7 @@ from starlette.responses import HTMLResponse
 
 from app.console import ActorDep, Console, ConsoleDep
 from app.views import missions
+from app.views.fleet import OLD_POSE_S
 from app.views.overview import RECENT, OverviewMark, OverviewPage, OverviewRegions, overview, overview_mark
 from app.views.shell import PageShell
 from app.web.rendering import render
@@ -55,9 +56,9 @@ def _resting(console: Console, busy: Set[str]) -> Iterator[OverviewMark]:
     for robot_id in console.fleet.names:
         if robot_id in busy or console.fleet.word(robot_id).trouble:
             continue
-        samples, _ = console.fleet.samples(robot_id)
+        samples, at_s = console.fleet.samples(robot_id)
         if poses := [one for one in samples if isinstance(one, Pose)]:
-            yield overview_mark(robot_id, poses, handoff_id="")
+            yield overview_mark(robot_id, poses, handoff_id="", old=at_s - poses[-1].at_s > OLD_POSE_S)
 
 
 @router.get("/")

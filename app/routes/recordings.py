@@ -9,15 +9,15 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.base import ActModel
-from app.acts.uploads import ImportUploadAct, ReplayUploadAct
-from app.console import ActorDep, Console, ConsoleDep, FormDep, file_of
+from app.acts.uploads import ImportFloorAct, ImportUploadAct, ReplayUploadAct
+from app.console import ActorDep, Console, ConsoleDep, FormDep, files_of
 from app.i18n.languages import explained
 from app.i18n.messages import reasoned
-from app.routes.api_uploads import imported, removed, replay_job
+from app.routes.api_uploads import imported, imported_floor, removed, replay_job
 from app.views.bag_audits import AuditShown, counted
 from app.views.forms import Wrong
 from app.views.recordings import RecordingsPage, ReplayRow
-from app.views.uploaded_files import CHUNK_BYTES
+from app.views.uploaded_files import CHUNK_BYTES, UploadPart
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
@@ -45,11 +45,9 @@ def replays(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
 async def upload(request: Request, console: ConsoleDep, principal: PrincipalDep) -> Response:
     """A small file at once, for a browser without scripts; with scripts it comes in pieces through the API."""
     actor = principal.acting("drive")
-    form = await request.form()
-    name = str(getattr(form.get("file"), "filename", "") or "")
-    body = await file_of(request, "file")
+    files = await files_of(request, "file")
     try:
-        await run_in_threadpool(_stored, console, actor, name, body)
+        await run_in_threadpool(_stored, console, actor, files)
     except ContractInvalid as error:
         return render("recordings/index.html", page_of(console, actor, (explained(error),)), status=422)
     return RedirectResponse("/recordings", status_code=303)
@@ -77,6 +75,14 @@ def cloud(console: ConsoleDep, principal: PrincipalDep, upload_id: str, typed: F
     return _done(console, principal.acting("drive"), act, lambda given: imported(console, principal, upload_id, given))
 
 
+@router.post("/{upload_id}/map")
+def floor(console: ConsoleDep, principal: PrincipalDep, upload_id: str, typed: FormDep) -> Response:
+    act = ImportFloorAct.from_form(typed)
+    return _done(
+        console, principal.acting("drive"), act, lambda given: imported_floor(console, principal, upload_id, given)
+    )
+
+
 @router.post("/{upload_id}/remove")
 def remove(console: ConsoleDep, principal: PrincipalDep, upload_id: str) -> Response:
     actor = principal.acting("drive")
@@ -101,8 +107,10 @@ def page_of(console: Console, actor: Actor, errors: Sequence[str] = (), *, impor
     )
 
 
-def _stored(console: Console, actor: Actor, name: str, body: bytes) -> None:
-    upload = console.uploads.begin(name, size_bytes=len(body), by=actor.name)
+def _stored(console: Console, actor: Actor, files: Sequence[tuple[str, bytes]]) -> None:
+    body = b"".join(content for _, content in files)
+    parts = [UploadPart(name=name, size_bytes=len(content)) for name, content in files] if len(files) > 1 else []
+    upload = console.uploads.begin(files[0][0] if files else "", size_bytes=len(body), by=actor.name, parts=parts)
     for offset in range(0, len(body), CHUNK_BYTES):
         piece = body[offset : offset + CHUNK_BYTES]
         console.uploads.add(upload.upload_id, offset=offset, piece=piece, by=actor.name)

@@ -3,14 +3,14 @@
 from collections.abc import Callable
 from typing import Annotated
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter, Depends, Path
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.base import Act
 from app.acts.missions import LimitAutonomyAct, PauseMissionAct, ResumeMissionAct, SetAutonomyAct
 from app.acts.robots import ExplainStopAct, OrderPostureAct, SendToSafetyAct, StopRobotAct, StopRobotsAct
 from app.auth.permissions import Permission
-from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.console import ActorDep, Console, ConsoleDep, FormDep, commanded
 from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from app.routes import robot_acts
@@ -34,7 +34,7 @@ from harness.contracts.values import Point
 from harness.projections.admissions import Admissions
 from harness.projections.mission import Mission
 
-router = APIRouter(prefix="/robots")
+router = APIRouter(prefix="/robots", dependencies=[Depends(commanded)])
 RobotPath = Annotated[RobotId, Path(pattern="^[a-z0-9][a-z0-9-]{0,30}$")]
 JPEG = "image/jpeg"
 OTHERWISE = {
@@ -63,7 +63,7 @@ def stopping_all(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
 
 @router.post("/stop")
 def stop_all(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, typed: FormDep) -> Response:
-    act = StopRobotsAct.from_form(typed | {"reason": typed.get("quick") or typed.get("reason", "")})
+    act = StopRobotsAct.from_form(typed)
     if isinstance(act, tuple):
         wrong = tuple(one.text for one in act)
         return render("robots/stop.html", _stop_page(console, actor, errors=wrong), status=422)
@@ -91,7 +91,7 @@ def stop(
 def explain(
     console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
 ) -> Response:
-    act = ExplainStopAct.from_form(typed | {"reason": typed.get("quick") or typed.get("reason", "")})
+    act = ExplainStopAct.from_form(typed)
     if isinstance(act, tuple):
         return _one(console, actor, robot_id, errors=[one.text for one in act], status=422)
     robot_acts.explained(console, principal, robot_id, act)
@@ -291,7 +291,13 @@ def _index(console: Console, actor: Actor, *, errors: list[str] | None = None, s
     shell = console.shell("Robots", "robots", actor)
     present = console.presence.people()
     page = robots.robots_page(
-        shell, cards(console), console.control(), present=present, errors=errors or (), absent=console.absent
+        shell,
+        cards(console),
+        console.control(),
+        present=present,
+        errors=errors or (),
+        absent=console.absent,
+        observed=console.runtime.observed,
     )
     return render("robots/index.html", page, status=status)
 

@@ -16,8 +16,18 @@ ANCHOR = (176, 132, 235)
 BODY = (64, 156, 255)
 SWEEP = (255, 196, 87)
 FORBIDDEN = (236, 92, 92)
+ZONE, REGION, PASSAGE = (104, 114, 125), (84, 130, 190), (196, 138, 74)
 STAGES = ((64, 156, 255), (92, 201, 160), (240, 178, 85), (176, 132, 235), (236, 112, 128), (120, 200, 230))
 LINE_M = 0.05
+HULL = (
+    ("body", (0.62, 0.26, 0.16), (0.0, 0.0, 0.36)),
+    ("head", (0.16, 0.18, 0.14), (0.37, 0.0, 0.42)),
+    ("leg-fl", (0.07, 0.07, 0.30), (0.24, 0.14, 0.15)),
+    ("leg-fr", (0.07, 0.07, 0.30), (0.24, -0.14, 0.15)),
+    ("leg-rl", (0.07, 0.07, 0.30), (-0.24, 0.14, 0.15)),
+    ("leg-rr", (0.07, 0.07, 0.30), (-0.24, -0.14, 0.15)),
+)
+"""A four-legged body as boxes: name, size and centre in metres, ahead, left and up from where it stands."""
 LYING = (0.7071068, 0.7071068, 0.0, 0.0)
 Point = tuple[float, float]
 
@@ -63,11 +73,23 @@ class Drawing:
 
     def forbidden(self, name: str, region_m: Sequence[Point]) -> None:
         """A zone that the contract forbids, as a closed outline."""
+        self._outline(f"/forbidden/{name}", f"keep out: {name}", region_m, colour=FORBIDDEN, width_m=LINE_M)
+
+    def part_of_site(self, name: str, kind: str, region_m: Sequence[Point]) -> None:
+        """A zone, a region of a place or a passage of the site's map, on the floor; zones with their names."""
+        colour = {"zone": ZONE, "region": REGION}.get(kind, PASSAGE)
+        label = name if kind == "zone" else ""
+        self._outline(f"/site/{kind}/{name}", label, region_m, colour=colour, width_m=LINE_M / 2)
+
+    def _outline(
+        self, path: str, label: str, region_m: Sequence[Point], *, colour: tuple[int, int, int], width_m: float
+    ) -> None:
         corners = np.array([(*self._local(p), 0.04) for p in (*region_m, region_m[0])], dtype=np.float32)
         pairs = np.stack([corners[:-1], corners[1:]], axis=1)
-        self._scene.add_line_segments(f"/forbidden/{name}", pairs, colors=FORBIDDEN, thickness=LINE_M)
-        x, y = corners[:-1, 0].mean(), corners[:-1, 1].mean()
-        self._scene.add_label(f"/forbidden/{name}/label", f"keep out: {name}", position=(float(x), float(y), 0.3))
+        self._scene.add_line_segments(path, pairs, colors=colour, thickness=width_m)
+        if label:
+            x, y = corners[:-1, 0].mean(), corners[:-1, 1].mean()
+            self._scene.add_label(f"{path}/label", label, position=(float(x), float(y), 0.3))
 
     def route(self, name: str, waypoints: Sequence[Point]) -> None:
         """The commanded reference as a dashed line."""
@@ -91,7 +113,8 @@ class Drawing:
         """The body at its measured pose; hidden where that is unknown."""
         if self._robot is None:
             self._robot = self._scene.add_frame("/robot", axes_length=0.5, axes_radius=0.02)
-            self._scene.add_box("/robot/body", color=BODY, dimensions=(0.65, 0.3, 0.25), position=(0.0, 0.0, 0.35))
+            for name, size_m, centre_m in HULL:
+                self._scene.add_box(f"/robot/{name}", color=BODY, dimensions=size_m, position=centre_m)
         self._robot.visible = stand is not None
         if stand is not None:
             self._robot.position = np.array((*self._local((stand.x_m, stand.y_m)), 0.0))

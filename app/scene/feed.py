@@ -27,6 +27,7 @@ from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest, MissionId
 from harness.contracts.maps import MapCloud, map_stream
 from harness.contracts.observations import AnySample, Pose, Scan, Trajectory
+from harness.contracts.places import Site
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import decode
 from harness.runtime import Runtime
@@ -39,12 +40,16 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class ScenePlan:
-    """The fixed content: reference routes, places and forbidden zones by name, and the local origin."""
+    """The fixed content: reference routes, places and forbidden zones by name, and the local origin.
+
+    `site` is the site's own map: zones, regions of places and passages, each with its kind.
+    """
 
     origin_m: Point
     routes: tuple[tuple[str, tuple[Point, ...]], ...] = ()
     anchors: tuple[tuple[str, Point], ...] = ()
     forbidden: tuple[tuple[str, tuple[Point, ...]], ...] = ()
+    site: tuple[tuple[str, str, tuple[Point, ...]], ...] = ()
 
     @property
     def corners(self) -> tuple[Point, ...]:
@@ -158,6 +163,7 @@ class Feed:
             routes=tuple(routes),
             anchors=tuple(anchors),
             forbidden=tuple(zones),
+            site=_outlines(self._runtime.site),
         )
 
     def _take_packet(self, entry: TimelineEntry) -> None:
@@ -221,6 +227,15 @@ class Feed:
         except (BlobDamaged, ProviderFailed):
             return None
         return np.asarray(cv2.resize(raw, FRAME_PX), dtype=np.uint8)
+
+
+def _outlines(site: Site) -> tuple[tuple[str, str, tuple[Point, ...]], ...]:
+    """(name, kind, corners) of everything on the site's map that has an outline."""
+    return (
+        *((one.name, "zone", one.region_m) for one in site.zones if one.region_m),
+        *((one.name, "region", one.region_m) for one in site.places if one.region_m),
+        *((one.passage_id, "passage", one.floor_m) for one in site.passages if one.floor_m),
+    )
 
 
 def _points(value: Any) -> tuple[Point, ...]:

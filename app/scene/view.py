@@ -61,6 +61,8 @@ class SceneView:
 
     def _new_drawing(self, plan: ScenePlan) -> Drawing:
         drawing = self._drawing = Drawing(self._server, origin_m=plan.origin_m)
+        for name, kind, region in plan.site:
+            drawing.part_of_site(name, kind, region)
         for name, route in plan.routes:
             drawing.route(name, route)
         for name, at_m in plan.anchors:

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed, reasoned, word
@@ -13,6 +14,7 @@ from harness.contracts.ids import Digest
 from rsi_reviews.clause_reasons import clause_reason
 from rsi_reviews.contracts import ClauseAnswer, Manifest
 from rsi_reviews.difference import NAMES
+from rsi_reviews.evaluation_jobs import EvaluationJob
 from rsi_reviews.pointers import Pointer
 from rsi_reviews.projections import Review
 from rsi_reviews.refused_proposals import ProposalRefused
@@ -20,9 +22,10 @@ from rsi_reviews.refused_proposals import ProposalRefused
 SHOWN = 100
 REFUSED = "refused"
 """The tab of proposals that a rule refused: no candidates, and kept."""
+EVALUATION_CANCELLED, EVALUATION_FAILED = N_("evaluation cancelled"), N_("evaluation failed")
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("", "all", ()),
-    ("draft", "drafts", ("draft",)),
+    ("draft", "drafts", ("draft", EVALUATION_CANCELLED, EVALUATION_FAILED)),
     ("evaluating", "evaluating", ("evaluating",)),
     ("accepted", "accepted", ("accepted",)),
     ("in_review", N_("in review"), ("in_review",)),
@@ -38,12 +41,16 @@ TONES = {"in_review": "warn", "authorised": "warn", "rejected": "bad", "rolled_b
 
 @dataclass(frozen=True)
 class CandidateRow:
-    """One candidate in the list. `stale`: its baseline is no longer current, so nobody can approve it."""
+    """One candidate in the list, with the status that people see.
+
+    `stale`: its baseline is no longer current, so nobody can approve it.
+    """
 
     review: Review
     manifest: Manifest
     note: str
     stale: bool
+    status: str
 
 
 @dataclass(frozen=True)
@@ -97,13 +104,16 @@ def board_page(
     params: CandidateListParams,
     progress: Mapping[Digest, str],
     refused: Sequence[ProposalRefused] = (),
+    jobs: Mapping[Digest, EvaluationJob | None] = MappingProxyType({}),
 ) -> BoardPage:
-    """`reviews` newest first; `progress` says of a candidate under evaluation how far it is."""
+    """`reviews` newest first; `progress` says of a candidate under evaluation how far it is, `jobs` are the newest."""
     known = [one for one in reviews if one.manifest is not None]
     alike = [one for one in known if _like(one, params)]
     refusals = refused_rows(refused, params.words)
-    statuses = Counter({REFUSED: len(refusals)}) + Counter(str(one.status) for one in alike)
-    rows = chosen(reviews, params)
+    shown = {one.candidate: status_shown(one, jobs.get(one.candidate)) for one in reviews}
+    statuses = Counter({REFUSED: len(refusals)}) + Counter(shown[one.candidate] for one in alike)
+    wanted = _statuses(params.group, Counter(shown.values()))
+    rows = [one for one in alike if shown[one.candidate] in wanted]
     part = rows[params.skip : params.skip + SHOWN]
     more = params.skip + SHOWN < len(rows)
     return BoardPage(
@@ -115,6 +125,7 @@ def board_page(
                 manifest=one.manifest,
                 note=progress.get(one.candidate) or note_of(one),
                 stale=stale(one, pointer),
+                status=shown[one.candidate],
             )
             for one in part
             if one.manifest is not None
@@ -143,6 +154,13 @@ def chosen(reviews: Sequence[Review], params: CandidateListParams) -> list[Revie
 def title_of(review: Review) -> str:
     """The intended effect from the manifest; the digest if there is none."""
     return review.manifest.intended_effect.strip().rstrip(".") if review.manifest else review.candidate[:12]
+
+
+def status_shown(review: Review, job: EvaluationJob | None) -> str:
+    """The status as people see it: where the newest evaluation was cancelled or failed, nothing evaluates any more."""
+    if review.status == "evaluating" and job is not None:
+        return {"cancelled": EVALUATION_CANCELLED, "failed": EVALUATION_FAILED}.get(job.status, str(review.status))
+    return str(review.status)
 
 
 def tone(status: str) -> str:

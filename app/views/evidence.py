@@ -32,6 +32,15 @@ Check = Callable[[Digest], Unsound | None]
 """None if the blob's bytes match the digest now, else why not."""
 
 
+def checked(read: Callable[[Digest], bytes], digest: Digest) -> Unsound | None:
+    """None if a blob's bytes match its digest at this moment, else why not."""
+    try:
+        read(digest)
+    except BlobDamaged as error:
+        return unsound(error)
+    return None
+
+
 def unsound(error: BlobDamaged) -> Unsound:
     """What a page says of bytes that could not be read."""
     return Unsound(text=reasoned(error.what), erased=isinstance(error, BlobGone))

@@ -1,11 +1,11 @@
 """Shapes the fleet: every robot of the site on one map, whichever process drives it, and the list beside it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from app.i18n.catalogues import N_
-from app.views.overview import OverviewMark
+from app.views.overview import OverviewMark, apart
 from app.views.places import SiteMap, site_map
 from app.views.robots import LastReport
 from app.views.shell import Shell
@@ -120,8 +120,9 @@ def operating_mode(mission: Mission | None, *, driven: bool, autonomy: Autonomy)
 def fleet_region(rows: Sequence[FleetRow], site: Site, chosen: FleetFilter, *, query: str) -> FleetRegion:
     """The rows that the filter shows, those that ask a person first, then those with a lost link, then by name."""
     ordered = sorted(filter(chosen.shows, rows), key=lambda row: (not row.asks, row.word.link == "good", row.robot_id))
+    marks = {one.robot_id: one for one in apart([row.mark for row in ordered if row.mark is not None])}
     return FleetRegion(
-        rows=tuple(ordered),
+        rows=tuple(replace(row, mark=marks.get(row.robot_id)) for row in ordered),
         map=site_map(site),
         query=query,
         total=len(rows),
@@ -131,7 +132,7 @@ def fleet_region(rows: Sequence[FleetRow], site: Site, chosen: FleetFilter, *, q
 
 
 def fleet_page(region: FleetRegion, shell: Shell, chosen: FleetFilter, *, workers: Sequence[str]) -> FleetPage:
-    """`workers` are all there are."""
+    """`workers` are all there are; those without a name cannot be chosen."""
 
     def choices(titles: dict[str, str], value: str) -> tuple[Choice, ...]:
         options = {"": N_("all"), **titles}
@@ -143,5 +144,5 @@ def fleet_page(region: FleetRegion, shell: Shell, chosen: FleetFilter, *, worker
         words=chosen.words,
         modes=choices({str(one): title for one, title in MODES.items()}, chosen.mode),
         links=choices(LINKS, chosen.link),
-        workers=choices({one: one for one in workers}, chosen.worker),
+        workers=choices({one: one for one in workers if one}, chosen.worker),
     )

@@ -14,6 +14,7 @@ from app.views.history import ShownDifference
 from app.views.measures import quantity
 from harness.contracts.handoff_events import HandoffOpened, ProposedAction
 from harness.contracts.ids import PlaceId, sha256
+from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Value, encode
 from harness.contracts.verdicts import NodeVerdict
 from harness.projections.mission import Mission, Spend
@@ -51,6 +52,7 @@ class ShownQuestion:
     verdict: NodeVerdict | None
     budget: Budget
     action: ActionView | None
+    contract: TaskContract | None
 
 
 class ShownRecord(Value, frozen=True, kw_only=True):
@@ -87,6 +89,7 @@ def shown_question(opened: HandoffOpened, mission: Mission, names: Mapping[Place
         verdict=state.verdicts[-1] if state and state.verdicts else None,
         budget=budget(mission, opened.node_id),
         action=action_view(opened.proposal, subject=opened.subject, names=names),
+        contract=mission.contract,
     )
 
 

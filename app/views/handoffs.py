@@ -466,7 +466,7 @@ def _found(handoff: Handoff) -> str:
 
 def _taken_up(answer: HandoffAnswer, taken: int | None) -> str:
     return lazy_gettext(
-        "{who}: {reason}. Decision taken up at event {taken}", who=answer.actor.name, reason=answer.reason, taken=taken
+        "{who}: {reason}. Decision applied at event {taken}", who=answer.actor.name, reason=answer.reason, taken=taken
     )
 
 

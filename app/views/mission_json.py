@@ -38,6 +38,7 @@ def mission_outcome(
     return {
         "mission_id": mission.mission_id,
         "status": mission.status,
+        "disputed": sorted({one.condition_id for one in mission.disputed}),
         "goal": mission.goal,
         "spoken": msgspec.to_builtins(mission.spoken) if isinstance(mission.spoken, SpokenGoal) else None,
         "reading": reading_json(mission.goal, reading) if (reading := mission_reading(mission)) else None,

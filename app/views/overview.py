@@ -1,7 +1,7 @@
 """Shapes the first page: what runs, who waits for a person, and how the last missions ended."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from app.views.missions import RobotStrip
 from app.views.places import SiteMap, site_map
@@ -14,11 +14,16 @@ from harness.projections.mission import TERMINAL_MISSION
 RECENT = 8
 TRAIL = 60
 """Points of a trail that are drawn."""
+NEAR_M = (3.0, 1.2)
+"""Names of robots that are nearer than this, along and across a line of text, would lie over each other."""
 
 
 @dataclass(frozen=True)
 class OverviewMark:
-    """A robot on the map, y downwards: heading in degrees, its trail as SVG points, the question it asks, if any."""
+    """A robot on the map, y downwards: heading in degrees, its trail as SVG points, the question it asks, if any.
+
+    `old`: it may be elsewhere by now. `row`: how many names of other robots stand below its own.
+    """
 
     robot_id: str
     x: float
@@ -26,9 +31,11 @@ class OverviewMark:
     yaw_deg: float
     trail: str
     handoff_id: str
+    old: bool = False
+    row: int = 0
 
 
-def overview_mark(robot_id: str, poses: Sequence[Pose], *, handoff_id: str) -> OverviewMark:
+def overview_mark(robot_id: str, poses: Sequence[Pose], *, handoff_id: str, old: bool = False) -> OverviewMark:
     """The robot where its newest pose is, and the way of the last poses, oldest first."""
     newest = poses[-1]
     points = [poses[at] for at in range(0, len(poses), max(1, len(poses) // TRAIL))]
@@ -39,7 +46,17 @@ def overview_mark(robot_id: str, poses: Sequence[Pose], *, handoff_id: str) -> O
         yaw_deg=round(-newest.yaw_rad * 57.29578, 1),
         trail=" ".join(f"{one.x_m:.2f},{-one.y_m:.2f}" for one in points),
         handoff_id=handoff_id,
+        old=old,
     )
+
+
+def apart(marks: Sequence[OverviewMark]) -> tuple[OverviewMark, ...]:
+    """The same marks, their names in rows of their own where the robots stand close to each other."""
+    placed: list[OverviewMark] = []
+    for mark in marks:
+        taken = {one.row for one in placed if abs(one.x - mark.x) < NEAR_M[0] and abs(one.y - mark.y) < NEAR_M[1]}
+        placed.append(replace(mark, row=next(row for row in range(len(placed) + 1) if row not in taken)))
+    return tuple(placed)
 
 
 @dataclass(frozen=True)
@@ -83,6 +100,6 @@ def overview(
         robots=tuple(sorted(strips, key=lambda strip: [*robots, strip.status.robot_id].index(strip.status.robot_id))),
         idle=tuple(robot for robot in robots if robot not in reporting),
         map=site_map(site),
-        marks=tuple(marks),
+        marks=apart(marks),
         now_s=now_s,
     )

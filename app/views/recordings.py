@@ -7,7 +7,16 @@ from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from app.views.bag_audits import KINDS, VERDICTS, AuditShown
 from app.views.shell import Shell
-from app.views.uploaded_files import CHUNK_BYTES, CLOUDS, RECORDINGS, ReplayJob, Upload
+from app.views.uploaded_files import (
+    BUNDLES,
+    CHUNK_BYTES,
+    CLOUDS,
+    FLOOR_IMAGES,
+    FLOORS,
+    RECORDINGS,
+    ReplayJob,
+    Upload,
+)
 from harness.contracts.declared_successes import AuditedRecording, Lack, SuccessVerdict
 
 STATES: Mapping[str, str] = {
@@ -64,7 +73,7 @@ class RecordingsPage:
     @property
     def accepts(self) -> str:
         """Endings of files, for the field that chooses one."""
-        return ",".join((*RECORDINGS, *CLOUDS))
+        return ",".join((*RECORDINGS, *CLOUDS, *BUNDLES, *FLOORS, *FLOOR_IMAGES))
 
     @property
     def piece_bytes(self) -> int:

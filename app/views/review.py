@@ -287,7 +287,7 @@ def newest_uptakes(pointer: Pointer) -> tuple[Uptake, ...]:
     return tuple({one.worker: one for one in pointer.uptakes}.values())
 
 
-def said_at(review: Review, what: str) -> float:
+def entry_at_s(review: Review, what: str) -> float:
     """When this was first said of a candidate, in wall seconds; 0 if never."""
     return next((one.by.at_s for one in review.said if one.what == what), 0.0)
 

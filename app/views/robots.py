@@ -1,6 +1,6 @@
 """Shapes robots: what each reports and shows, its mission, and who is in control."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -154,6 +154,7 @@ class RobotsPage(RobotsRegion):
     present: tuple[str, ...]
     errors: tuple[str, ...]
     absent: tuple[tuple[RobotId, Reason], ...] = ()
+    observed: tuple[RobotId, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -338,8 +339,10 @@ def robots_page(
     present: Sequence[str],
     errors: Sequence[str] = (),
     absent: Mapping[RobotId, Reason] = MappingProxyType({}),
+    observed: Iterable[RobotId] = (),
 ) -> RobotsPage:
-    """`absent`: robots of the site that could not be connected when this console was started, and why."""
+    """`absent`: robots of the site that could not be connected when this console was started, and why. `observed`:
+    those in shadow mode."""
     return RobotsPage(
         shell=shell,
         robots=tuple(robots),
@@ -349,6 +352,7 @@ def robots_page(
         present=tuple(present),
         errors=tuple(errors),
         absent=tuple(absent.items()),
+        observed=tuple(sorted(observed)),
     )
 
 

@@ -63,6 +63,10 @@ class Shell:
     others: str
 
 
+NOBODY = Shell("", "", "", "", (), 0, 0, 0, 0, (), (), "", 0, 0.0, "")
+"""Around a page that becomes a file: nobody looks at it here."""
+
+
 @dataclass(frozen=True)
 class PageShell:
     """What the header and the navigation read: only the shell."""

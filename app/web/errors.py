@@ -28,6 +28,7 @@ from harness.contracts.reasons import Reason
 STATUS: tuple[tuple[type[errors.HarnessError], int], ...] = (
     (NotPermitted, 403),
     (errors.UnknownName, 404),
+    (errors.OnlyObserved, 409),
     (errors.ContractInvalid, 422),
     (errors.CloudInvalid, 422),
     (errors.RecordingInvalid, 422),
@@ -106,6 +107,31 @@ REFUSALS = {
         N_("Each person, and each token, holds a limited number of live pages and 3D views here."),
         N_("Close some of them, then open this one again."),
     ),
+    "bad_key": (
+        N_("This is no idempotency key"),
+        N_("An Idempotency-Key has 1 to 200 ASCII characters and no space."),
+        N_("Send another key."),
+    ),
+    "key_reused": (
+        N_("This idempotency key belongs to another request"),
+        N_("The first request with this key was not the same as this one. Nothing was done."),
+        N_("Use a fresh key for another request."),
+    ),
+    "under_way": (
+        N_("The first request with this key is under way"),
+        N_("It is not done a second time."),
+        N_("Ask again with the same key."),
+    ),
+    "outcome_unknown": (
+        N_("The first request with this key has no answer"),
+        N_("The console stopped while it was under way. It is not done a second time."),
+        N_("Look at what there is now, then decide with a fresh key."),
+    ),
+    "shown_once": (
+        N_("This was done, and its answer is shown only once"),
+        N_("The answer carried a secret that is kept nowhere."),
+        N_("Revoke what was made and make another with a fresh key."),
+    ),
     "store_unavailable": (
         N_("The accounts cannot be read or written now"),
         N_("Another process holds their database, or its disk fails. Nothing was done."),
@@ -134,7 +160,7 @@ def problem(
 
 
 def refused(scope: Scope, *, status: int, code: str, wait_s: float = 0.0) -> Response:
-    """A refusal of the security middleware in the caller's language; `wait_s` becomes Retry-After."""
+    """A refusal of the middleware in the caller's language; `wait_s` becomes Retry-After."""
     title, what, do = REFUSALS[code]
     if str(scope["path"]).startswith("/api/"):
         answer = problem(status, code=code, title=title, detail=what, do=do)

@@ -20,7 +20,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.auth.permissions import Principal
 from app.background.signals import WRITES, RequestWrites
-from app.web.errors import STORE_AGAIN_S, problem, refused
+from app.web.errors import STORE_AGAIN_S, refused
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.adapters.stores.accounts_rows import StoredAnswer
 from harness.contracts.errors import StoreUnavailable
@@ -52,12 +52,7 @@ class Idempotency:
             await self._app(scope, receive, send)
             return
         if KEY.fullmatch(key) is None:
-            answer = problem(
-                422,
-                code="bad_key",
-                title="An idempotency key has 1 to 200 ASCII signs and no space",
-                detail="Idempotency-Key",
-            )
+            answer = refused(scope, status=422, code="bad_key")
             await answer(scope, receive, send)
             return
         await self._once(scope, receive, send, caller=f"{principal.name} {principal.actor.role}", key=key)
@@ -84,13 +79,13 @@ class Idempotency:
             await refused(scope, status=503, code="store_unavailable", wait_s=STORE_AGAIN_S)(scope, receive, send)
             return
         if known is not None:
-            await _again(claim, known, under_way=name in self._under_way)(scope, receive, send)
+            await _again(scope, claim, known, under_way=name in self._under_way)(scope, receive, send)
             return
         done = self._under_way[name] = asyncio.Event()
         writes = RequestWrites()
         mark, answer = WRITES.set(writes), _RecordingSend(send)
         try:
-            await self._app(scope, _told_again(body, receive), answer)
+            await self._app(scope, _body_again(body, receive), answer)
         finally:
             WRITES.reset(mark)
             try:
@@ -145,41 +140,15 @@ class _RecordingSend:
         await self._send(message)
 
 
-def _again(now: StoredAnswer, known: StoredAnswer, *, under_way: bool) -> Response:
+def _again(scope: Scope, now: StoredAnswer, known: StoredAnswer, *, under_way: bool) -> Response:
     if known.request != now.request:
-        return problem(
-            409,
-            code="key_reused",
-            title="This idempotency key belongs to another request",
-            detail="The first request with this key was not the same as this one. Nothing was done.",
-            do="use a fresh key for another request",
-        )
+        return refused(scope, status=409, code="key_reused")
     if known.status == 0 and under_way:
-        waits = problem(
-            409,
-            code="under_way",
-            title="The first request with this key is under way",
-            detail="It is not done a second time.",
-            do="ask again with the same key",
-        )
-        waits.headers["retry-after"] = str(STORE_AGAIN_S)
-        return waits
+        return refused(scope, status=409, code="under_way", wait_s=STORE_AGAIN_S)
     if known.status == 0:
-        return problem(
-            409,
-            code="outcome_unknown",
-            title="The first request with this key has no answer",
-            detail="The console stopped while it was under way. It is not done a second time.",
-            do="look at what there is now, then decide with a fresh key",
-        )
+        return refused(scope, status=409, code="outcome_unknown")
     if not known.body:
-        return problem(
-            409,
-            code="shown_once",
-            title="This was done, and its answer is shown only once",
-            detail="The answer carried a secret that is kept nowhere.",
-            do="revoke what was made and make another with a fresh key",
-        )
+        return refused(scope, status=409, code="shown_once")
     return Response(
         known.body, status_code=known.status, media_type=known.media_type, headers={"Idempotency-Replayed": "true"}
     )
@@ -197,7 +166,7 @@ async def _read(receive: Receive) -> bytes:
             return bytes(body)
 
 
-def _told_again(body: bytes, receive: Receive) -> Receive:
+def _body_again(body: bytes, receive: Receive) -> Receive:
     sent = False
 
     async def again() -> Message:

@@ -1,6 +1,6 @@
 """How well the passage analysis does on random scenes: recall and false alarms per scene, recall per box, cost.
 
-    python experiments/benchmarks/analysis_scenes.py --first 1000 --scenes 200 [--json FILE]
+    python -m experiments.benchmarks.analysis_scenes --first 1000 --scenes 200 [--json FILE]
 
 Each scene is a panorama of eight frames at the robot's own camera and JPEG quality, seen from a body whose pose is
 known as well as the localiser knows it. Frames that cannot show the passage are not rendered.

@@ -45,10 +45,11 @@ from harness.contracts.events import (
 from harness.contracts.ids import MissionId, PacketId, RobotId
 from harness.contracts.memory import FollowPosition
 from harness.contracts.read_models import ListRow
+from harness.contracts.reasons import because
 from harness.projections.evidence_list import Placed, evidence_rows, touched
 from harness.projections.mission import Mission
 from harness.projections.missions_list import mission_row
-from harness.runtime import Start
+from harness.runtime import Runtime, Start
 from harness.settings import HarnessSettings
 from simulator.in_process import SIMULATOR
 
@@ -133,7 +134,9 @@ def _rows_found(missions: Sequence[int], *, rounds: int) -> list[dict[str, Any]]
         return [
             row
             for count in missions
-            for row in measured(stand, mission, Path(folder) / f"{count}.db", count=count, rounds=rounds)
+            for row in measured(
+                stand, harness.runtime, mission, Path(folder) / f"{count}.db", count=count, rounds=rounds
+            )
         ]
 
 
@@ -148,14 +151,16 @@ def _run(harness: Harness) -> Mission:
     return harness.supervisor.run(created.mission_id)
 
 
-def measured(stand: FastAPI, mission: Mission, file: Path, *, count: int, rounds: int) -> Iterator[dict[str, Any]]:
+def measured(
+    stand: FastAPI, runtime: Runtime, mission: Mission, file: Path, *, count: int, rounds: int
+) -> Iterator[dict[str, Any]]:
     """Fill lists with `count` missions, put them under the console, and ask for every page `rounds` times."""
     with closing(SqlReadModels(f"sqlite:///{file}")) as models:
         began = time.perf_counter()
         filled(models, stand, mission, count=count)
         sys.stderr.write(f"{count} missions projected and stored in {time.perf_counter() - began:.0f} s\n")
         console: Console = stand.state.console
-        stand.state.console = _over(console, Lists(console.runtime, models))
+        stand.state.console = _over(console, Lists(runtime, models))
         client = TestClient(stand, base_url=BASE, headers={"Origin": BASE, "Sec-Fetch-Site": "same-origin"})
         client.get(stand.state.sessions.invite())
         for name, paths in PATHS.items():
@@ -222,7 +227,7 @@ def _renamed(event: MissionEvent, number: int) -> MissionEvent:
                 invocation_id=event.invocation_id,
                 packet_id=_packet(event.packet_id, number),
                 rule="obsolete_version",
-                message="",
+                reason=because("obsolete_version", k_ctx=0, k=1),
             )
         case NodeCommitted():
             return replace(event, packet_id=_packet(event.packet_id, number))

@@ -5,6 +5,8 @@
 
 Both run the same no-op missions and the same seeds, one after the other in every round, in an order that shifts. Only
 the ratio means something on a machine that has other things to do; it is the median of the rounds' ratios.
+How much each did in a second is printed as well, for a quiet machine: there the eight threads of earlier code hand
+Python's one processor to each other.
 """
 
 import argparse
@@ -36,8 +38,12 @@ class Row:
     def cost(self, reply: dict[str, Any]) -> float:
         """What one turn cost, in the row's unit: processor time, or the mean wait."""
         if self.per is None:
-            return self.scale * sum(reply["waits_s"]) / len(reply["waits_s"])
+            return self.scale * float(sum(reply["waits_s"])) / len(reply["waits_s"])
         return self.scale * float(reply.get("cpu_s", reply["wall_s"])) / float(reply[self.per])
+
+    def per_s(self, reply: dict[str, Any]) -> float:
+        """How much one turn did in a second of the wall: what a quiet machine shows; 0 where waits are measured."""
+        return float(reply[self.per]) / float(reply["wall_s"]) if self.per is not None else 0.0
 
 
 ROWS = {
@@ -69,7 +75,10 @@ def measure(row: Row, checkout: Path, *, count: int) -> Figure:
         peer={"earlier": median(earlier)},
         n=count,
         environment=environment,
-        detail={"ratio_of_rounds": [round(ratios[count * part // 4], 3) for part in (1, 2, 3)]},
+        detail={
+            "ratio_of_rounds": [round(ratios[count * part // 4], 3) for part in (1, 2, 3)],
+            "per_second": {key: round(median(map(row.per_s, replies[key, 0])), 1) for key in started},
+        },
     )
     return found
 
@@ -85,7 +94,7 @@ def main() -> None:
         parser.error("the earlier checkout is this one")
     for name in options.rows:
         found = measure(ROWS[name], options.checkout.resolve(), count=options.rounds)
-        print(f"{table([found])}\n   quartiles of the rounds' ratios: {found.detail['ratio_of_rounds']}", flush=True)
+        print(f"{table([found])}\n   {found.detail}", flush=True)
         if options.keep:
             keep([found])
 

@@ -37,7 +37,7 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
     return found
 
 
-def timed_missions(mission: Callable[[int], None], *, first: int, count: int, at_once: int) -> dict[str, Any]:
+def timed_missions(mission: Callable[[int], object], *, first: int, count: int, at_once: int) -> dict[str, Any]:
     """Run missions number `first` to `first + count`, `at_once` of them at a time: seconds for all of them.
 
     `cpu_s` is the process's own work in that time, which a busy machine distorts less than wall time.
@@ -67,7 +67,7 @@ def timed(work: Callable[[], None], *, count: int) -> dict[str, Any]:
     }
 
 
-def mission_turns(mission: Callable[[int], None], *, warm: int = 10) -> Turn:
+def mission_turns(mission: Callable[[int], object], *, warm: int = 10) -> Turn:
     """Turns {missions, at_once} over one mission function; `warm` of them run at once, untimed."""
     for number in range(warm):
         mission(number)

@@ -17,7 +17,7 @@ from experiments.campaigns.findings import Findings
 from experiments.campaigns.fleet_robots import FleetRobots
 from experiments.campaigns.kills import commits_of
 from experiments.campaigns.mission import ASKING, PlayedMission, template_of
-from experiments.campaigns.mission_course import LONGEST_S, MOST_STEPS, MissionCourse, answered
+from experiments.campaigns.mission_course import MissionCourse, turn
 from experiments.campaigns.plan import MissionPlan, mission_plan
 from experiments.campaigns.worker_shift import as_errand, mission_log
 from harness.adapters.stores.postgres import PostgresEventStore
@@ -164,18 +164,7 @@ class FleetWorker:
             self._begin(name)
             return
         errand, clock = self._underway[name], self._robots.clocks[name]
-        course = errand.course
-        course.steps += 1
-        course.endless = course.steps > MOST_STEPS or clock.now().mission_s - errand.begun_s > LONGEST_S
-        try:
-            wake_s = None if course.endless else self._harness.supervisor.step(errand.mission_id)
-            if wake_s is not None:
-                clock.wait_until(wake_s)
-                return
-            over = course.endless or not answered(self._harness, errand.mission_id, errand.plan, course)
-        except Exception as error:  # noqa: BLE001 - whatever leaves a step is a finding, with its seed
-            course.escaped, over = f"{type(error).__name__}: {error}", True
-        if over:
+        if turn(self._harness, errand.mission_id, errand.plan, errand.course, clock=clock, begun_s=errand.begun_s):
             self._judge(name, errand)
 
     def _begin(self, name: str) -> None:

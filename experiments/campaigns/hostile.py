@@ -18,7 +18,7 @@ from experiments.campaigns.code import code_digest
 from experiments.campaigns.hostile_console import met_under_console
 from experiments.campaigns.regen import ROOT
 from harness.bootstrap import simulated
-from harness.conformance.hostile.kit import MODES, MOST_MIB, LieReport, chosen, fuzzed
+from harness.conformance.hostile.kit import MODES, MOST_MIB, LieReport, chosen, counted, fuzzed
 from harness.conformance.hostile.lies import WHOLE, Mode
 from harness.conformance.hostile.missions import KIT, ROBOT, MissionUnderLie, met, met_at
 from harness.contracts.events import PacketRetained, VerdictRecorded
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> None:
     for place in PLACES:
         if place in places:
             report = _met(place, modes, seed=arguments.seed)
-            made = made.with_place(place, PlaceResult(**made_by, report=report))
+            made = made.with_run(place, KitRun(**made_by, report=report))
     if least := 0 if arguments.modes else arguments.second_looks:
         made = replace(made, looks=LooksResult(**made_by, looks=second_looks(least, seed=arguments.seed)))
     print(*counts(made), sep="\n")
@@ -117,12 +117,37 @@ class SecondLooks(Value):
     refused: int
 
 
-class PlaceResult(Value):
-    """The counts at one place, and the run that made them."""
+class KitRun(Value):
+    """Lies that were played at one place, and the run that made them."""
 
     command: str
     code: str
     report: LieReport
+
+    def without(self, modes: frozenset[str]) -> "KitRun":
+        """Without lies that a newer run played."""
+        left = tuple(one for one in self.report.met if one.mode not in modes)
+        return replace(self, report=counted(left, peak_mib=self.report.peak_mib))
+
+
+class PlaceResult(Value):
+    """The newest runs at one place: each lie is in the newest one that played it."""
+
+    runs: tuple[KitRun, ...] = ()
+
+    @property
+    def report(self) -> LieReport:
+        """The counts of all runs together."""
+        met = {one.mode: one for run in self.runs for one in run.report.met}
+        known = [met[mode.name] for mode in MODES if mode.name in met]
+        return counted(known, peak_mib=max((run.report.peak_mib for run in self.runs), default=0))
+
+    def newer(self, other: "PlaceResult") -> "PlaceResult":
+        """With the other's runs, whose lies count anew. A lie that is no longer in the kit is left out."""
+        again = frozenset(one.mode for one in other.report.met)
+        gone = frozenset(one.mode for run in self.runs for one in run.report.met) - {mode.name for mode in MODES}
+        left = (run.without(again | gone) for run in self.runs)
+        return PlaceResult(runs=(*(run for run in left if run.report.met), *other.runs))
 
 
 class LooksResult(Value):
@@ -134,21 +159,24 @@ class LooksResult(Value):
 
 
 class HostileResults(Value):
-    """What is published: of each place the newest run."""
+    """What is published: of each lie at each place the newest run."""
 
     places: dict[str, PlaceResult] = field(default_factory=dict)
     looks: LooksResult | None = None
 
-    def with_place(self, place: str, result: PlaceResult) -> "HostileResults":
+    def with_run(self, place: str, run: KitRun) -> "HostileResults":
         """With another run at this place, in the order of the places."""
-        places = {**self.places, place: result}
+        return self._with(place, PlaceResult(runs=(run,)))
+
+    def _with(self, place: str, result: PlaceResult) -> "HostileResults":
+        places = {**self.places, place: self.places.get(place, PlaceResult()).newer(result)}
         return replace(self, places={name: places[name] for name in PLACES if name in places})
 
     def newer(self, other: "HostileResults") -> "HostileResults":
         """With what the other run made anew."""
         made = self
         for place, result in other.places.items():
-            made = made.with_place(place, result)
+            made = made._with(place, result)
         return replace(made, looks=other.looks or made.looks)
 
 
@@ -183,7 +211,7 @@ def publish(made: HostileResults, *, page: Path = PAGE, results: Path = RESULTS)
         made = decode(results.read_bytes(), HostileResults).newer(made)
     results.write_bytes(msgspec.json.format(msgspec.json.encode(made), indent=1) + b"\n")
     reports = {place: one.report for place, one in made.places.items()}
-    undetectable = next(iter(reports.values())).undetectable
+    undetectable = tuple(mode.name for mode in MODES if mode.undetectable)
     lines = [
         *counts(made),
         "",
@@ -192,10 +220,14 @@ def publish(made: HostileResults, *, page: Path = PAGE, results: Path = RESULTS)
         "In each cell: how the mission ended, stages accepted / motions begun. Nobody can see through: "
         f"{', '.join(undetectable)}.",
         "",
-        "| made by | on code |",
-        "|---|---|",
-        *(f"| {TITLES[place]}: `{one.command}` | `{one.code[:12]}` |" for place, one in made.places.items()),
-        *([f"| second looks: `{made.looks.command}` | `{made.looks.code[:12]}` |"] if made.looks else []),
+        "| made by | lies | on code |",
+        "|---|---:|---|",
+        *(
+            f"| {TITLES[place]}: `{run.command}` | {run.report.missions} | `{run.code[:12]}` |"
+            for place, one in made.places.items()
+            for run in one.runs
+        ),
+        *([f"| second looks: `{made.looks.command}` | | `{made.looks.code[:12]}` |"] if made.looks else []),
     ]
     page.write_text(f"{before}{BEGIN}\n\n" + "\n".join(lines) + f"\n\n{END}{after}", encoding="utf-8")
 
@@ -244,8 +276,8 @@ def counts(made: HostileResults) -> list[str]:
 
 
 def _looks(looks: SecondLooks) -> tuple[str, str]:
-    counted = f"Of {looks.missions} honest missions in one log, with {looks.images} images of one place, "
-    return "", f"{counted}{looks.refused} had an image taken for a copy."
+    missions = f"Of {looks.missions} honest missions in one log, with {looks.images} images of one place, "
+    return "", f"{missions}{looks.refused} had an image taken for a copy."
 
 
 def _tell(one: MissionUnderLie) -> None:

@@ -34,7 +34,7 @@ from rsi_reviews.suite_growth import CaseAdded
 
 LEASES = "lease/"
 _STRICT = {"low": 1, "medium": 1, "high": 2}
-LEVEL = {1: {"low": 0, "medium": 1, "high": 2}, 2: _STRICT, 3: _STRICT, 4: _STRICT, 5: _STRICT, 6: _STRICT}
+LEVEL = {1: {"low": 0, "medium": 1, "high": 2}, 2: _STRICT, 3: _STRICT, 4: _STRICT, 5: _STRICT, 6: _STRICT, 7: _STRICT}
 """What each risk class needs, by the version of the rules that the mission is pinned to."""
 REVIEWS: dict[str, Codec[Any]] = {
     "candidate": Codec(CandidateEvent),

@@ -17,7 +17,9 @@ from harness.contracts.commands import (
     ReleaseLease,
 )
 from harness.contracts.decisions import Accepted
+from harness.contracts.errors import HarnessError
 from harness.contracts.ids import InvocationId, MissionId, ResourceId, lease_stream
+from harness.contracts.ports import Clock
 from harness.gate.commit import CommandEnvelope
 
 OPERATORS = (Actor(name="ada", role="operator"), Actor(name="ben", role="operator"))
@@ -72,6 +74,37 @@ def run(
         except Exception as error:  # noqa: BLE001 - whatever leaves a step is a finding, with its seed
             course.escaped = f"{type(error).__name__}: {error}"
             return course
+
+
+def turn(
+    harness: Harness,
+    mission_id: MissionId,
+    plan: MissionPlan,
+    course: MissionCourse,
+    *,
+    clock: Clock,
+    begun_s: float,
+    raised: tuple[type[HarnessError], ...] = (),
+) -> bool:
+    """One step of a mission that shares its worker with others; whether it is over.
+
+    Errors of the kinds `raised` are the worker's own matter; any other is a finding of the mission.
+    """
+    course.steps += 1
+    course.endless = course.steps > MOST_STEPS or clock.now().mission_s - begun_s > LONGEST_S
+    if course.endless:
+        return True
+    try:
+        wake_s = harness.supervisor.step(mission_id)
+        if wake_s is None:
+            return not answered(harness, mission_id, plan, course)
+        clock.wait_until(wake_s)
+    except raised:
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever leaves a step is a finding, with its seed
+        course.escaped = f"{type(error).__name__}: {error}"
+        return True
+    return False
 
 
 def _acts(plan: MissionPlan, begun_s: float) -> list[OutsideAct]:

@@ -9,12 +9,13 @@ import math
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any
 
 import msgspec
 
+from experiments.campaigns.code import code_digest
 from experiments.campaigns.explorers import ExplorerFigures, explorers, table
 from experiments.campaigns.injection import InjectionReport, injections
 from experiments.campaigns.recovery_steps import ACTOR, ROBOT
@@ -93,6 +94,13 @@ class ReaderFigures(Value):
     seconds: float
 
 
+class CodeOfPart(Value):
+    """What one part of the figures ran on: the sources, and the model that was asked."""
+
+    code: str
+    model: str
+
+
 class ModelsReport(Value):
     """Everything that was found with one model."""
 
@@ -106,6 +114,8 @@ class ModelsReport(Value):
     colluding: RoleReport
     injection: InjectionReport
     explorers: tuple[ExplorerFigures, ...] = ()
+    parts: dict[str, CodeOfPart] = msgspec.field(default_factory=dict)
+    """By part, what it ran on; none for a part that was published before this was written down."""
 
     @property
     def offences(self) -> tuple[str, ...]:
@@ -331,22 +341,33 @@ def campaign(arguments: argparse.Namespace, stack: ExitStack) -> ModelsReport:
         max_tokens=MOST_TOKENS,
         retries=0,
     )
-    model = model_at(endpoint, stack)
-    last = decode(RESULTS.read_bytes(), ModelsReport) if set(arguments.only) != set(PARTS) else None
-    made: dict[str, Any] = {}
+    model, ran = model_at(endpoint, stack), CodeOfPart(code=code_digest(), model=arguments.model)
+    last: dict[str, Any] = {}
+    if set(arguments.only) != set(PARTS):
+        last = msgspec.structs.asdict(decode(RESULTS.read_bytes(), ModelsReport))
+    found = last
     for part in arguments.only:
         until_s = time.monotonic() + 60.0 * arguments.minutes / len(arguments.only)
-        made |= measured(part, endpoint, model, arguments, stack, until_s=until_s)
-    roles = {one.role: one for one in (last.roles if last else ())} | {one.role: one for one in made.pop("roles", ())}
-    found = dict(
-        model=arguments.model,
-        most_tokens=MOST_TOKENS,
-        seed=arguments.seed,
-        command=f"python -m experiments.campaigns models --url URL --model {arguments.model} --publish",
-        roles=tuple(roles.values()),
+        made = measured(part, endpoint, model, arguments, stack, until_s=until_s)
+        found = renewed(found, part, made, ran, seed=arguments.seed)
+    return msgspec.convert(found, ModelsReport)
+
+
+def renewed(
+    before: Mapping[str, Any], part: str, made: Mapping[str, Any], ran: CodeOfPart, *, seed: int
+) -> dict[str, Any]:
+    """The fields of the report with one part made anew: the roles that it did not play, and the other parts, stay."""
+    roles = {one.role: one for one in (*before.get("roles", ()), *made.get("roles", ()))}
+    return {
+        **before,
         **made,
-    )
-    return msgspec.structs.replace(last, **found) if last else ModelsReport(**found)
+        "model": ran.model,
+        "most_tokens": MOST_TOKENS,
+        "seed": seed,
+        "command": f"python -m experiments.campaigns models --url URL --model {ran.model} --publish",
+        "roles": tuple(roles.values()),
+        "parts": {**before.get("parts", {}), part: ran},
+    }
 
 
 def measured(
@@ -414,6 +435,14 @@ def page(report: ModelsReport) -> str:
         ]
     lines += ["## Role isolation, with and without", "", *_isolation(report.isolation), *_isolation(report.colluding)]
     lines += table(report.explorers)
+    lines += [
+        "## Which code each part ran on",
+        "",
+        "| part | code | model |",
+        "|---|---|---|",
+        *(_code_row(name, report.parts.get(name)) for name in PARTS),
+        "",
+    ]
     found = report.injection
     lines += [
         "## Texts that give orders",
@@ -446,6 +475,10 @@ def _row(one: RoleFigures) -> str:
         f"{one.deterministic_completed} | {round(false.value * false.n)} ({100 * false.high:.1f} %) | "
         f"{one.seconds:.0f} | {one.output_tokens} |"
     )
+
+
+def _code_row(part: str, ran: CodeOfPart | None) -> str:
+    return f"| {part} | `{ran.code[:12]}` | `{ran.model}` |" if ran else f"| {part} | earlier code | not written down |"
 
 
 def _rules(refused: dict[str, int]) -> str:

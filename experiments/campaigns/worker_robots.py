@@ -5,24 +5,17 @@ above them.
 from collections.abc import Sequence
 from dataclasses import replace
 
+from experiments.campaigns.shift_robots import connected, harness_over, world
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
-from harness.adapters.pictures import PICTURES
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.postgres import PostgresEventStore
-from harness.bootstrap import Harness, NullSignals, Parts, local_services, runtime_on
-from harness.contracts.ids import ProviderId, RobotId
-from harness.contracts.ports import Batch, Clock, LogHead, Provider, Record
-from harness.contracts.regularities import HiddenSite
+from harness.bootstrap import Harness, NullSignals, Parts
+from harness.contracts.ids import RobotId
+from harness.contracts.ports import Batch, LogHead, Record
 from harness.contracts.values import Moment, Value
-from harness.projections.mission import Mission
-from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.supervisor import Supervisor
-from harness.supervisor.teleoperation import Teleoperation
-from simulator.camera import CAMERA
-from simulator.faults import parse_faults
 from simulator.robot import SimulatedRobot
-from simulator.world import WorldSettings
 
 BASE = "mobile_base"
 
@@ -64,49 +57,19 @@ class Robots:
             clock=LockstepClock(lambda until_s: until_s, at_s=0.0),
             signals=NullSignals(),
         )
-        settings = WorldSettings(seed=shift.seeds[0], hidden=HiddenSite(name="nothing", regularities=()))
+        settings = world(shift.seeds[0])
         self.robots = {name: SimulatedRobot(settings, robot_id=name) for name in shift.robots}
         self.clocks = {name: LockstepClock(one.advance_to, at_s=one.at_s) for name, one in self.robots.items()}
-        self.connections = {RobotId(name): self._connection(name) for name in shift.robots}
+        self.connections = {
+            RobotId(name): connected(one, self.clocks[name], self._parts, folder=None)
+            for name, one in self.robots.items()
+        }
 
     def harness(self, store: AcknowledgedStore) -> Harness:
         """One harness over these robots on that log."""
-        clocks: dict[RobotId, Clock] = {robot_id: connection.clock for robot_id, connection in self.connections.items()}
-        clock = next(iter(clocks.values()))
-        runtime = runtime_on(replace(self._parts, store=store, clock=clock), clocks)
-        return Harness(
-            runtime=runtime,
-            supervisor=Supervisor(runtime=runtime, connections=self.connections),
-            robots={robot_id: connection.robot for robot_id, connection in self.connections.items()},
-            clock=clock,
-            teleoperation=Teleoperation(runtime=runtime, connections=self.connections),
-            clocks=clocks,
-            cameras={},
-        )
+        clock = next(iter(self.connections.values())).clock
+        return harness_over(self.connections, replace(self._parts, store=store, clock=clock))
 
     def again(self, harness: Harness) -> Harness:
         """The harness with a new supervisor, which finds open work in the log."""
         return replace(harness, supervisor=Supervisor(runtime=harness.runtime, connections=self.connections))
-
-    def _connection(self, name: str) -> RobotConnection:
-        robot, clock = self.robots[name], self.clocks[name]
-
-        def configure(mission: Mission) -> None:
-            faults = [fault for fault in mission.labels.get("faults", "").split(",") if fault]
-            robot.configure(mission.mission_id, mission.seed, parse_faults(faults))
-
-        beside = local_services(replace(self._parts, clock=clock), camera=CAMERA, folder=None, room=robot.room)
-        providers: tuple[Provider, ...] = (*robot.providers(), *beside.providers)
-        return RobotConnection(
-            robot_id=RobotId(name),
-            robot=robot,
-            providers={ProviderId(one.card.provider_id): one for one in providers},
-            clock=clock,
-            ids=self._parts.ids,
-            spool=self._parts.spool,
-            prepare=configure,
-            revive=lambda: False,
-            pictures=PICTURES,
-            waits_for_people=False,
-            sources=tuple(beside.sources),
-        )

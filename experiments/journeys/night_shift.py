@@ -32,11 +32,10 @@ def walk(way: JourneyWalk, link: str) -> dict[str, float]:
         offered = page.locator('[data-offer="retry"]')
         if offered.count():
             way.click(offered.first)
-        expect(page.locator(".answer .act")).to_be_visible()
+        expect(page.locator(".decide")).to_contain_text("Try the same stage again")
     with way.step("approve, by holding"):
-        _fresh(way)
         way.click(page.locator("[data-reason]").first)
-        way.hold(page.locator("#approve"))
+        way.hold(page.locator("#approve"), lambda: _fresh(way))
         expect(page.locator(".steps")).to_contain_text("approved")
     with way.step("follow the mission to its end"):
         expect(page.locator(".steps")).to_contain_text(re.compile("confirmed|failed"))
@@ -54,15 +53,16 @@ def walk(way: JourneyWalk, link: str) -> dict[str, float]:
         page.wait_for_url(re.compile(r"/missions/msn_"))
         expect(page.locator("#stop-vbot-1")).to_have_attribute("data-state", "running")
         expect(page.locator("#stages")).to_contain_text("running")
-    measured = {}
+    measured: dict[str, float] = {}
     with way.step("stop it, by one press, and say why afterwards"):
         began_s = time.monotonic()
         way.click(page.locator("#stop-vbot-1"))
         answer = page.locator("#stopped-text")
-        expect(answer).to_contain_text("taken up after")
+        expect(answer).to_contain_text("was sent after")
         measured["stop_seen_ms"] = round(1000 * (time.monotonic() - began_s))
         measured["stop_taken_up_ms"] = float(re.findall(r"after (\d+) ms", answer.inner_text())[0])
-        way.click(page.locator("#stopped").get_by_role("button").first)
+        way.click(page.locator("#stopped [data-reason]").first)
+        way.click(page.locator("#stopped").get_by_role("button", name="Save the reason"))
         expect(page.locator("#head")).to_contain_text("cancelled")
     with way.step("send it to safety and see it arrive, measured"):
         way.section("Robots")

@@ -2,15 +2,17 @@
 
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Locator, Page, Request, TimeoutError, expect
 
 PATIENCE_MS = 600_000.0
 """How long a page or a robot may take; what a step really took is what is published."""
+PRESSES, PRESS_MS = 6, 30_000.0
+"""A button rests while the page is not live: a person presses it again."""
 
 
 @dataclass
@@ -70,12 +72,27 @@ class JourneyWalk:
         """Click on a page of the rail."""
         self.click(self.page.locator(".rail").get_by_role("link", name=name))
 
-    def hold(self, target: Locator) -> None:
-        """Press and hold until the page is sent."""
-        self.steps[-1].clicks += 1
-        target.scroll_into_view_if_needed()
-        expect(target).to_be_enabled()
-        target.hover()
-        with self.page.expect_navigation(timeout=self.patience_ms):
-            self.page.mouse.down()
-        self.page.mouse.up()
+    def hold(self, target: Locator, ready: Callable[[], None] = lambda: None) -> None:
+        """Press and hold until the page is sent; again where the press met a button that rested for a moment.
+
+        `ready` is done before each press.
+        """
+        for _ in range(PRESSES):
+            ready()
+            self.steps[-1].clicks += 1
+            target.scroll_into_view_if_needed()
+            expect(target).to_be_enabled()
+            target.hover()
+            try:
+                with self.page.expect_request(_sent, timeout=PRESS_MS):
+                    self.page.mouse.down()
+                return
+            except TimeoutError:
+                continue
+            finally:
+                self.page.mouse.up()
+        raise AssertionError(f"{PRESSES} times the page was not sent")
+
+
+def _sent(request: Request) -> bool:
+    return request.method == "POST" and request.is_navigation_request()

@@ -8,7 +8,7 @@ from functools import cached_property
 from random import Random
 
 from experiments.campaigns.code import code_digest
-from experiments.verifier import floors, messages, motion, passages, pictures, speech, stages
+from experiments.verifier import floors, messages, motion, outcomes, passages, pictures, speech, stages
 from experiments.verifier.cases import VerifierCase
 from experiments.verifier.matrix import PredicateCounts, VerifierReport, counted, matrix, offences
 from experiments.verifier.page import publish, summary
@@ -58,6 +58,10 @@ class Pools:
         return floors.views(self.seed, count=len(floors.PLACES) * (2 if self.whole else 1))
 
     @cached_property
+    def outcomes(self) -> tuple[outcomes.SpokenOutcome, ...]:
+        return outcomes.recordings(self.seed, kinds=4 * outcomes.KINDS if self.whole else outcomes.FEW)
+
+    @cached_property
     def files(self) -> list[bytes]:
         """The distinct picture files of the looks."""
         looks = (*self.looks.panoramas, *self.looks.pictures)
@@ -71,7 +75,7 @@ class Pools:
             "rendered pictures of panoramas and single looks": self.looks.images,
             "passages with things drawn into them": len(self.scenes),
             "of these, rendered and analysed by the shipped analyser": sum(one.rendered for one in self.scenes),
-            "reports spoken, recorded and recognised": len(self.recordings),
+            "reports spoken, recorded and recognised": len(self.recordings) + len(self.outcomes),
             "start journals": len(self.journals),
             "stands with sweeps for maps": len(self.views),
         }
@@ -97,6 +101,7 @@ FAMILIES: dict[str, tuple[tuple[str, ...], Make]] = {
     "same images": (("same_image",), lambda c, n, p: messages.same_images(c, n, p.files)),
     "shared images": (("one_image",), lambda c, n, p: messages.shared_images(c, n, p.files)),
     "reports": (("heard",), lambda c, n, p: speech.reports(c, n, p.recordings)),
+    "outcomes": (("outcome_heard",), lambda c, n, p: outcomes.outcomes(c, n, p.outcomes)),
     "orders": (("in_order",), lambda c, n, p: stages.orders(c, n, p.journals)),
     "chains": (("one_chain",), lambda c, n, p: stages.chains(c, n)),
     "subjects": (

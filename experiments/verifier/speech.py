@@ -102,6 +102,38 @@ def _recorded(chance: Random, kind: str) -> SpokenReport:
             spoken = chance.choice(("Bring me a coffee, please.", "Everything is fine.", "I am going home now."))
         case _:
             pass
+    recording = recorded(chance, kind, request, spoken, over=_text(other, contrary, place))
+    silent = kind in ("says something else", "loudspeaker unplugged")
+    return SpokenReport(
+        asked=request,
+        place="" if silent else true_place,
+        blocked=None if silent else true_blocked,
+        share=recording.share,
+        said_as_asked=spoken == request,
+        kind=kind,
+        evidence=recording.evidence,
+        blobs=recording.blobs,
+        wav=recording.wav,
+        until_s=recording.until_s,
+    )
+
+
+@dataclass(frozen=True)
+class RoomRecording:
+    """What the microphone made of one playback, of which `share` was played; `wav` is what was synthesised."""
+
+    share: float
+    evidence: tuple[EvidenceReference, ...]
+    blobs: dict[Digest, bytes]
+    wav: Digest
+    until_s: float
+
+
+def recorded(chance: Random, kind: str, request: str, spoken: str, *, over: str) -> RoomRecording:
+    """Play `spoken` into the simulated room where `request` was to be said, and have it recorded and recognised.
+
+    Some kinds are cut off, not played, drowned in noise, or in the voice of somebody who says `over`.
+    """
     samples, rate_hz = synthesise(spoken)
     share = chance.uniform(0.1, 0.9) if kind == "stopped early" else 0.0 if kind == "loudspeaker unplugged" else 1.0
     pcm = samples[: int(share * len(samples))].astype("<i2").tobytes()
@@ -111,8 +143,8 @@ def _recorded(chance: Random, kind: str) -> SpokenReport:
         hum = np.random.default_rng(chance.randrange(2**32)).normal(0, chance.choice((300, 1500, 6000)), 16_000 * 25)
         room.play(Sound(at_s=BEGAN_S, rate_hz=16_000, pcm=hum.clip(-32000, 32000).astype("<i2").tobytes()))
     if kind == "another voice over it":
-        over, over_hz = synthesise(_text(other, contrary, place))
-        room.play(Sound(at_s=BEGAN_S + chance.uniform(0.0, 3.0), rate_hz=over_hz, pcm=over.astype("<i2").tobytes()))
+        voice, voice_hz = synthesise(over)
+        room.play(Sound(at_s=BEGAN_S + chance.uniform(0.0, 3.0), rate_hz=voice_hz, pcm=voice.astype("<i2").tobytes()))
     blobs: dict[Digest, bytes] = {}
 
     def keep(body: bytes) -> Digest:
@@ -124,20 +156,7 @@ def _recorded(chance: Random, kind: str) -> SpokenReport:
         requests=(identity_of(VOICE).request_id,), text=request, from_s=BEGAN_S, until_s=until_s, names=NAMES
     )
     evidence = RoomMicrophone(room, keep=keep, read=blobs.__getitem__).measure(asking)
-    whole = wav(samples, rate_hz=rate_hz)
-    silent = kind in ("says something else", "loudspeaker unplugged")
-    return SpokenReport(
-        asked=request,
-        place="" if silent else true_place,
-        blocked=None if silent else true_blocked,
-        share=share,
-        said_as_asked=spoken == request,
-        kind=kind,
-        evidence=evidence,
-        blobs=blobs,
-        wav=keep(whole),
-        until_s=until_s,
-    )
+    return RoomRecording(share, evidence, blobs, keep(wav(samples, rate_hz=rate_hz)), until_s)
 
 
 def _finding(chance: Random, blocked: bool | None = None) -> tuple[str, bool]:

@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 from harness.adapters.limited_process import LimitedProcess, Limits
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest
-from harness.contracts.measurements import PictureLook
+from harness.contracts.measurements import LOOK_PX, PictureLook
 from harness.contracts.reasons import because
 from harness.contracts.values import decode, encode
 
 LIMITS = Limits(memory_bytes=512 * 2**20, cpu_s=10.0, wall_s=20.0, output_bytes=160 * 2**20)
 MOST_PIXELS = 40_000_000
 """No image of a robot is larger; a claim beyond it is not decoded."""
-GREY_PX = (64, 36)
 """Areas of a look, across and down."""
 BLOCK_PX = 8
 """Of a JPEG: what is left of the noise in such a block is left of it in a copy that was encoded anew."""
@@ -97,9 +96,9 @@ def looked_at(image: Digest, body: bytes) -> PictureLook:
     """What is compared of an image. Raises ProviderFailed if it cannot be decoded to its last pixel."""
     grey = _grey(image, body)
     height, width = grey.shape
-    if width < GREY_PX[0] or height < GREY_PX[1]:
+    if width < LOOK_PX[0] or height < LOOK_PX[1]:
         raise ProviderFailed(because("image_too_large", width_px=width, height_px=height))
-    small = cv2.resize(grey, GREY_PX, interpolation=cv2.INTER_AREA)
+    small = cv2.resize(grey, LOOK_PX, interpolation=cv2.INTER_AREA)
     noise = _noise(grey)
     return PictureLook(
         image=image,

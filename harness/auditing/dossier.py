@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import msgspec
 
@@ -66,10 +67,18 @@ class DossierVerdict(Value):
     unrepeated: Count = 0
 
 
-def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, exported_at_s: float) -> DossierContent:
+def collect(
+    runtime: Runtime,
+    mission_id: ids.MissionId,
+    *,
+    exported_by: str,
+    exported_at_s: float,
+    attached: Mapping[str, bytes] = MappingProxyType({}),
+) -> DossierContent:
     """Events of the mission, its handoffs and its places, every record and blob they cite, directly or through others.
 
-    Raises UnknownName for a mission that does not exist.
+    `attached` are files for people, by name: signed like the others, and nothing is derived from them. Raises
+    UnknownName for a mission that does not exist.
     """
     mission = runtime.mission(mission_id)
     own = _history(runtime, mission)
@@ -83,6 +92,7 @@ def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, ex
     records = list({one.digest: one for one in (*records, *commands)}.values())
     files[EVENTS] = b"".join(encode(event) + b"\n" for event in events)
     files[RECORDS] = b"".join(encode(record) + b"\n" for record in records)
+    files.update(attached)
     contents = DossierContents(
         format=FORMAT,
         mission_id=mission_id,

@@ -6,7 +6,7 @@ from typing import Literal
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import HarnessError, ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.ids import ProviderId
-from harness.contracts.reasons import Reason, plain
+from harness.contracts.reasons import Explanation, Reason, because, several
 from harness.contracts.values import Value
 
 Outcome = Literal["met", "not met", "exempt"]
@@ -15,10 +15,10 @@ UNTYPED = (ArithmeticError, AssertionError, AttributeError, LookupError, OSError
 
 
 class RuleObservation(Value):
-    """What one row observed, as a sentence, and whether it meets the contract."""
+    """What one row observed, and whether it meets the contract."""
 
     met: bool
-    text: str
+    text: Explanation
 
 
 class ConformanceFinding(Value):
@@ -27,7 +27,7 @@ class ConformanceFinding(Value):
     row: str
     title: str
     outcome: Outcome
-    text: str
+    text: Explanation
 
 
 class ConformanceResult(Value):
@@ -47,19 +47,19 @@ class ConformanceResult(Value):
         return tuple(finding.row for finding in self.findings if finding.outcome == outcome)
 
 
-def judged(text: str, *wrong: str) -> RuleObservation:
+def judged(text: Reason, *wrong: Reason | None) -> RuleObservation:
     """Met with `text` if nothing is wrong, else what is."""
-    found = [one for one in wrong if one]
-    return RuleObservation(met=not found, text="; ".join(found) if found else text)
+    found = several([one for one in wrong if one is not None])
+    return RuleObservation(met=found is None, text=found or text)
 
 
-def unless(holds: bool, wrong: str) -> str:
+def unless(holds: bool, wrong: Reason | None) -> Reason | None:
     """`wrong` unless it holds."""
-    return "" if holds else wrong
+    return None if holds else wrong
 
 
-def refusal(act: Callable[[], object], *kinds: type[HarnessError]) -> str:
-    """What is wrong with the refusal that `act` must get; empty for a typed one that gives a remedy.
+def refusal(act: Callable[[], object], *kinds: type[HarnessError]) -> Reason | None:
+    """What is wrong with the refusal that `act` must get; None for a typed one that gives a remedy.
 
     A code with facts has its remedy in the catalogue; a refusal in words of its own must bring one.
     """
@@ -67,14 +67,14 @@ def refusal(act: Callable[[], object], *kinds: type[HarnessError]) -> str:
     try:
         act()
     except ProviderUnreachable as error:
-        return f"no answer came instead of a refusal ({plain(error.what)})"
+        return because("kit_no_answer", reason=error.reason)
     except expected as error:
         if isinstance(error.__cause__, ValueError):
-            return f"the answer cannot be read ({plain(error.what)})"
+            return because("kit_answer_unreadable", reason=error.reason)
         remedied = isinstance(error.what, Reason) or bool(error.do)
-        return unless(remedied, f"the refusal does not say what to do ({plain(error.what)})")
+        return unless(remedied, because("kit_refusal_without_remedy", reason=error.reason))
     except HarnessError as error:
-        return f"it was refused as {error.code}, not as {expected[0].code}"
+        return because("kit_refused_otherwise", code=error.code, expected=expected[0].code)
     except UNTYPED as error:
-        return f"it was answered with an untyped {type(error).__name__} ({error})"
-    return "it was accepted"
+        return because("kit_untyped", kind=type(error).__name__, error=str(error))
+    return because("kit_accepted")

@@ -41,7 +41,7 @@ def check(
         if reason and not row.binding(card):
             finding = ConformanceFinding(row=row.name, title=row.title, outcome="exempt", text=reason)
         elif reason:
-            bound = f"its file exempts it ({reason}), but its card binds it to this row"
+            bound = because("kit_exempt_though_bound", reason=reason)
             finding = ConformanceFinding(row=row.name, title=row.title, outcome="not met", text=bound)
         else:
             finding = _trial(row, stand, declaration, log=log, mission_id=mission_id, fencing=fencing)
@@ -60,8 +60,13 @@ def _trial(
         finally:
             bench.close()
     except HarnessError as error:
-        return ConformanceFinding(row=row.name, title=row.title, outcome="not met", text=f"{error.code}: {error}")
+        return ConformanceFinding(
+            row=row.name,
+            title=row.title,
+            outcome="not met",
+            text=because("kit_failed", code=error.code, reason=error.located),
+        )
     except UNTYPED as error:
-        text = f"an untyped {type(error).__name__}: {error}"
+        text = because("kit_untyped", kind=type(error).__name__, error=str(error))
         return ConformanceFinding(row=row.name, title=row.title, outcome="not met", text=text)
     return ConformanceFinding(row=row.name, title=row.title, outcome="met" if seen.met else "not met", text=seen.text)

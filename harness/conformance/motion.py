@@ -29,9 +29,6 @@ class Motion(Value):
     def still(self) -> bool:
         return self.displacement_m < LIMIT_M and self.turned_rad < TURN_LIMIT_RAD
 
-    def __str__(self) -> str:
-        return f"{self.displacement_m:.3f} m and {self.turned_rad:.3f} rad in {WINDOW_S:.0f} s"
-
 
 class SampleLog:
     """The robot's samples since this row began, in order of arrival."""

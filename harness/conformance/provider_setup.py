@@ -17,13 +17,14 @@ from harness.conformance.subject import ProviderUnderTest, Stand
 from harness.contracts.actors import Actor
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid
+from harness.contracts.errors import ContractInvalid, ProviderFailed
 from harness.contracts.ids import MissionId, ProviderId, RobotId
 from harness.contracts.observations import Camera
 from harness.contracts.ports import Provider
-from harness.contracts.reasons import plain
+from harness.contracts.protocol import StackGoals
+from harness.contracts.reasons import because, plain
 from harness.contracts.simulation import InProcessRobot, Simulator
-from harness.provider_protocol.operations import openapi, provider_operations
+from harness.provider_protocol.operations import openapi, provider_operations, stack_operations
 from harness.recordings import open_checked, write_recording
 from harness.runtime import Start
 from harness.settings import HarnessSettings
@@ -47,7 +48,13 @@ def fresh_name() -> MissionId:
 
 def protocol(simulator: Simulator) -> dict[str, Any]:
     """The OpenAPI document of what every robot behind HTTP serves."""
-    return openapi(provider_operations(_plain(simulator).robot), "RegenHarness providers")
+    operations = (*provider_operations(_plain(simulator).robot), *stack_operations(_no_stack))
+    return openapi(operations, "RegenHarness providers")
+
+
+def _no_stack(after: int, limit: int) -> StackGoals:
+    """The simulated robots have no stack of their own that decides."""
+    raise ProviderFailed(because("stack_not_served"))
 
 
 def _plain(simulator: Simulator) -> InProcessRobot:

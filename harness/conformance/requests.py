@@ -13,6 +13,7 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import FencingRefused, HarnessError
 from harness.contracts.ids import ProviderId, RequestId
 from harness.contracts.protocol import StartRequest
+from harness.contracts.reasons import Reason, because
 from harness.contracts.values import decode, encode
 
 UNKNOWN = RequestId("f" * 64)
@@ -26,25 +27,28 @@ def card_complete(bench: Bench) -> RuleObservation:
     try:
         reread = decode(encode(card), CapabilityCard) == card
     except msgspec.MsgspecError as error:
-        return RuleObservation(met=False, text=f"the card breaks its own types ({error})")
+        return RuleObservation(met=False, text=because("kit_card_misshapen", error=str(error)))
     fields = {"embodiments": card.embodiments, "failure_words": card.failure_words, "evidence": card.evidence}
     names = [parameter.name for parameter in card.parameters]
     bounded = [p for p in card.parameters if p.minimum is not None and p.maximum is not None]
     crossed = [p.name for p in bounded if (p.minimum or 0.0) > (p.maximum or 0.0)]
     odd = [word for word in card.evidence if word not in EVIDENCE and not word.startswith(("receipt:", "instrument:"))]
     return judged(
-        f"version {card.version}, {len(card.parameters)} parameters, risk {card.risk}, "
-        f"stops within {card.cancel.within_s:g} s",
-        unless(reread, "the card is another when read again"),
-        *(unless(bool(words), f"{name} is empty") for name, words in fields.items()),
-        unless(len(set(names)) == len(names), "a parameter stands twice"),
-        unless(not crossed, f"bounds are crossed: {', '.join(crossed)}"),
-        unless(not odd, f"evidence of an unknown kind: {', '.join(odd)}"),
-        unless("timeout" in card.failure_words, "failure_words lack timeout, which every deadline needs"),
-        unless(
-            bool(card.resources and card.side_effects) or not card.moves, "it moves and lacks a resource or an effect"
+        because(
+            "kit_card",
+            version=card.version,
+            parameters=len(card.parameters),
+            risk=card.risk,
+            within_s=card.cancel.within_s,
         ),
-        unless(not card.moves or bool(card.preconditions), "it moves without a precondition"),
+        unless(reread, because("kit_card_changes")),
+        *(unless(bool(words), because("kit_field_empty", name=name)) for name, words in fields.items()),
+        unless(len(set(names)) == len(names), because("kit_parameter_twice")),
+        unless(not crossed, because("kit_bounds_crossed", names=tuple(crossed))),
+        unless(not odd, because("kit_evidence_unknown", kinds=tuple(odd))),
+        unless("timeout" in card.failure_words, because("kit_timeout_missing")),
+        unless(bool(card.resources and card.side_effects) or not card.moves, because("kit_moves_without_resource")),
+        unless(not card.moves or bool(card.preconditions), because("kit_moves_without_precondition")),
     )
 
 
@@ -56,9 +60,9 @@ def idempotent_start(bench: Bench) -> RuleObservation:
     again = bench.start(replace(request, k_ctx=request.k_ctx + 3))
     starts = bench.starts_of(request)
     return judged(
-        f"two starts, one handle, {starts if starts is not None else 'no journal of'} physical start",
-        unless(again.handle == first.handle, f"the repeat became another execution ({again.handle})"),
-        unless(starts in (None, 1), f"the robot's journal counts {starts} physical starts"),
+        because("kit_one_start", starts=starts) if starts is not None else because("kit_one_handle"),
+        unless(again.handle == first.handle, because("kit_repeat_started", handle=again.handle)),
+        unless(starts in (None, 1), because("kit_starts_counted", starts=starts or 0)),
     )
 
 
@@ -68,30 +72,34 @@ def other_parameters_refused(bench: Bench) -> RuleObservation:
     first = bench.start(request)
     other = next(_others(bench, request), None)
     if other is None:
-        return RuleObservation(met=False, text="the conformance file names no second set of parameters")
+        return RuleObservation(met=False, text=because("kit_no_second_parameters"))
     wrong = refusal(lambda: bench.provider.start(other))
     report = bench.report(first.handle)
     return judged(
-        "refused, and the first execution is untouched",
-        unless(not wrong, f"other contents under the same request id: {wrong}"),
-        unless(report.identity == request.identity and report.status != "failed", f"the first is now {report.status}"),
-        unless(bench.starts_of(request) in (None, 1), "the other contents were started too"),
+        because("kit_other_refused"),
+        wrong and because("kit_other_contents", reason=wrong),
+        unless(
+            report.identity == request.identity and report.status != "failed",
+            because("kit_first_disturbed", status=report.status),
+        ),
+        unless(bench.starts_of(request) in (None, 1), because("kit_other_started")),
     )
 
 
 def unfit_request_refused(bench: Bench) -> RuleObservation:
     """What the card does not declare is refused by name, and nothing begins."""
-    wrongs, attempts = [], 0
+    wrongs: list[Reason] = []
+    attempts = 0
     for what, unfit in _unfit(bench):
         attempts += 1
         wrong = refusal(partial(bench.provider.start, unfit))
         if wrong:
-            wrongs.append(f"{what}: {wrong}")
+            wrongs.append(because("kit_unfit", what=what, reason=wrong))
         elif bench.starts_of(unfit):
-            wrongs.append(f"{what}: refused, but the robot's journal holds a start")
+            wrongs.append(because("kit_unfit", what=what, reason=because("kit_refused_and_started")))
         elif bench.card.reattach == "by_request" and bench.provider.find(unfit.identity.request_id) is not None:
-            wrongs.append(f"{what}: refused, but the request is remembered")
-    return judged(f"{attempts} unfit requests refused, nothing begun", *wrongs)
+            wrongs.append(because("kit_unfit", what=what, reason=because("kit_refused_and_remembered")))
+    return judged(because("kit_unfit_refused", attempts=attempts), *wrongs)
 
 
 def found_by_request(bench: Bench) -> RuleObservation:
@@ -102,9 +110,9 @@ def found_by_request(bench: Bench) -> RuleObservation:
     if found is not None:
         bench.noted(request, found)
     return judged(
-        "found by its request id; an unknown request is not",
-        unless(found is not None and found.handle == first.handle, "the request is not found under its handle"),
-        unless(bench.provider.find(UNKNOWN) is None, "a request that never came is found"),
+        because("kit_found_by_request"),
+        unless(found is not None and found.handle == first.handle, because("kit_not_found")),
+        unless(bench.provider.find(UNKNOWN) is None, because("kit_unknown_found")),
     )
 
 
@@ -117,15 +125,15 @@ def reattach(bench: Bench) -> RuleObservation:
         by_handle = bench.card.reattach == "by_handle"
         found = again.report(first.handle) if by_handle else again.find(request.identity.request_id)
     except HarnessError as error:
-        return RuleObservation(met=False, text=f"after a restart of the supervisor: {error.what}")
+        return RuleObservation(met=False, text=because("kit_after_restart", reason=error.reason))
     if found is None:
-        return RuleObservation(met=False, text="after a restart of the supervisor the request is unknown")
+        return RuleObservation(met=False, text=because("kit_unknown_after_restart"))
     bench.noted(request, found)
     repeated = again.start(request)
     return judged(
-        f"found again {bench.card.reattach.replace('_', ' ')} as {found.status}",
-        unless(found.handle == repeated.handle == first.handle, "it has another handle after a restart"),
-        unless(bench.starts_of(request) in (None, 1), "it was begun again"),
+        because("kit_reattached", how=bench.card.reattach, status=found.status),
+        unless(found.handle == repeated.handle == first.handle, because("kit_other_handle_after_restart")),
+        unless(bench.starts_of(request) in (None, 1), because("kit_begun_again")),
     )
 
 
@@ -137,10 +145,10 @@ def fencing(bench: Bench) -> RuleObservation:
     wrong = refusal(lambda: bench.provider.start(older), FencingRefused)
     equal = bench.start(bench.request(long=True))
     return judged(
-        f"token {bench.fencing - 1} after {bench.fencing} refused, {bench.fencing} again taken",
-        unless(not wrong, f"an older fencing token: {wrong}"),
-        unless(not bench.starts_of(older), "the older token started something"),
-        unless(equal.handle != report.handle, "a fresh request got an old handle"),
+        because("kit_fenced", older=bench.fencing - 1, newest=bench.fencing),
+        wrong and because("kit_older_token", reason=wrong),
+        unless(not bench.starts_of(older), because("kit_older_token_started")),
+        unless(equal.handle != report.handle, because("kit_handle_reused")),
     )
 
 
@@ -149,9 +157,9 @@ def lease_required(bench: Bench) -> RuleObservation:
     bare = replace(bench.request(long=True), fencing={})
     wrong = refusal(lambda: bench.provider.start(bare))
     return judged(
-        f"refused without a token for {', '.join(bench.card.resources)}",
-        unless(not wrong, f"a request without a lease: {wrong}"),
-        unless(not bench.starts_of(bare), "it was started without a lease"),
+        because("kit_refused_without_token", resources=bench.card.resources),
+        wrong and because("kit_without_lease", reason=wrong),
+        unless(not bench.starts_of(bare), because("kit_started_without_lease")),
     )
 
 
@@ -165,8 +173,8 @@ def unknown_handle(bench: Bench) -> RuleObservation:
         "resume": refusal(lambda: provider.resume(NOWHERE)),
     }
     return judged(
-        f"{', '.join(answers)} refuse it",
-        *(f"{name} of an unknown handle: {wrong}" for name, wrong in answers.items() if wrong),
+        because("kit_unknown_handle_refused", acts=tuple(answers)),
+        *(because("kit_unknown_handle", act=name, reason=wrong) for name, wrong in answers.items() if wrong),
     )
 
 
@@ -176,26 +184,28 @@ def _others(bench: Bench, request: StartRequest) -> Iterator[StartRequest]:
             yield replace(request, parameters=parameters)
 
 
-def _unfit(bench: Bench) -> Iterator[tuple[str, StartRequest]]:
+def _unfit(bench: Bench) -> Iterator[tuple[Reason, StartRequest]]:
     """(what is wrong with it, the request), each under a request id of its own."""
     for parameter in bench.card.parameters:
         fit = bench.request(long=True)
         if parameter.required:
             left = {name: value for name, value in fit.parameters.items() if name != parameter.name}
-            yield f"without {parameter.name}", replace(fit, parameters=left)
+            yield because("kit_without_parameter", name=parameter.name), replace(fit, parameters=left)
         wrong_type = "text" if parameter.type in ("number", "boolean", "point", "points") else True
-        yield f"{parameter.name} of another type", _with(bench, parameter.name, wrong_type)
+        yield because("kit_parameter_type", name=parameter.name), _with(bench, parameter.name, wrong_type)
         if parameter.type == "number":
-            yield f"{parameter.name} is no number", _with(bench, parameter.name, math.nan)
+            yield because("kit_parameter_nan", name=parameter.name), _with(bench, parameter.name, math.nan)
             if parameter.maximum is not None:
-                yield f"{parameter.name} over its maximum", _with(bench, parameter.name, parameter.maximum + 1.0)
+                over = _with(bench, parameter.name, parameter.maximum + 1.0)
+                yield because("kit_parameter_over", name=parameter.name), over
             if parameter.minimum is not None:
-                yield f"{parameter.name} under its minimum", _with(bench, parameter.name, parameter.minimum - 1.0)
-    yield "a parameter that is not on the card", _with(bench, "not_on_the_card", 1.0)
-    yield "another capability", replace(bench.request(long=True), capability="no_such_capability")
+                under = _with(bench, parameter.name, parameter.minimum - 1.0)
+                yield because("kit_parameter_under", name=parameter.name), under
+    yield because("kit_parameter_undeclared"), _with(bench, "not_on_the_card", 1.0)
+    yield because("kit_capability_other"), replace(bench.request(long=True), capability="no_such_capability")
     request = bench.request(long=True)
     stranger = replace(request.identity, provider_id=ProviderId("no-such-provider"))
-    yield "another provider's name", replace(request, identity=stranger)
+    yield because("kit_provider_other"), replace(request, identity=stranger)
 
 
 def _with(bench: Bench, name: str, value: float | str | bool) -> StartRequest:

@@ -5,6 +5,7 @@ from harness.conformance.motion import Motion
 from harness.conformance.test_bench import POLL_S, SLACK_S, Bench
 from harness.contracts.errors import HarnessError
 from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, InvocationReport
+from harness.contracts.reasons import Reason, because
 from harness.supervisor.standstill import WINDOW_S
 
 STANDS_WITHIN_S = 2.0
@@ -26,10 +27,10 @@ def acknowledged_stop(bench: Bench) -> RuleObservation:
     took_s = bench.now_s - asked_s
     rest, moved = _rest_after(bench, stopped)
     return judged(
-        f"{first}, {stopped.status} after {took_s:.1f} s; {rest}: the lease may be released",
-        unless(first in ("stopping", "cancelled"), f"the answer to a stop was {first}"),
-        unless(stopped.status == "cancelled", f"{stopped.status} after {took_s:.1f} s: the lease would be quarantined"),
-        unless(not moved, f"cancelled while the body moved ({rest}): the lease would be quarantined"),
+        because("kit_stopped", first=first, status=stopped.status, took_s=took_s, rest=rest),
+        unless(first in ("stopping", "cancelled"), because("kit_stop_answered", status=first)),
+        unless(stopped.status == "cancelled", because("kit_not_cancelled", status=stopped.status, took_s=took_s)),
+        unless(not moved, because("kit_cancelled_in_motion", rest=rest)),
     )
 
 
@@ -49,11 +50,11 @@ def stop_is_final(bench: Bench) -> RuleObservation:
     bench.wait(1.0)
     after = bench.report(report.handle)
     return judged(
-        "stays cancelled after stop, keepalive, resume and a repeated start",
-        unless(ended.status == "cancelled", f"it was {ended.status} to begin with"),
-        unless(repeated.handle == report.handle, "a repeated start became another execution"),
-        unless(after.status == "cancelled", f"it became {after.status} again"),
-        unless(bench.starts_of(request) in (None, 1), "it was begun again"),
+        because("kit_stays_cancelled"),
+        unless(ended.status == "cancelled", because("kit_was_not_cancelled", status=ended.status)),
+        unless(repeated.handle == report.handle, because("kit_repeat_started", handle=repeated.handle)),
+        unless(after.status == "cancelled", because("kit_revived", status=after.status)),
+        unless(bench.starts_of(request) in (None, 1), because("kit_begun_again")),
     )
 
 
@@ -67,11 +68,11 @@ def deadline(bench: Bench) -> RuleObservation:
     late_s = ended.at_s - request.deadline_s
     rest, moved = _rest_after(bench, ended)
     return judged(
-        f"failed with timeout {late_s:.1f} s after the deadline; {rest}",
-        unless(ended.status == "failed", f"{ended.status} {late_s:+.1f} s from the deadline"),
-        unless(ended.failure == "timeout", f"the failure word is {ended.failure or 'empty'}, not timeout"),
-        unless(late_s < bench.card.cancel.within_s + SLACK_S, f"it ended {late_s:.1f} s after the deadline"),
-        unless(not moved, f"it ended while the body moved ({rest})"),
+        because("kit_timed_out", late_s=late_s, rest=rest),
+        unless(ended.status == "failed", because("kit_no_timeout", status=ended.status, late_s=late_s)),
+        unless(ended.failure == "timeout", because("kit_failure_other", failure=ended.failure, expected="timeout")),
+        unless(late_s < bench.card.cancel.within_s + SLACK_S, because("kit_ended_late", late_s=late_s)),
+        unless(not moved, because("kit_ended_in_motion", rest=rest)),
     )
 
 
@@ -85,11 +86,16 @@ def dead_man(bench: Bench) -> RuleObservation:
     after = bench.observations.motion(lost_s + STANDS_WITHIN_S + WINDOW_S)
     held = bench.report(report.handle)
     return judged(
-        f"moved {motion}, then {after} from {STANDS_WITHIN_S:.0f} s after the last keepalive on",
-        unless(after is not None, "no odometry shows whether it stands"),
-        unless(after is None or after.still, f"still moving {after} after {STANDS_WITHIN_S:.0f} s without keepalives"),
-        unless(held.status == "blocked", f"it is {held.status}, not blocked"),
-        unless(held.failure == KEEPALIVE_LOST, f"its failure is {held.failure or 'empty'}, not {KEEPALIVE_LOST}"),
+        because("kit_stood_still", before=_in_window(motion), after=_in_window(after), within_s=STANDS_WITHIN_S),
+        unless(after is not None, because("kit_standstill_unseen")),
+        unless(
+            after is None or after.still, because("kit_still_moving", rest=_in_window(after), within_s=STANDS_WITHIN_S)
+        ),
+        unless(held.status == "blocked", because("kit_not_blocked", status=held.status)),
+        unless(
+            held.failure == KEEPALIVE_LOST,
+            because("kit_failure_other", failure=held.failure, expected=KEEPALIVE_LOST),
+        ),
     )
 
 
@@ -107,24 +113,29 @@ def resume(bench: Bench) -> RuleObservation:
         if again is not None and not again.still:
             break
     return judged(
-        f"{resumed.status} again, moving {again}",
-        unless(resumed.status in ("accepted", "running"), f"after a resume it is {resumed.status}"),
-        unless(again is not None and not again.still, "after a resume the body does not move"),
-        unless(bench.starts_of(request) in (None, 1), "the resume was a second physical start"),
+        because("kit_resumed", status=resumed.status, rest=_in_window(again)),
+        unless(resumed.status in ("accepted", "running"), because("kit_not_resumed", status=resumed.status)),
+        unless(again is not None and not again.still, because("kit_resumed_without_motion")),
+        unless(bench.starts_of(request) in (None, 1), because("kit_resume_started")),
     )
 
 
-def _rest_after(bench: Bench, ended: InvocationReport) -> tuple[str, bool]:
+def _rest_after(bench: Bench, ended: InvocationReport) -> tuple[Reason, bool]:
     """What odometry shows of the second after the end, and whether that is motion or unknown."""
     if not bench.card.moves:
-        return "it moves nothing", False
+        return because("kit_moves_nothing"), False
     ended_s = min(ended.at_s, bench.now_s)
     bench.wait(max(0.0, ended_s + WINDOW_S + POLL_S - bench.now_s))
     motion = bench.observations.motion(ended_s + WINDOW_S)
-    return (str(motion), not motion.still) if motion else ("no odometry shows rest", True)
+    return _in_window(motion), motion is None or not motion.still
+
+
+def _in_window(motion: Motion | None) -> Reason:
+    """What odometry shows of a window."""
+    if motion is None:
+        return because("kit_no_odometry")
+    return because("kit_motion", displacement_m=motion.displacement_m, turned_rad=motion.turned_rad, window_s=WINDOW_S)
 
 
 def _never_moved(report: InvocationReport) -> RuleObservation:
-    return RuleObservation(
-        met=False, text=f"odometry never showed motion; the execution is {report.status}: {report.message}"
-    )
+    return RuleObservation(met=False, text=because("kit_never_moved", status=report.status, reason=report.message))

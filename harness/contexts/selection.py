@@ -116,8 +116,9 @@ def _aged(item: SelectionItem) -> Withheld | None:
     age_s = item.speaks_at_s - item.record.at_s
     if age_s < -EARLY_S:
         return withhold(item.record, "scope", because("observed_too_late", late_s=-age_s))
-    old = withhold(item.record, "stale", because("record_too_old", age_s=age_s, limit_s=item.limit_s))
-    return old if age_s > item.limit_s else None
+    if age_s <= item.limit_s:
+        return None
+    return withhold(item.record, "stale", because("record_too_old", age_s=age_s, limit_s=item.limit_s))
 
 
 def _without_contradictions(items: list[SelectionItem]) -> tuple[list[SelectionItem], list[Withheld]]:

@@ -37,13 +37,13 @@ class SkillAttempt(Value):
 
 def skill_context(view: StateView, node_id: NodeId, card: CapabilityCard) -> Context:
     """C2 of one node for the routed provider. Raises ContextOverflow if the mandatory records exceed the budget."""
-    scope = ancestors(view.contract, node_id) | {node_id}
+    scope = ancestors(view.contract, node_id)
     items = [
         SelectionItem(configured("node", node_id, view.node(node_id), at_s=view.at_s, mandatory=True)),
         SelectionItem(configured("card", card.provider_id, card, at_s=view.at_s, mandatory=True)),
         SelectionItem(accepted("attempt", "mission", _attempt(view, node_id), at_s=view.at_s, mandatory=True)),
-        *_facts(view, node_id),
-        *_declared(view, node_id),
+        *_facts(view, scope),
+        *_declared(view, scope),
         *_given_up(view),
         SelectionItem(configured("constraints", "contract", view.contract.constraints, at_s=view.at_s)),
         *_kept_out(view),
@@ -61,7 +61,7 @@ def skill_context(view: StateView, node_id: NodeId, card: CapabilityCard) -> Con
             node_id=node_id,
             budget=view.rules.c2_items,
             minimum_confidence=view.rules.minimum_confidence,
-            nodes=frozenset(scope),
+            nodes=scope | {node_id},
         ),
     )
 
@@ -89,17 +89,16 @@ def relevant_facts(view: StateView, node_id: NodeId) -> tuple[CommittedFact, ...
     return tuple(fact for fact in view.mission.facts if fact.node_id in relevant)
 
 
-def _facts(view: StateView, node_id: NodeId) -> list[SelectionItem]:
-    facts = relevant_facts(view, node_id)
+def _facts(view: StateView, scope: frozenset[NodeId]) -> list[SelectionItem]:
+    facts = tuple(fact for fact in view.mission.facts if fact.node_id in scope)
     if not facts:
         return []
     return [SelectionItem(accepted("facts", "mission", facts, at_s=max(fact.at_s for fact in facts), mandatory=True))]
 
 
-def _declared(view: StateView, node_id: NodeId) -> list[SelectionItem]:
+def _declared(view: StateView, scope: frozenset[NodeId]) -> list[SelectionItem]:
     """What the stages before it only declared: it may be told on, as declared."""
-    relevant = ancestors(view.contract, node_id)
-    effects = tuple(effect for effect in view.mission.declared if effect.node_id in relevant)
+    effects = tuple(effect for effect in view.mission.declared if effect.node_id in scope)
     if not effects:
         return []
     newest_s = max(effect.at_s for effect in effects)

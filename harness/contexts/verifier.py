@@ -6,7 +6,7 @@ Of a packet: "conditions" (list of Condition); "policy" (VerificationPolicy); "e
 (EvidenceReference of a sealed Trajectory; values: role "current" or "cited", dispatched_s, terminal_s); "image"
 (EvidenceReference of one frame); "before", "after" (EvidenceReference); "attestation" (a person's, where allowed);
 "read_back", "sweep", "room_sound", "recognition", "content" (EvidenceReference of what independent sources measured);
-"request" (RequestRecord).
+"request" (RequestRecord); "pictures" (list of EvidenceReference: the accepted frames that an analysis is about).
 
 Of the goal: "goal", "conditions" (as first stored), "policy", "constraints", "facts", "receipts" as above; "node"
 (CommittedNode, one per ended node) or, of a goal with a reading, "nodes" (all of them in one list); "tracks" (list of
@@ -33,7 +33,7 @@ from harness.contracts.effects import Condition, Metric, Relational, Symbolic
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import ConditionId, NodeId
 from harness.contracts.measurements import RequestRecord
-from harness.contracts.rules import LINEAGE, required_independence
+from harness.contracts.rules import LINEAGE, SWEPT, required_independence
 from harness.contracts.tasks import EvidencePolicy, Node, goal_independence, order, stages_behind, targets_of
 from harness.contracts.values import raw
 from harness.contracts.verifier_inputs import (
@@ -72,6 +72,7 @@ def verifier_context(view: StateView, packet: EvidencePacket, card: CapabilityCa
         SelectionItem(replace(goal_record(view), mandatory=False)),
         *_request(view, node.success_conditions),
         *_facts(view, node),
+        *_pictures(view, node),
         *(item for source in sources for item in evidence.provider_word(source, node=node)),
         *(item for source in sources for item in evidence.packet_records(view, source, node=node)),
         *(SelectionItem(record) for record in view.proposals),
@@ -243,6 +244,24 @@ def _facts(view: StateView, node: Node) -> list[SelectionItem]:
     needed = any(isinstance(one.effect, Relational | Symbolic) for one in node.success_conditions)
     newest = max(fact.at_s for fact in facts)
     return [SelectionItem(accepted("facts", "mission", facts, at_s=newest, mandatory=needed))]
+
+
+def _pictures(view: StateView, node: Node) -> list[SelectionItem]:
+    """The accepted frames that an analysis of a passage is about, as they were recorded. Rules before 7 show none."""
+    if view.mission.rules < SWEPT:
+        return []
+    shown = {
+        one.effect.object
+        for one in node.success_conditions
+        if one.effect.predicate == "passage_checked" and isinstance(one.effect, Relational)
+    }
+    frames = {name for one in view.mission.facts if one.node_id in shown for name in one.arguments.get("frames", ())}
+    packets = [packet for name, state in view.mission.nodes.items() if name in shown for packet in state.packets]
+    images = {one.blob: one for packet in packets for one in packet.after if one.kind == "image" and one.blob in frames}
+    if not images:
+        return []
+    newest = max(one.until_s for one in images.values())
+    return [SelectionItem(accepted("pictures", "mission", tuple(images.values()), at_s=newest, mandatory=True))]
 
 
 def _committing(view: StateView) -> dict[NodeId, EvidencePacket]:

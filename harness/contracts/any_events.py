@@ -10,6 +10,7 @@ from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.lease_events import LeaseEvent
 from harness.contracts.maps import CloudAttached
 from harness.contracts.place_events import PlaceEvent
+from harness.contracts.shadow import ShadowEvent
 
 AnyEvent = (
     MissionEvent
@@ -22,4 +23,5 @@ AnyEvent = (
     | RobotChecked
     | GoalProposalEvent
     | BlobErased
+    | ShadowEvent
 )

@@ -25,6 +25,7 @@ from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.rules import FIRST_RULES, RulesVersion
+from harness.contracts.shadow import ShadowCommand
 from harness.contracts.spoken_goals import SpokenGoal
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name
@@ -412,4 +413,5 @@ AnyCommand = (
     | RecordCheck
     | GoalProposalCommand
     | ErasureCommand
+    | ShadowCommand
 )

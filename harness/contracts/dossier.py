@@ -11,6 +11,8 @@ from harness.contracts.verdicts import Verdict
 
 FORMAT = "regenharness-dossier/1"
 CONTENTS, SIGNATURE, EVENTS, RECORDS = "dossier.json", "signature.json", "events.jsonl", "records.jsonl"
+REPORT = "report.pdf"
+"""For people: signed with the rest; nothing is derived from it."""
 
 
 class JudgedCondition(Value):

@@ -6,6 +6,7 @@ HarnessError                 something went wrong that a person can act on
 │   ├── ReadingStale         the reading that was confirmed is not the one that the goal has now
 │   └── Unsatisfiable        a condition that no stage and no verifier could ever show to hold
 ├── UnknownName              no template, place, provider, mission or handoff of that name
+├── OnlyObserved             a robot in shadow mode is not commanded by this harness
 ├── ConfigurationMissing     a configuration version is not stored here, or this release cannot read it
 ├── ConcurrencyConflict      somebody else appended to the stream first
 ├── StoreUnavailable         the data folder or database cannot be used as it is
@@ -35,7 +36,7 @@ app's tables by that code. `str(error)` is for logs and exceptions: code and fac
 from harness.contracts.ids import Digest
 from harness.contracts.models import ModelUse
 from harness.contracts.readings import ReadingQuestion
-from harness.contracts.reasons import Explanation, Reason, plain, recorded
+from harness.contracts.reasons import Explanation, Reason, because, plain, recorded
 
 
 class HarnessError(Exception):
@@ -56,6 +57,11 @@ class HarnessError(Exception):
     def reason(self) -> Reason:
         """What happened, as events and refusals keep it."""
         return self.what if isinstance(self.what, Reason) else recorded(self.what)
+
+    @property
+    def located(self) -> Reason:
+        """What happened and where, as reports and findings keep it."""
+        return because("happened_at", reason=self.reason, where=self.where) if self.where else self.reason
 
 
 class ContractInvalid(HarnessError):
@@ -90,6 +96,10 @@ class Unsatisfiable(ContractInvalid):
 
 class UnknownName(HarnessError):
     code = "unknown_name"
+
+
+class OnlyObserved(HarnessError):
+    code = "robot_only_observed"
 
 
 class ConfigurationMissing(HarnessError):

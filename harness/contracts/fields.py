@@ -48,6 +48,8 @@ MEANINGS: Mapping[type[msgspec.Struct], Words] = {
         "recovery_total": ("steps", "Recovery steps of all stages together"),
         "serves": ("clauses", "For which clauses of a goal the template is taken"),
         "stages": ("names", "The stage that answers a further act, such as a return"),
+        "outcome": ("sentence", "What a spoken report says of it once its stages were accepted"),
+        "outcomes": ("sentences", "What a report says of templates that state no outcome themselves, by their names"),
     },
     tasks.Serves: {
         "act": ("name", "What a clause asks for"),

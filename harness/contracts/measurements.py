@@ -72,6 +72,15 @@ PLAYED_FOR = "played_for"
 """The value of a recognition's reference that names the earlier request whose recording was given out again."""
 
 
+PLAYED_AT = "played_at"
+"""The value of a recognition's reference that says how fast its recording runs, where that is no recording of what was
+played."""
+
+
+LOOK_PX = (64, 36)
+"""Areas of a look, across and down."""
+
+
 class PictureLook(Value):
     """What is compared of one image: the grey mean of each area, and of some blocks the finest that the noise left.
 
@@ -100,10 +109,14 @@ class EarlierCapture(Value):
 
 
 class PictureExamination(Value):
-    """The harness's own look at the images of an execution, and the earlier captures that resemble them."""
+    """The harness's own look at the images of an execution, and the earlier captures that resemble them.
+
+    `camera`: as the robot describes it; unset where it does not, and in what earlier releases stored.
+    """
 
     looks: tuple[PictureLook, ...]
     earlier: tuple[EarlierCapture, ...] = ()
+    camera: Camera | UnsetType = UNSET
 
 
 class RequestRecord(Value):

@@ -1,4 +1,4 @@
-"""Ports: the interfaces through which the harness reaches the outside world. Adapters implement them."""
+"""The interfaces through which the harness reaches the outside world, and the values that cross them."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -252,6 +252,21 @@ class Robot(Protocol):
 
     def starts(self) -> Sequence[protocol.PhysicalStart]:
         """The robot's own start journal."""
+
+
+class DecidesItself(Protocol):
+    """A robot whose own stack decides, as far as it says what that stack was given to do."""
+
+    def stack_goals(self, after: int, limit: int = protocol.MOST_CHANGES) -> protocol.StackGoals:
+        """Changes of the stack's goals after a sequence number. Raises ProviderFailed for a robot that tells none."""
+
+
+class ObservedRobot(DecidesItself, Protocol):
+    """A robot in shadow mode: what may be read of it. Nothing here commands."""
+
+    def status(self) -> protocol.RobotStatus: ...
+
+    def observations(self, after: int, limit: int = 5000) -> protocol.Observations: ...
 
 
 class LiveCamera(Protocol):

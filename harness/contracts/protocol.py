@@ -3,7 +3,8 @@
 Start is idempotent by `request_id`. Motion needs a keepalive at least every second; without one for 2 s the provider
 stops by itself and reports `blocked` with the failure `keepalive_lost` (D12). A request with a fencing token older than
 the newest that the provider has seen for the resource is refused. From version 1.1 on a request names the effects that
-it is for, and a report proposes the facts that the provider believes it established (D52).
+it is for, and a report proposes the facts that the provider believes it established (D52). From 1.2 on a robot may
+also say what its own stack was given to do and how that ended, for a harness that only observes it.
 """
 
 from typing import Annotated, Literal
@@ -18,7 +19,9 @@ from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Name, Point, Value
 
 PROTOCOL = "1.1"
-"""The version of the provider protocol that this release speaks; a capability card that names none speaks 1.0."""
+"""The version of the provider protocol that this release's providers speak; a card that names none speaks 1.0."""
+STACK_PROTOCOL = "1.2"
+"""The version of the whole protocol: with `GET /stack/goals`, which no provider's card depends on."""
 PROPOSES_FROM = (1, 1)
 MOST_PROPOSED = 64
 
@@ -111,13 +114,14 @@ class Progress(Value):
     """Structured progress of a running invocation; metres and shares where they apply."""
 
     share: float
-    text: str = ""
+    text: Explanation = ""
     remaining_m: float | None = None
 
 
 class InvocationReport(Value):
     """What a provider says of an invocation now. `declared` is its own word for the result, by name.
 
+    `message` says the same to people: a reason by code, or text that is shown unchanged.
     `proposed_facts` come with the last report: what the provider believes to be true now. None is a proposal too.
     """
 
@@ -127,7 +131,7 @@ class InvocationReport(Value):
     at_s: float
     progress: Progress
     failure: str = ""
-    message: str = ""
+    message: Explanation = ""
     declared: dict[str, float] = msgspec.field(default_factory=dict)
     receipts: tuple[Receipt, ...] = ()
     samples: tuple[int, ...] = ()
@@ -206,6 +210,48 @@ class Observations(Value):
 
     samples: tuple[AnySample, ...]
     next_seq: int
+    at_s: float
+
+
+StackGoalStatus = Literal["active", "succeeded", "failed", "cancelled", "unknown"]
+"""`unknown`: it is over, and the stack itself cannot say how it ended."""
+GoalId = Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
+StackRun = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.:-]{1,80}$")]
+MOST_CHANGES = 1000
+
+
+class StackGoal(Value):
+    """One change of a goal that the robot's own stack was given: declared by that stack, never measured.
+
+    `seq` rises by one with each change since the stack started. `at_s` is the robot's own time of the change; of a goal
+    that ended, when the stack said so. `target_m` counts in `frame` and says nothing without it; `map_version` is empty
+    where the stack does not know it.
+    """
+
+    seq: Count
+    goal_id: GoalId
+    at_s: float
+    status: StackGoalStatus
+    target_m: Point | None = None
+    frame: Annotated[str, msgspec.Meta(max_length=200)] = ""
+    map_version: Annotated[str, msgspec.Meta(max_length=200)] = ""
+    text: Annotated[str, msgspec.Meta(max_length=500)] = ""
+
+    @property
+    def ended(self) -> bool:
+        """Whether the stack says that it is over."""
+        return self.status != "active"
+
+
+class StackGoals(Value):
+    """Changes after a sequence number, oldest first. `run` names this start of the stack: after another one `seq`
+    begins anew, and whatever was under way is not known to have ended.
+    """
+
+    stack: Name
+    run: StackRun
+    changes: Annotated[tuple[StackGoal, ...], msgspec.Meta(max_length=MOST_CHANGES)]
+    next_seq: Count
     at_s: float
 
 

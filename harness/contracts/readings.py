@@ -16,10 +16,14 @@ Default = Literal["return", "report"]
 """What the mission profile adds unless the goal says otherwise (R195)."""
 UnreadWhy = Literal[
     "unknown_words", "condition", "time", "alternative", "ambiguous", "quoted", "control_character",
-    "count", "negation", "no_object", "no_template", "order", "statement",
+    "count", "negation", "no_object", "no_template", "order", "statement", "wait_too_long", "wait_unstated",
 ]  # fmt: skip
 PROFILE = "profile"
 """How a completion condition cites a default of the mission profile: `profile.return`; a clause is cited by number."""
+
+
+LONGEST_WAIT_S = 300
+"""What is longer is no wait of a mission: its robot and its evidence would be held all the while."""
 
 
 class TextSpan(Value):

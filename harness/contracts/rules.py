@@ -8,7 +8,7 @@ import msgspec
 
 from harness.contracts.capabilities import Risk
 
-RulesVersion = Annotated[int, msgspec.Meta(ge=1, le=6)]
+RulesVersion = Annotated[int, msgspec.Meta(ge=1, le=7)]
 """A mission is pinned to one when it is compiled, and replay judges with that one (D57).
 
 1: a condition of low risk may rest on its provider's word alone; a condition derived from facts counts them as sources.
@@ -19,10 +19,11 @@ a report must be heard to name each part that nothing verified, and a long inter
 one.
 5: a circuit that was begun again counts from where it was begun, where that shows more than all executions together.
 6: odometry has to show as much of a circuit as the poses do, not only its last metres and its end.
+7: a picture has to fit the lidar sweep of its own heading, and inertia that was felt before may not fall silent.
 """
 FIRST_RULES: RulesVersion = 1
 """Of missions whose log names none."""
-CURRENT_RULES: RulesVersion = 6
+CURRENT_RULES: RulesVersion = 7
 """What new missions are compiled under."""
 LINEAGE: RulesVersion = 2
 """The first version that records where each level comes from, and knows effects that are only declared."""
@@ -34,6 +35,10 @@ BEGUN_AGAIN: RulesVersion = 5
 """The first version in which a circuit may be shown by its last executions alone."""
 WALKED_BY_ODOMETRY: RulesVersion = 6
 """The first version in which odometry speaks on the whole way of a circuit."""
+SWEPT: RulesVersion = 7
+"""The first version in which pictures are laid over lidar sweeps."""
+INERTIA: RulesVersion = 7
+"""The first version in which inertia that fell silent leaves motion undecided."""
 
 REQUIRED: Mapping[RulesVersion, Mapping[Risk, int]] = MappingProxyType(
     {
@@ -43,6 +48,7 @@ REQUIRED: Mapping[RulesVersion, Mapping[Risk, int]] = MappingProxyType(
         4: {"low": 1, "medium": 1, "high": 2},
         5: {"low": 1, "medium": 1, "high": 2},
         6: {"low": 1, "medium": 1, "high": 2},
+        7: {"low": 1, "medium": 1, "high": 2},
     }
 )
 """The independence level that the evidence of each risk class needs at least."""

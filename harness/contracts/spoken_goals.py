@@ -1,5 +1,6 @@
 """A goal that was spoken: what a recogniser wrote down of its recording, and how a mission names both (D48)."""
 
+import re
 from typing import Literal
 
 from msgspec import UNSET, UnsetType
@@ -80,3 +81,29 @@ def name_token(name: str) -> str:
 
 def _words(text: str) -> list[str]:
     return text.lower().replace("-", " ").split()
+
+
+UNITS = (
+    "zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve",
+    "thirteen", "fourteen", "fifteen", "sixteen", "seventeen", "eighteen", "nineteen",
+)  # fmt: skip
+TENS = ("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety")
+
+
+def spoken_words(text: str) -> tuple[str, ...]:
+    """The words that are heard when a text is read aloud."""
+    lowered = re.sub(r"(\d)\s*%", r"\1 percent", text.lower())
+    joined = re.sub(r"[^a-z0-9' ]+", " ", lowered)
+    return tuple(word for token in joined.split() for word in (spoken_number(token) if token.isdigit() else [token]))
+
+
+def spoken_number(digits: str) -> list[str]:
+    """A number in words; a long one digit by digit."""
+    number = int(digits)
+    if number < len(UNITS):
+        return [UNITS[number]]
+    if number < 100:
+        return [TENS[number // 10 - 2], *([UNITS[number % 10]] if number % 10 else [])]
+    if number == 100:
+        return ["one", "hundred"]
+    return [UNITS[int(digit)] for digit in digits]

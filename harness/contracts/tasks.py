@@ -175,6 +175,9 @@ class TaskTemplate(Value):
 
     `serves` says for which clauses of a goal it is taken; one without it is started by its name only. `stages` names
     the stage that answers a further act, such as `return`; a default that a goal declines is left out.
+
+    `outcome` is the sentence that a spoken report says of it once all its stages were accepted; what has none cannot be
+    reported. `outcomes`, of a template that reports, are sentences for templates that state none, by their names.
     """
 
     name: Name
@@ -189,6 +192,8 @@ class TaskTemplate(Value):
     recovery_total: Count
     serves: tuple[Serves, ...] | msgspec.UnsetType = msgspec.UNSET
     stages: dict[Act, NodeId] | msgspec.UnsetType = msgspec.UNSET
+    outcome: Name | msgspec.UnsetType = msgspec.UNSET
+    outcomes: dict[Name, Name] | msgspec.UnsetType = msgspec.UNSET
 
 
 def check(contract: TaskContract, *, rules: RulesVersion = FIRST_RULES, retired: Retired = RETIRED) -> None:

@@ -34,7 +34,7 @@ T = TypeVar("T", Pose, Odometry)
 
 def unexplored(site: Site, *, map_version: str, region_m: Region = ()) -> GridMap:
     """Nothing is known yet, over the bounds of the site's zones. `region_m` is to be seen, else every zone is."""
-    corners = np.array([corner for zone in site.zones for corner in zone.region_m])
+    corners = np.array([corner for zone in site.zones for corner in zone.region_m] or region_m)
     low, high = corners.min(axis=0) - MARGIN_M, corners.max(axis=0) + MARGIN_M
     columns, rows = (math.ceil(float(size) / CELL_M) for size in high - low)
     regions = (region_m,) if region_m else tuple(zone.region_m for zone in site.zones)

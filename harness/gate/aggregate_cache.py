@@ -1,9 +1,8 @@
 """Caches the newest folds of streams in memory, so that a commit loads only a stream's tail."""
 
+from collections import OrderedDict
 from threading import Lock
 from typing import Any
-
-from cachetools import LRUCache
 
 from harness.contracts.ids import StreamId
 from harness.contracts.ports import MISSION_STREAMS
@@ -17,12 +16,14 @@ KEPT_STREAMS = 4096
 class AggregateCache:
     """The state and version of streams as last folded. Thread-safe.
 
-    Missions are cached separately: they are large, and must not be evicted by many small streams.
+    Missions are cached separately: they are large, and must not be evicted by many small streams. Every step asks
+    dozens of times, hence no cache class of a library, whose questions run in Python.
     """
 
     def __init__(self, *, missions: int = KEPT_MISSIONS, others: int = KEPT_STREAMS) -> None:
-        self._missions: LRUCache[StreamId, tuple[Any, int]] = LRUCache(missions)
-        self._others: LRUCache[StreamId, tuple[Any, int]] = LRUCache(others)
+        self._missions: OrderedDict[StreamId, tuple[Any, int]] = OrderedDict()
+        self._others: OrderedDict[StreamId, tuple[Any, int]] = OrderedDict()
+        self._most = {True: missions, False: others}
         self._lock = Lock()
 
     def __len__(self) -> int:
@@ -31,18 +32,19 @@ class AggregateCache:
 
     def get(self, stream: StreamId) -> tuple[Any, int] | None:
         """State and version, which then count as the newest; None if they are not cached."""
+        part = self._missions if stream.startswith(MISSION_STREAMS) else self._others
         with self._lock:
-            try:
-                return self._part(stream)[stream]
-            except KeyError:
-                return None
+            found = part.get(stream)
+            if found is not None:
+                part.move_to_end(stream)
+            return found
 
     def put(self, stream: StreamId, state: Any, version: int) -> None:
         """Store them as the newest; the least recently used entry is evicted. A cache of size 0 stores nothing."""
+        mission = stream.startswith(MISSION_STREAMS)
+        part = self._missions if mission else self._others
         with self._lock:
-            part = self._part(stream)
-            if part.maxsize:
-                part[stream] = state, version
-
-    def _part(self, stream: StreamId) -> LRUCache[StreamId, tuple[Any, int]]:
-        return self._missions if stream.startswith(MISSION_STREAMS) else self._others
+            part[stream] = state, version
+            part.move_to_end(stream)
+            if len(part) > self._most[mission]:
+                part.popitem(last=False)

@@ -1,6 +1,6 @@
 """The single writer of the event log: load, decide, append. Nothing else appends an event."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from threading import Lock, RLock
@@ -18,6 +18,7 @@ from harness.contracts.ids import RobotId, StreamId
 from harness.contracts.stored_commands import command_record
 from harness.contracts.values import Moment
 from harness.gate.aggregate_cache import KEPT_STREAMS, AggregateCache
+from harness.gate.observed import observed_refusal
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Gate:
 
     `clocks` are the robots' own: an event carries the mission time of the robot that its command's envelope names.
     `authority` is asked in every round of every commit. A lock per stream, taken in the order of their names: missions
-    that share no stream wait for the disk together.
+    that share no stream wait for the disk together. `observed`: robots in shadow mode, which nothing may command.
     """
 
     def __init__(
@@ -61,7 +62,9 @@ class Gate:
         clocks: Mapping[RobotId, ports.Clock] | None = None,
         folds: AggregateCache | None = None,
         authority: Authority = unquestioned,
+        observed: Container[RobotId] = frozenset(),
     ) -> None:
+        self._observed = observed
         self._store = store
         self._snapshots = snapshots
         self._clock = clock
@@ -136,6 +139,8 @@ class Gate:
                 for request in requests:
                     if revoked := self._authority(request.command):
                         return revoked
+                    if only_observed := observed_refusal(request.command, request.robot_id, self._observed):
+                        return only_observed
                     state, version = self._loaded(request)
                     decision = self._decider(request.stream).decide(state, request.command, now)
                     if isinstance(decision, Refused):
@@ -183,8 +188,9 @@ class Gate:
     def _lock(self, stream: StreamId) -> RLock:
         """The stream's lock, the same for every thread that holds or waits for it; an unused one is dropped."""
         with self._making:
-            lock = self._near.get(stream) or self._locks.setdefault(stream, RLock())
-            self._near[stream] = lock
+            lock = self._near.get(stream)
+            if lock is None:
+                lock = self._near[stream] = self._locks.setdefault(stream, RLock())
         return lock
 
     def _restored(self, stream: StreamId, decider: Decider[Any, Any, Any]) -> tuple[Any, int]:

@@ -196,7 +196,7 @@ _FIRST: tuple[Rule, ...] = (
 )
 _THIRD: tuple[Rule, ...] = (*_FIRST[:2], stray_receipts, *_FIRST[2:], on_its_own_word)
 GATE_RULES: Mapping[RulesVersion, tuple[Rule, ...]] = MappingProxyType(
-    {1: _FIRST, 2: (*_FIRST, on_its_own_word), 3: _THIRD, 4: _THIRD, 5: _THIRD, 6: _THIRD}
+    {1: _FIRST, 2: (*_FIRST, on_its_own_word), 3: _THIRD, 4: _THIRD, 5: _THIRD, 6: _THIRD, 7: _THIRD}
 )
 """By the version that the mission is pinned to."""
 BY_RESULT: frozenset[Rule] = frozenset({not_satisfied, below_independence, on_its_own_word})

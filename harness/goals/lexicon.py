@@ -18,6 +18,10 @@ TELLING_SIGHT = 3
 """The `number` of a report that tells what is seen: of a picture, or at a place, that is a description."""
 STATING = 4
 """The `number` of a tail that asks nothing by itself, in a language with verbs that ask: "the passage is clear"."""
+FINDING = 6
+"""The `number` of a report of what was found."""
+ARRIVING, HOMECOMING = 7, 8
+"""The `number` of a report of having come somewhere, and of having come back."""
 LIMITING = 5
 """The `number` of a filler that limits what is said: "only"."""
 
@@ -38,11 +42,15 @@ class Lexicon(Value):
     passes: str = ""
     looks: str = ""
     sights: str = ""
+    findings: str = ""
+    arrivals: str = ""
+    homecomings: str = ""
     appearances: str = ""
     done: dict[Act, str] = msgspec.field(default_factory=dict)
     asks: str = ""
     only: str = ""
     attached: dict[Act, str] = msgspec.field(default_factory=dict)
+    attached_findings: str = ""
 
 
 @lru_cache(maxsize=1)
@@ -58,6 +66,9 @@ def meanings() -> Iterator[tuple[str, Meaning]]:
     for lexicon in lexicons():
         yield from _counting(lexicon)
         yield from _listed(lexicon.sights, Meaning("verb", act="report", number=TELLING_SIGHT))
+        yield from _listed(lexicon.findings, Meaning("verb", act="report", number=FINDING))
+        yield from _listed(lexicon.arrivals, Meaning("verb", act="report", number=ARRIVING))
+        yield from _listed(lexicon.homecomings, Meaning("verb", act="report", number=HOMECOMING))
         for act, text in lexicon.verbs.items():
             yield from _listed(text, Meaning("verb", act=act))
         for act, text in lexicon.done.items():
@@ -71,6 +82,7 @@ def meanings() -> Iterator[tuple[str, Meaning]]:
         yield from _listed(lexicon.only, Meaning("filler", number=LIMITING))
         for act, text in lexicon.attached.items():
             yield from _listed(text, Meaning("attached", act=act))
+        yield from _listed(lexicon.attached_findings, Meaning("attached", act="report", number=FINDING))
         for kind, text in lexicon.words.items():
             yield from _listed(text, Meaning(kind))
         for phrase, seconds in lexicon.durations.items():

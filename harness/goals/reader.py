@@ -16,7 +16,8 @@ from harness.contracts.models import ModelUse
 from harness.contracts.places import Site
 from harness.contracts.readings import Clause, ClauseObject, Reading, TextSpan, Unread
 from harness.contracts.reasons import because
-from harness.goals.grammar import LOOKING, ClauseDraft, clause_of, described, items, parse
+from harness.goals.clause_drafts import LOOKING, ClauseDraft, clause_of, described, misplaced
+from harness.goals.grammar import items, parse
 from harness.goals.lexicon import meanings
 from harness.goals.names import known_object, object_of_route, site_names
 from harness.goals.subjects import with_subjects
@@ -50,6 +51,8 @@ def read_goal(text: str, *, site: Site) -> Reading:
     parted, subjects = with_subjects(text, tokens(text))
     found = parse(items(parted, _phrases(site), subjects))
     drafts = described(found.clauses)
+    wrong = misplaced(drafts)
+    drafts = [draft for draft in drafts if all(draft is not one for one in wrong)]
     tied = [draft for draft in drafts if _tied(draft, site)]
     torn = [span for draft in drafts if draft not in tied for span in draft.spans]
     read = [_bound(clause_of(draft), site) for draft in tied]
@@ -57,6 +60,7 @@ def read_goal(text: str, *, site: Site) -> Reading:
     clauses = [one for one in read if all(one is not other for other in several)]
     torn += [span for clause in several for span in clause.spans]
     unread = [*found.unread, *_unbound(clauses), *(Unread(span=span, why="ambiguous") for span in torn)]
+    unread += [Unread(span=span, why="condition") for draft in wrong for span in draft.spans]
     result = [_tidy(clause, text) for clause in _joined(_looking([one for one in clauses if _is_bound(one)]))]
     reading = Reading(
         text=sha256(text.encode()),
@@ -72,7 +76,7 @@ def read_goal(text: str, *, site: Site) -> Reading:
     return replace(reading, unread=_merged_unread([*unread, *missed], text))
 
 
-GRAMMAR_NAME, GRAMMAR_VERSION = "grammar", "5"
+GRAMMAR_NAME, GRAMMAR_VERSION = "grammar", "6"
 GRAMMAR = GoalReader(name=GRAMMAR_NAME, version=GRAMMAR_VERSION, read=lambda text, site: read_goal(text, site=site))
 """The deterministic reader: no model."""
 
@@ -196,7 +200,8 @@ def _joined(clauses: Sequence[Clause]) -> list[Clause]:
         if before is not None and _leads_to(before, clause):
             joined[-1] = replace(clause, spans=(*before.spans, *clause.spans))
         elif before is not None and _says_again(before, clause):
-            joined[-1] = replace(before, spans=(*before.spans, *clause.spans))
+            about = before.object or clause.object
+            joined[-1] = replace(before, object=about, spans=(*before.spans, *clause.spans))
         else:
             joined.append(clause)
     return joined
@@ -210,7 +215,8 @@ def _leads_to(before: Clause, clause: Clause) -> bool:
 def _says_again(before: Clause, clause: Clause) -> bool:
     """ "Inspect the storage area, see whether it is blocked": the same act on the same object, asked in two ways."""
     same = (before.act, before.negated, before.count) == (clause.act, clause.negated, clause.count)
-    return same and before.act in ("inspect", "report", "deliver", "return") and before.object == clause.object
+    alike = before.object == clause.object or before.act == "report"
+    return same and before.act in ("inspect", "report", "deliver", "return") and alike
 
 
 def _tidy(clause: Clause, text: str) -> Clause:

@@ -26,6 +26,7 @@ PRODUCED_BY: dict[str, tuple[Capability, ...]] = {
     "shows": ("observe", "describe_image"),
     "message_stored": ("deliver_message",),
     "heard": ("analyse_passage", "speak"),
+    "outcome_heard": ("speak",),
     "one_chain": ("capture_panorama", "analyse_passage", "deliver_message", "take_request"),
     "kept_picture": ("observe", "keep_evidence"),
     "covered": ("observe",),
@@ -70,7 +71,7 @@ def check_satisfiable(contract: TaskContract, *, site: Site) -> None:
     _check_ways(contract, site)
 
 
-MEASURED_APART = frozenset({"heard", "message_stored", "passage_checked", "shows"})
+MEASURED_APART = frozenset({"heard", "message_stored", "outcome_heard", "passage_checked", "shows"})
 """The predicates that nothing but an independent source can show to hold; such a source is installed with a robot."""
 
 

@@ -35,6 +35,7 @@ RESTS_ON: Mapping[str, tuple[str, ...]] = {
     "one_chain": (FACTS, SUPERVISOR),
     "one_image": (FACTS,),
     "one_subject": (FACTS,),
+    "outcome_heard": ("room microphone", "recogniser"),
     "panorama": ("camera", "odometry", RECEIPTS),
     "passage_checked": ("lidar", "localiser", "camera", RECEIPTS),
     "pictured": ("camera", "odometry", RECEIPTS),
@@ -56,6 +57,7 @@ BUILDS_ON: Mapping[str, tuple[str, ...]] = {
     "kept_picture": ("pictured",),
     "message_stored": ("passage_checked", "analysis_of"),
     "one_chain": ("panorama", "passage_checked", "message_stored", "recorded_request"),
+    "outcome_heard": ("arrival", "circuit", "stable", "outcome_heard"),
     "passage_checked": ("panorama",),
     "same_image": ("pictured",),
     "shows": ("pictured",),
@@ -63,6 +65,8 @@ BUILDS_ON: Mapping[str, tuple[str, ...]] = {
 }
 """The accepted facts of other stages that a predicate reads, by their names: its answer is no better than they are."""
 HIGHEST = 2
+SPEECH = ("heard", "outcome_heard")
+"""Predicates whose recording is judged once more for the goal, and not made again."""
 
 
 @dataclass(frozen=True)
@@ -139,8 +143,8 @@ class Reachable:
         named = [node for node in self.contract.nodes if node.node_id in named_nodes(condition.effect)]
         stages = [self.of_stage(one, node) for node in named for one in node.success_conditions]
         levels = [level for level in stages if level is not None]
-        told_before = condition.effect.predicate == "heard" and bool(named)
-        if not told_before and set(sources) - {FACTS, SUPERVISOR, RECEIPTS}:
+        already_there = condition.effect.predicate in SPEECH and bool(named)
+        if not already_there and set(sources) - {FACTS, SUPERVISOR, RECEIPTS}:
             behind = stages_behind(condition.effect, self.contract.nodes)
             levels.append(1 if not behind or self.lacking(condition, behind) else HIGHEST)
         return min((*levels, *self._built_on(condition.effect, None)), default=HIGHEST)

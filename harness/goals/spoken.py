@@ -93,7 +93,8 @@ def _sentences(english: Lexicon, names: Sequence[str]) -> Iterator[tuple[str, in
 
 
 def _verbs(english: Lexicon) -> list[str]:
-    return [phrase for text in (*english.verbs.values(), english.looks, english.sights) for phrase in _listed(text)]
+    reports = (english.looks, english.sights, english.findings)
+    return [phrase for text in (*english.verbs.values(), *reports) for phrase in _listed(text)]
 
 
 def _listed(text: str) -> list[str]:

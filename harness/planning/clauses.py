@@ -12,8 +12,18 @@ from msgspec.structs import replace
 
 from harness.contracts.ids import NodeId, PlaceId
 from harness.contracts.places import MissionProfile, Place, Site
-from harness.contracts.readings import Act, Clause, ClauseObject, Default, PictureSubject, Reading, Unread, UnreadWhy
-from harness.contracts.tasks import TaskTemplate
+from harness.contracts.readings import (
+    LONGEST_WAIT_S,
+    Act,
+    Clause,
+    ClauseObject,
+    Default,
+    PictureSubject,
+    Reading,
+    Unread,
+    UnreadWhy,
+)
+from harness.contracts.tasks import Serves, TaskTemplate
 from harness.contracts.values import Point
 from harness.planning.binding import place_of
 from harness.verification.geometry import contains
@@ -27,14 +37,13 @@ WAITING = "seconds"
 """The parameter of a template that takes how long a clause wants to wait."""
 SUBJECT_KIND, SUBJECT = "subject_kind", "subject"
 """The parameters of a template that take what a photograph is to show."""
-LONGEST_WAIT_S = 300
-"""What is longer is no wait of a mission: its robot and its evidence would be held all the while."""
 
 
 @dataclass(frozen=True)
 class Part:
     """One pass of a template for one clause. `arguments` are the clause's own, beside its place; `answers` are further
-    acts and the clauses that its stages answer.
+    acts and the clauses that its stages answer; `tells` are the parts whose outcome it reports, of which it says
+    `outcomes`.
     """
 
     template: TaskTemplate
@@ -43,6 +52,8 @@ class Part:
     place: PlaceId | None = None
     arguments: Mapping[str, float | str] = field(default_factory=dict)
     answers: Mapping[Act, Clause] = field(default_factory=dict)
+    tells: tuple["Part", ...] = ()
+    outcomes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -129,13 +140,13 @@ class _Planning:
             if self._answered(clause):
                 return None
             if clause.act not in LOOKING:
-                return "no_template"
+                return self._tell(clause) if clause.act == "report" else "no_template"
         if clause.act == "return":
             return self._return(clause, last=last)
         if clause.count > 1 and clause.act in ("go", "explore", "wait"):
             return "count"
         if clause.act == "wait" and not (isinstance(clause.seconds, int) and clause.seconds <= LONGEST_WAIT_S):
-            return "time" if isinstance(clause.seconds, int) else "no_template"
+            return "wait_too_long" if isinstance(clause.seconds, int) else "wait_unstated"
         if clause.act == "explore" and any(part.clause.act == "explore" for part in self._parts):
             return "count"
         made = list(self._parts_of(clause))
@@ -159,6 +170,35 @@ class _Planning:
         if part is None or target is None:
             return "no_template"
         self._parts.append(part)
+        return None
+
+    def _tell(self, clause: Clause) -> UnreadWhy | None:
+        """Add a part that speaks what the parts since the last report achieved; one without a sentence is not told.
+
+        What is found there is no outcome of a way: it is asked. A return before it is a way then, not the end.
+        """
+        if clause.count > 1:
+            return "count"
+        reporter = next((one for one in self._templates if any(_tells(serve) for serve in one.serves or ())), None)
+        if reporter is None or (clause.object is not None and clause.object.kind == "finding"):
+            return "no_template"
+        returning = self._returning
+        if returning is not None:
+            way = self._serving(returning, ClauseObject(kind="place", id=self._profile.home if self._profile else ""))
+            if way is None:
+                return "no_template"
+            self._parts.append(way)
+        told = [number for number, one in enumerate(self._parts) if one.clause.act == "report"]
+        parts = self._parts[told[-1] + 1 if told else 0 :]
+        parts = [one for one in parts if "report" not in (one.template.stages or {})]
+        outcomes = tuple(_outcome(one.template, reporter) for one in parts)
+        if not parts or not all(outcomes):
+            self._parts = self._parts[: len(self._parts) - (returning is not None)]
+            return "no_template"
+        if len(self._parts) >= MOST_PARTS:
+            return "count"
+        self._returning = None
+        self._parts.append(Part(template=reporter, clause=clause, tells=tuple(parts), outcomes=outcomes))
         return None
 
     def _answered(self, clause: Clause) -> bool:
@@ -201,7 +241,8 @@ class _Planning:
 
     def _ends_at(self) -> PlaceId | None:
         """Where the body is after the parts so far; None before the first, and after one that ends anywhere."""
-        moved = (part for part in reversed(self._parts) if part.place or part.clause.act not in LOOKING)
+        still = (*LOOKING, "report")
+        moved = (part for part in reversed(self._parts) if part.place or part.clause.act not in still)
         before = next(moved, None)
         if before is None or before.clause.act == "explore":
             return None
@@ -242,6 +283,8 @@ class _Planning:
         away = clause.object is not None and self._profile is not None and clause.object.id != self._profile.home
         if away or default in self._declined or (default == "return" and self._returning is not None):
             return "negation"
+        if any(part.tells for part in self._parts) and default == "report":
+            return "negation"
         fixed = [part for part in self._parts if default in (part.template.stages or {})]
         fixed = [part for part in fixed if removable(part.template, default) is None or default in part.answers]
         allowed = self._profile is not None and default in self._profile.removable
@@ -268,10 +311,27 @@ class _Planning:
         for default in declared:
             parts = [part for part in self._parts if removable(part.template, default)]
             requested = any(default in part.answers for part in self._parts)
-            if default == "return" and self._parts:
-                requested = self._returning is not None or self._parts[-1].clause.act in ("go", "return")
+            ways = [part for part in self._parts if not part.tells]
+            if default == "return" and ways:
+                requested = self._returning is not None or ways[-1].clause.act in ("go", "return")
             if parts and not requested and default not in self._declined:
                 yield default
+
+
+def _tells(serves: Serves) -> bool:
+    return (serves.act, serves.object) == ("report", "here")
+
+
+def tells_only(template: TaskTemplate) -> bool:
+    """Whether all that a template does is to report what others achieved: by itself it has nothing to say."""
+    return bool(template.serves) and all(_tells(one) for one in template.serves or ())
+
+
+def _outcome(template: TaskTemplate, reporter: TaskTemplate) -> str:
+    """What is said of a template whose stages were all accepted: its own sentence, or the reporting one's for it."""
+    if isinstance(template.outcome, str):
+        return template.outcome
+    return (reporter.outcomes or {}).get(template.name, "")
 
 
 def takes_subject(template: TaskTemplate) -> bool:

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import msgspec
@@ -21,7 +21,7 @@ from harness.planning.templates import goal_of
 
 Argument = str | float
 _LONGEST_TEXT = 200
-UNSTORED = ("goal", "site", "ending", "ground", "waiting")
+UNSTORED = ("goal", "site", "ending", "ground", "waiting", "achieved")
 """What a template may refer to that is no choice, place or route of the contract."""
 LOOK_LONGER_S, LATE_S = 1.0, 30.0
 AROUND_M = 0.8
@@ -36,6 +36,7 @@ def compile_contract(
     site: Site,
     origin: Place | None = None,
     stays: bool = False,
+    achieved: str = "",
     rules: RulesVersion = CURRENT_RULES,
 ) -> tasks.TaskContract:
     """The contract of one request. `arguments` fill the template's parameters; its defaults fill the rest.
@@ -44,13 +45,15 @@ def compile_contract(
 
     Besides its parameters a template may refer to `goal`, `site`, and, where it has the places for them, `outbound`
     (from `origin`, or home, to the destination), `inbound` (from there home), `circuit` (home to home), `home_zone`
-    (around home), `passage` (of the destination), `waiting` (how long a look lasts that covers its `seconds`) and
-    `ending` (where the robot is at the end: at home, or at the destination if it `stays`).
+    (around home), `passage` (of the destination), `waiting` (how long a look lasts that covers its `seconds`, and these
+    in words), `achieved` (what the stages before it achieved, for one that reports) and `ending` (where the robot is at
+    the end: at home, or at the destination if it `stays`).
     Raises ContractInvalid with the path of what is wrong, UnknownName for a place, route or argument.
     """
     goal_text = goal_of(goal)
     chosen = _arguments(template, arguments)
     bindings = _bindings(goal_text, chosen, template, site, origin=origin, stays=stays)
+    bindings |= {"achieved": {"text": achieved}} if achieved else {}
     draft = binding.substitute(
         {
             "nodes": template.nodes,
@@ -182,7 +185,20 @@ def _waiting(chosen: Mapping[str, Argument]) -> dict[str, Any]:
     seconds = chosen.get(WAITING)
     if not isinstance(seconds, float):
         return {}
-    return {"waiting": {"duration_s": seconds + LOOK_LONGER_S, "timeout_s": seconds + LATE_S}}
+    spoken = {"spoken": " and ".join(_spoken_time(round(seconds)))}
+    return {"waiting": {"duration_s": seconds + LOOK_LONGER_S, "timeout_s": seconds + LATE_S, **spoken}}
+
+
+def _spoken_time(seconds: int) -> Iterator[str]:
+    """Minutes and seconds as they are said."""
+    for number, unit in zip(divmod(seconds, 60), ("minute", "second"), strict=True):
+        if number:
+            yield f"{number} {unit}{'s' if number > 1 else ''}"
+
+
+def outcome_in_words(sentence: str, contract: tasks.TaskContract) -> str:
+    """The sentence that says what a contract achieved, with its own places and times."""
+    return str(binding.substitute(sentence, bindings={**contract.bindings, **_waiting(contract.bindings)}))
 
 
 def ground_m(place: Place) -> tuple[Point, ...]:

@@ -22,7 +22,8 @@ from harness.contracts.reasons import because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.planning.binding import bind_place
 from harness.planning.clauses import LOOKING, GoalPlan, Part, home_of, region_of, removable
-from harness.planning.compile import Argument, compile_contract, ground_m
+from harness.planning.compile import Argument, compile_contract, ground_m, outcome_in_words
+from harness.planning.outcomes import AchievedPart, told, with_outcomes
 from harness.planning.recipients import of_channel, recipient, sent_to
 
 MISSION_BUDGET = 8
@@ -163,10 +164,26 @@ class _Composition:
             site=self._site,
             origin=self._at,
             stays=stays,
+            achieved=told(self._told(part)) if part.tells else "",
             rules=self._rules,
         )
+        if part.tells:
+            contract = with_outcomes(contract, self._told(part))
         scope = f"{len(self._mission.parts) + 1}." if self._scoped else ""
         return Compiled(part=part, contract=contract, scope=scope, clause=clause_id(self._plan.number(part.clause)))
+
+    def _told(self, part: Part) -> list[AchievedPart]:
+        """What the parts that a report tells of achieved, in order, with the stages that had to be accepted for it."""
+        found = []
+        for one, sentence in zip(part.tells, part.outcomes, strict=True):
+            compiled = next(made for made in reversed(self._mission.parts) if made.part is one)
+            nodes = {node.node_id: node for node in self._mission.nodes}
+            stages = [
+                nodes[name] for node in compiled.contract.nodes if (name := compiled.named(node.node_id)) in nodes
+            ]
+            shown = tuple(node.node_id for node in stages if node.node_id != REQUEST and not node.declared)
+            found.append(AchievedPart(outcome_in_words(sentence, compiled.contract), shown, _places(compiled.contract)))
+        return found
 
     def _later(self, part: Part) -> set[NodeId]:
         """Stages that are left out here: defaults that are declined, or done once at the end."""
@@ -431,6 +448,12 @@ class _Composition:
             resources=tuple(ResourceId(name) for name in resources),
             minimum_charge=max(one.constraints.minimum_charge for one in contracts),
         )
+
+
+def _places(contract: tasks.TaskContract) -> tuple[str, ...]:
+    """The names of the places that a contract is bound to."""
+    bound = (value for value in contract.bindings.values() if isinstance(value, Mapping) and "place_id" in value)
+    return tuple(str(value["name"]) for value in bound)
 
 
 def _acts(template: tasks.TaskTemplate) -> dict[str, Act]:

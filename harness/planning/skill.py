@@ -88,7 +88,7 @@ def requested(
     if capability == "observe" and "observe" not in node.capabilities:
         return {"duration_s": LONG_LOOK_S if action == "adjust_view" else LOOK_S, "frames": 1.0}
     stated = {
-        name.removesuffix(FROM) if isinstance(value, str) and "@{" in value else name: value
+        name.removesuffix(FROM) if name == TOLD + FROM or (isinstance(value, str) and "@{" in value) else name: value
         for name, value in node.parameters.items()
     }
     return {**stated, **({"replan": True} if attempt > 1 else {})}

@@ -1,4 +1,4 @@
-"""Folds an exploring mission's choices, their results and the maps between them from its own events. Pure.
+"""Reads an exploring mission's choices, their results and the maps between them from its folded state. Pure.
 
 Nothing here is a provider's text: feedback is typed, and taken from verdicts, failures and maps (R223, R224).
 """

@@ -2,7 +2,7 @@
 
 from typing import assert_never
 
-from harness.contracts.readings import PROFILE, Act, Clause, Default, PictureSubject, Reading, UnreadWhy
+from harness.contracts.readings import LONGEST_WAIT_S, PROFILE, Act, Clause, Default, PictureSubject, Reading, UnreadWhy
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.tasks import TaskContract
 
@@ -18,6 +18,8 @@ def clause_in_words(clause: Clause) -> Reason:
     """One clause: its act, what it is about, how often, or that it is not to be done."""
     about = clause.object.name if clause.object else ""
     act = _act_on(clause.act, about) if about else _act(clause.act)
+    if clause.act == "report" and clause.object is None:
+        act = because("clause_report_aloud")
     if isinstance(clause.seconds, int):
         act = because("clause_for_seconds", clause=act, seconds=clause.seconds)
     if isinstance(clause.subject, PictureSubject):
@@ -66,6 +68,10 @@ def unread_in_words(why: UnreadWhy) -> Reason:
             return because("unread_statement")
         case "unknown_words":
             return because("unread_unknown_words")
+        case "wait_too_long":
+            return because("unread_wait_too_long", limit_min=LONGEST_WAIT_S // 60)
+        case "wait_unstated":
+            return because("unread_wait_unstated")
         case _:
             assert_never(why)
 

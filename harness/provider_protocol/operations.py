@@ -14,18 +14,20 @@ from harness.contracts.errors import ProviderFailed, UnknownName
 from harness.contracts.ids import Digest, RequestId
 from harness.contracts.ports import Provider, Robot
 from harness.contracts.protocol import (
-    PROTOCOL,
+    MOST_CHANGES,
+    STACK_PROTOCOL,
     InvocationReport,
     Observations,
     PhysicalStart,
     RobotStatus,
+    StackGoals,
     StartRequest,
 )
 from harness.contracts.reasons import because
 from harness.contracts.values import Value
 from harness.provider_protocol.wire import Problem
 
-VERSION = f"{PROTOCOL}.0"
+VERSION = f"{STACK_PROTOCOL}.0"
 MOST_SAMPLES = 20_000
 Names = dict[str, str]
 
@@ -107,6 +109,22 @@ def provider_operations(robot: Robot) -> tuple[Operation, ...]:
         Operation(
             "GET", "/starts", "The robot's own start journal", list[PhysicalStart],
             lambda names, body: list(robot.starts()),
+        ),
+    )  # fmt: skip
+
+
+def stack_operations(changes: Callable[[int, int], StackGoals]) -> tuple[Operation, ...]:
+    """The operation of a robot whose own stack decides, for a harness that only observes it (protocol 1.2). `changes`:
+    those after a sequence number, so many at most."""
+
+    def goals(names: Names, body: None) -> StackGoals:
+        after, limit = _whole(names, "after", 0), _whole(names, "limit", MOST_CHANGES)
+        return changes(after, min(limit, MOST_CHANGES))
+
+    return (
+        Operation(
+            "GET", "/stack/goals", "What the robot's own stack was given to do, and how it says that ended", StackGoals,
+            goals, query=("after", "limit"),
         ),
     )  # fmt: skip
 

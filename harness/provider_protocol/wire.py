@@ -4,21 +4,31 @@ from collections.abc import Mapping
 
 from harness.contracts import errors
 from harness.contracts.ids import MissionId, RequestId
-from harness.contracts.reasons import Explanation, Reason, plain
+from harness.contracts.reasons import Explanation, Fact, Reason, plain
 from harness.contracts.values import Value
 
-REFUSALS: Mapping[str, frozenset[str]] = {
+ROBOT_REASONS: Mapping[str, frozenset[str]] = {
     "acknowledgement_lost": frozenset(),
     "base_held": frozenset({"handle"}),
     "body_moves": frozenset(),
+    "controller_interrupted": frozenset(),
+    "deadline_passed": frozenset(),
     "drive_session_over": frozenset({"session"}),
     "fencing_token_missing": frozenset({"resource"}),
     "fencing_token_old": frozenset({"token", "resource", "newest"}),
+    "goal_reached_within": frozenset({"distance_m"}),
     "handle_unknown": frozenset({"handle"}),
     "hardware_stop_engaged": frozenset(),
     "journal_line_unreadable": frozenset({"error"}),
     "journal_unusable": frozenset({"error"}),
+    "keepalive_missed": frozenset(),
+    "no_gap_wide_enough": frozenset(),
+    "no_progress": frozenset({"progress_m", "within_s"}),
+    "no_progress_since": frozenset({"progress_m", "within_s", "reason"}),
+    "no_way_to_route": frozenset(),
     "nothing_received": frozenset(),
+    "observed_for": frozenset({"looked_s"}),
+    "on_way_to_route": frozenset({"reason"}),
     "parameter_of_another_type": frozenset({"name", "type"}),
     "parameter_required": frozenset({"name"}),
     "parameter_too_large": frozenset({"name", "value", "bound", "unit"}),
@@ -38,20 +48,31 @@ REFUSALS: Mapping[str, frozenset[str]] = {
     "robot_folder_unusable": frozenset({"error"}),
     "robot_lies": frozenset(),
     "robot_port_unusable": frozenset({"port", "error"}),
+    "robot_restarted_under_way": frozenset(),
     "robot_token_wrong": frozenset(),
+    "route_closed_ahead": frozenset(),
     "route_unusable": frozenset({"points", "frame", "expected"}),
     "runs_by_itself": frozenset(),
     "spool_forked": frozenset({"seq"}),
     "start_journal_unreadable": frozenset({"error"}),
     "start_journal_unwritable": frozenset({"error"}),
     "step_out_of_bounds": frozenset({"step_s", "limit_s"}),
+    "stopped_on_request": frozenset(),
+    "turn_not_completed": frozenset(),
+    "turn_photographed": frozenset({"frames"}),
+    "under_way": frozenset(),
     "unknown_fault": frozenset({"name", "known"}),
     "walking_not_installed": frozenset({"missing"}),
     "world_unreadable": frozenset({"error"}),
 }
 """The reasons that a robot may give by code, each with its facts: of any other its text counts."""
-FIGURES = frozenset({"bound", "limit", "limit_s", "newest", "points", "port", "seq", "step_s", "token", "value"})
-"""Facts that are numbers; the others are text."""
+FIGURES = frozenset(
+    {
+        "bound", "distance_m", "frames", "limit", "limit_s", "looked_s", "newest", "points", "port", "progress_m",
+        "seq", "step_s", "token", "value", "within_s",
+    }
+)  # fmt: skip
+"""Facts that are numbers; the others are text, but for `reason`, which is a reason that a robot may give."""
 LONGEST_FACT = 2000
 
 
@@ -167,8 +188,13 @@ def trusted(explanation: Explanation) -> Explanation:
 
 def _known(reason: Reason) -> bool:
     """Whether a robot may give this reason: its code with exactly its facts, each of its type."""
-    fits = (
-        isinstance(value, int | float) if name in FIGURES else isinstance(value, str) and len(value) <= LONGEST_FACT
-        for name, value in reason.facts.items()
-    )
-    return REFUSALS.get(reason.code) == reason.facts.keys() and all(fits)
+    fits = (_fits(name, value) for name, value in reason.facts.items())
+    return ROBOT_REASONS.get(reason.code) == reason.facts.keys() and all(fits)
+
+
+def _fits(name: str, value: Fact) -> bool:
+    if isinstance(value, Reason):
+        return name == "reason" and _known(value)
+    if name in FIGURES:
+        return isinstance(value, int | float)
+    return name != "reason" and isinstance(value, str) and len(value) <= LONGEST_FACT

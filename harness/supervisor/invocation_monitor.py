@@ -68,6 +68,7 @@ class InvocationMonitor:
         self._resumed = False
         self._refused: tuple[InvocationId, float, Reason] | None = None
         self._doubted: set[InvocationId] = set()
+        self._sent_s: dict[InvocationId, float] = {}
 
     def attend(self, mission: Mission, invocation: Invocation) -> float:
         """Check the invocation once; returns when to check again, in mission time."""
@@ -148,8 +149,10 @@ class InvocationMonitor:
         if refused is not None:
             return refused
         self._sent.add(intent.invocation_id)
+        self._sent_s[intent.invocation_id] = self._connection.clock.now().mission_s
         try:
-            report = own(provider.start(_request(mission, intent, provider.card)), intent)
+            request = _request(mission, intent, provider.card, deadline_s=self._deadline_s(intent))
+            report = own(provider.start(request), intent)
         except ProviderUnreachable:
             raise
         except ProviderFailed as error:
@@ -281,7 +284,7 @@ class InvocationMonitor:
                 return now_s
             if report.status != "stopping":
                 provider.stop(report.handle)
-        elif now_s > intent.deadline_s:
+        elif now_s > self._deadline_s(intent):
             self._late(mission, invocation, now_s)
         elif report.failure == protocol.KEEPALIVE_LOST:
             self._reawaken(mission, invocation, report)
@@ -290,6 +293,14 @@ class InvocationMonitor:
         if intent.moves:
             provider.keepalive(report.handle)
         return now_s + POLL_S
+
+    def _deadline_s(self, intent: DispatchIntended) -> float:
+        """An act that moves nothing, and that nobody sent while no supervisor was there, has all its time from then."""
+        sent_s = self._sent_s.get(intent.invocation_id)
+        if sent_s is None or intent.moves:
+            return intent.deadline_s
+        lasts_s = intent.deadline_s - (intent.not_before_s or intent.dispatched_s)
+        return max(intent.deadline_s, sent_s + lasts_s)
 
     def _late(self, mission: Mission, invocation: Invocation, now_s: float) -> None:
         """The deadline passed: a timeout is a failure of its own; C4's first step is to stop."""
@@ -478,7 +489,9 @@ def own(report: protocol.InvocationReport, intent: MotionIntent) -> protocol.Inv
     return report
 
 
-def _request(mission: Mission, intent: DispatchIntended, card: CapabilityCard) -> protocol.StartRequest:
+def _request(
+    mission: Mission, intent: DispatchIntended, card: CapabilityCard, *, deadline_s: float
+) -> protocol.StartRequest:
     """The request as it is sent; only a provider whose protocol knows of proposals is told the intended effects."""
     identity = protocol.InvocationIdentity(
         mission_id=mission.mission_id,
@@ -493,7 +506,7 @@ def _request(mission: Mission, intent: DispatchIntended, card: CapabilityCard) -
         parameters=intent.parameters,
         k_ctx=intent.k_ctx,
         configuration=mission.configuration,
-        deadline_s=intent.deadline_s,
+        deadline_s=deadline_s,
         fencing=intent.resources,
         blobs=intent.blobs,
         intended=_intended(mission, intent) if protocol.proposes_facts(card.protocol) else UNSET,

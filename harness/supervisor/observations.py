@@ -36,7 +36,8 @@ REST_S = 3.0
 """Seconds of the robot's own time: an answer older than this does not show that the body rests now."""
 ROBOT_ERRORS = (ProviderFailed, UnknownName, BlobDamaged)
 """What a robot may answer where samples are read; none of it ends a mission's loop."""
-_order = attrgetter("at_s", "seq")
+_WITH_BLOB = (observations.Scan, observations.Image)
+_seq, _order = attrgetter("seq"), attrgetter("at_s", "seq")
 
 
 class ObservationBuffer:
@@ -139,7 +140,7 @@ class ObservationBuffer:
         fetched, unless it belongs to an open invocation."""
         until_s = self._connection.clock.now().mission_s + AHEAD_S
         fresh = [sample for sample in batch.samples if sample.seq > self._after]
-        self._after = max((sample.seq for sample in fresh), default=self._after)
+        self._after = max(map(_seq, fresh), default=self._after)
         fresh = [sample for sample in fresh if sample.at_s <= until_s]
         if spooling is None:
             fresh = [sample for sample in fresh if sample.at_s >= self._horizon_s]
@@ -192,7 +193,7 @@ class ObservationBuffer:
     def _keep_blobs(self, samples: list[observations.AnySample]) -> None:
         """Fetch the bytes of sweeps and images. What the robot does not give out, or not as it says, stays missing."""
         for sample in samples:
-            if isinstance(sample, observations.Scan | observations.Image) and not self._runtime.has_blob(sample.blob):
+            if isinstance(sample, _WITH_BLOB) and not self._runtime.has_blob(sample.blob):
                 try:
                     body = self._connection.robot.blob(sample.blob)
                 except ProviderUnreachable:

@@ -9,6 +9,7 @@ from threading import Lock
 import msgspec
 import numpy as np
 from cachetools import LRUCache
+from msgspec import UNSET
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
@@ -39,6 +40,7 @@ class PictureExaminer:
 
     def __init__(self, roles: RoleContexts) -> None:
         self._runtime, self._pictures = roles.runtime, roles.connection.pictures
+        self._observations = roles.observations
 
     def examined(self, mission: Mission, images: Sequence[EvidenceReference]) -> tuple[EvidenceReference, ...]:
         """The same references, each with the examination that is stored of all of them. Rules before 4 know none."""
@@ -46,7 +48,12 @@ class PictureExaminer:
             return tuple(images)
         looks = {blob: self._look(blob) for blob in dict.fromkeys(one.blob for one in images)}
         earlier = [] if mission.replay else list(self._earlier(images, looks))
-        found = PictureExamination(looks=tuple(looks.values()), earlier=tuple(earlier))
+        status = self._observations.status
+        found = PictureExamination(
+            looks=tuple(looks.values()),
+            earlier=tuple(earlier),
+            camera=status.camera if status is not None and status.camera is not None else UNSET,
+        )
         name = self._runtime.keep(encode(found))
         return tuple(replace(one, values=one.values | {EXAMINATION: name}) for one in images)
 

@@ -267,9 +267,12 @@ class Revisions:
 
     def _maps(self, mission: Mission, position: Point, *, clearance_cells: float | None = None) -> Iterator[DrawnMap]:
         """The floor as this mission's sweeps show it, with the ways over it from the body; then, where spatial memory
-        holds more of it, the same drawn over what earlier missions saw.
+        holds more of it, the same drawn over what earlier missions saw. None of a site without zones: nothing says how
+        far its floor reaches.
         """
         contract, site = required_contract(mission), self._runtime.site_of(mission)
+        if not site.zones:
+            return
         nothing = unexplored(site, map_version=contract.map_version)
         keep_out = tuple(forbidden_m(site, contract.constraints.keep_out).values())
         sweeps = usable(nothing, self._trajectories(_estimates(mission)))

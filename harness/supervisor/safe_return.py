@@ -291,7 +291,9 @@ def _stopped(retreat: Retreating, report: protocol.InvocationReport) -> Reason |
     """Why it went no further: whoever stopped it, else the provider's own report, where it has one."""
     if retreat.stop is not None:
         return because("stopped_by", actor=retreat.stop.actor.name, reason=retreat.stop.reason)
-    return recorded(report.message) if report.message else None
+    if isinstance(report.message, str):
+        return recorded(report.message) if report.message else None
+    return report.message
 
 
 def _request(intent: retreat_events.RetreatIntended) -> protocol.StartRequest:

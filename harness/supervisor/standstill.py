@@ -24,8 +24,7 @@ class Rest(Value):
 def at_rest(samples: Iterable[AnySample], now_s: float) -> Rest:
     """Displacement by odometry in the last second, in metres. Without recent odometry the body is not at rest."""
     first_s = now_s - AGE_S - WINDOW_S
-    late = (one for one in samples if first_s <= one.at_s <= now_s)
-    track = fixes(one for one in late if isinstance(one, Odometry))
+    track = fixes([one for one in samples if isinstance(one, Odometry) and first_s <= one.at_s <= now_s])
     newest = max((fix.at_s for fix in track), default=0.0)
     if newest < now_s - AGE_S:
         return Rest(static=False, reason=because("no_fresh_odometry"), measured={})

@@ -126,15 +126,21 @@ class Supervisor:
     def step(self, mission_id: MissionId) -> float | None:
         """One step of one mission's loop, on what the log holds as it begins. Raises ConfigurationMissing where the
         mission's pinned version cannot be read."""
-        robot_id = self._runtime.mission(mission_id).robot_id
-        with self._turn_of(robot_id), self._runtime.turn():
-            mission = self._runtime.mission(mission_id)
-            check_readable(self._runtime, mission)
-            if self._returning[mission.robot_id].under_way:
-                return self.step_retreat(mission.robot_id)
-            wake_s = self._loop(mission).step()
-            sent = self._returning[mission.robot_id].under_way
-            return self._connections[mission.robot_id].clock.now().mission_s if sent else wake_s
+        with self._turn_of(self._robot_of(mission_id)), self._runtime.turn():
+            return self._step(self._runtime.mission(mission_id))
+
+    def _robot_of(self, mission_id: MissionId) -> RobotId:
+        """Known without a look at the log where the mission was stepped before: it never changes."""
+        known = next((robot_id for robot_id, loops in self._loops.items() if mission_id in loops), None)
+        return known or self._runtime.mission(mission_id).robot_id
+
+    def _step(self, mission: Mission) -> float | None:
+        check_readable(self._runtime, mission)
+        if self._returning[mission.robot_id].under_way:
+            return self.step_retreat(mission.robot_id)
+        wake_s = self._loop(mission).step()
+        sent = self._returning[mission.robot_id].under_way
+        return self._connections[mission.robot_id].clock.now().mission_s if sent else wake_s
 
     def bring_to_rest(self, mission_id: MissionId) -> Rest:
         """Stop the robot of a mission that nobody goes on with now, and measure that it stands; the mission stays open.
@@ -231,14 +237,14 @@ class Supervisor:
             thread.join(timeout=10.0)
 
     def _work(self, robots: Sequence[RobotId]) -> None:
-        """Step these robots, the next to wake first, and of those the one that waited longest.
+        """Step these robots: of those that are due the one that waited longest, else the next to wake.
 
         A robot without anything due is looked at again after a while, but a robot whose time passes only by waiting for
         it does not wait for that.
         """
         waiting = deque(NextStep(robot_id) for robot_id in robots)
         while not self._halt.is_set():
-            following = min(waiting, key=self._rank)
+            following = next(filter(self._overdue, waiting), None) or min(waiting, key=self._rank)
             self._wait(following)
             waiting.remove(following)
             waiting.append(following)
@@ -253,6 +259,9 @@ class Supervisor:
                 self._halt.wait(OUTAGE_WAIT_S)
             finally:
                 self._locks[following.robot_id].release()
+
+    def _overdue(self, following: NextStep) -> bool:
+        return self._left_s(following) <= 0
 
     def _rank(self, following: NextStep) -> tuple[bool, float]:
         left_s = self._left_s(following)
@@ -279,18 +288,19 @@ class Supervisor:
         Raises StoreUnavailable: nothing can be decided then, and the robot's heartbeat watchdog stops it.
         """
         with self._turn_of(robot_id):
-            retreats = self._returning[robot_id].under_way
-        if retreats:
+            with self._runtime.turn():
+                if not self._returning[robot_id].under_way:
+                    return self._step_or_stop(self._next(robot_id))
             return self.step_retreat(robot_id)
-        mission = self._next(robot_id)
-        if mission is None:
-            return None
+
+    def _step_or_stop(self, mission: Mission | None) -> float | None:
         try:
-            return self.step(mission.mission_id)
+            return self._step(mission) if mission is not None else None
         except StoreUnavailable:
             raise
         except HarnessError as error:
-            self._broken(mission, error)
+            if mission is not None:
+                self._broken(mission, error)
             return None
 
     def _next(self, robot_id: RobotId) -> Mission | None:

@@ -73,10 +73,13 @@ class Watchdog:
         """State facts that recent poses refute, unless a running execution is what ends them (D2)."""
         if invocation_moves(mission):
             return ()
+        stated = [fact for fact in mission.facts if fact.kind == "state"]
+        if not stated:
+            return ()
         known = {name for reference in mission.observed for name in str(reference.values.get("refutes", "")).split()}
         newest = (sample for sample in reversed(self._roles.observations.recent) if isinstance(sample, Pose))
         poses = list(islice(newest, SAMPLES))[::-1]
-        refuted = [f for f in mission.facts if f.condition_id not in known and _refuted(f, poses)]
+        refuted = [f for f in stated if f.condition_id not in known and _refuted(f, poses)]
         if not refuted:
             return ()
         reference, _ = self._roles.observations.seal(poses, source="localiser")
@@ -97,6 +100,6 @@ def invocation_moves(mission: Mission) -> bool:
 
 def _refuted(fact: CommittedFact, poses: list[Pose]) -> bool:
     target, tolerance_m = fact.arguments.get("target_m"), fact.arguments.get("tolerance_m")
-    if fact.kind != "state" or target is None or tolerance_m is None or len({p.at_s for p in poses}) < SAMPLES:
+    if target is None or tolerance_m is None or len({p.at_s for p in poses}) < SAMPLES:
         return False
     return all(hypot(pose.x_m - target[0], pose.y_m - target[1]) > tolerance_m + BEYOND_M for pose in poses)

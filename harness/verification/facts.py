@@ -33,6 +33,7 @@ def facts_of(
     harness's own words from the report's numbers). passage_checked: the same, and region_m.
     delivered, message_stored: frames, images (how many), text_digest.
     pictured: images. same_image: images (the one that both share), report. transcript: digest. played: sound.
+    heard, outcome_heard: sound, recognition.
     arrival, circuit: frame, map_version, target_m, tolerance_m.
     """
     declared = {
@@ -153,7 +154,7 @@ def _symbolic(effect: effects.Symbolic, result: ConditionResult) -> dict[str, An
             return {"frames": images, "images": len(images), "text_digest": text}
         case "transcript" | "recorded_request":
             return {"digest": result.evidence[0]}
-        case "heard":
+        case "heard" | "outcome_heard":
             sound, recognition = result.evidence
             return {**effect.arguments, "sound": sound, "recognition": recognition}
         case "played":

@@ -16,14 +16,23 @@ from itertools import combinations
 
 import numpy as np
 import simplejpeg
+from msgspec import UnsetType
 from numpy.typing import NDArray
 
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest
-from harness.contracts.measurements import EXAMINATION, EarlierCapture, PictureExamination, PictureLook
+from harness.contracts.measurements import (
+    EXAMINATION,
+    LOOK_PX,
+    EarlierCapture,
+    PictureExamination,
+    PictureLook,
+)
+from harness.contracts.observations import Camera
 from harness.contracts.protocol import Receipt
 from harness.contracts.reasons import Reason, because
-from harness.contracts.rules import CAPTURES
+from harness.contracts.rules import CAPTURES, SWEPT
+from harness.verification.bearings import bearings_denied
 from harness.verification.finding import Finding, Undecidable
 from harness.verification.media import image_size
 from harness.verification.reading import Evidence
@@ -34,7 +43,6 @@ SAME_CAPTURE_S = 1.0
 HEADING_RAD = 0.35
 """How far a heading that is claimed for an image may lie from the body's as poses show it."""
 NEAR_S = 0.5
-SMALL_PX = (64, 36)
 COPY = 0.97
 """From this correlation of their small versions on two pictures are one; copies encoded anew reach 0.99, neighbouring
 headings of one place 0.83."""
@@ -83,7 +91,12 @@ def images_denied(finding: Finding, evidence: Evidence) -> Reason | None:
         looks = [_content(one.blob, examined, evidence) for one in frames]
     except Undecidable as error:
         return error.reason
-    return _unbound(frames, captures, evidence) or _copied(frames, looks) or _used_before(frames, examined)
+    return (
+        _unbound(frames, captures, evidence)
+        or _copied(frames, looks)
+        or _used_before(frames, examined)
+        or _denied_by_lidar(frames, examined, evidence)
+    )
 
 
 @dataclass(frozen=True)
@@ -92,6 +105,7 @@ class Examined:
 
     looks: dict[Digest, PictureLook]
     earlier: tuple[EarlierCapture, ...]
+    camera: Camera | None = None
 
 
 def _examined(frames: Sequence[EvidenceReference], evidence: Evidence) -> Examined:
@@ -103,6 +117,7 @@ def _examined(frames: Sequence[EvidenceReference], evidence: Evidence) -> Examin
     return Examined(
         looks={look.image: look for one in found for look in one.looks},
         earlier=tuple(capture for one in found for capture in one.earlier),
+        camera=next((one.camera for one in found if not isinstance(one.camera, UnsetType)), None),
     )
 
 
@@ -118,6 +133,16 @@ def _content(image: Digest, examined: Examined, evidence: Evidence) -> PictureCo
             because("image_unreadable", image=image[:12], problem=because("image_of_other_size_than_decoded"))
         )
     return content_of(look)
+
+
+def _denied_by_lidar(frames: Sequence[EvidenceReference], examined: Examined, evidence: Evidence) -> Reason | None:
+    """Of rules 7, where the robot describes its camera."""
+    if evidence.policy.rules < SWEPT or examined.camera is None:
+        return None
+    try:
+        return bearings_denied(frames, examined.looks, examined.camera, evidence)
+    except Undecidable as error:
+        return error.reason
 
 
 def _used_before(frames: Sequence[EvidenceReference], examined: Examined) -> Reason | None:
@@ -160,7 +185,7 @@ def copied(frame: EvidenceReference, look: PictureLook, earlier: EarlierCapture,
 @lru_cache(maxsize=2048)
 def content_of(look: PictureLook) -> PictureContent:
     """The content of a look that has one."""
-    small = np.frombuffer(look.grey, dtype=np.uint8).astype(np.float32).reshape(SMALL_PX[::-1])
+    small = np.frombuffer(look.grey, dtype=np.uint8).astype(np.float32).reshape(LOOK_PX[::-1])
     return _content_of(small)
 
 
@@ -186,11 +211,11 @@ def look_of(digest: Digest, body: bytes) -> PictureContent:
     """The picture's content, of a JPEG. Raises Undecidable for an image that cannot be decoded to its last pixel, or
     with fewer of them than it is compared by."""
     width, height = image_size(body)
-    if width * height > MOST_PIXELS or width < SMALL_PX[0] or height < SMALL_PX[1]:
+    if width * height > MOST_PIXELS or width < LOOK_PX[0] or height < LOOK_PX[1]:
         raise Undecidable(because("image_too_large", width_px=width, height_px=height))
     if not body.startswith(b"\xff\xd8"):
         _check_png(body, digest, width=width, height=height)
-        return PictureContent(small=np.zeros(SMALL_PX[::-1], dtype=np.float32), contrast=0.0)
+        return PictureContent(small=np.zeros(LOOK_PX[::-1], dtype=np.float32), contrast=0.0)
     return _content_of(_shrunk(_jpeg(body, digest)))
 
 
@@ -201,8 +226,8 @@ def _content_of(small: NDArray[np.float32]) -> PictureContent:
 
 
 def _shrunk(grey: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """The mean of each of SMALL_PX areas."""
-    wide, high = SMALL_PX
+    """The mean of each of LOOK_PX areas."""
+    wide, high = LOOK_PX
     rows = np.linspace(0, grey.shape[0], high + 1).astype(int)[:-1]
     columns = np.linspace(0, grey.shape[1], wide + 1).astype(int)[:-1]
     sums = np.add.reduceat(np.add.reduceat(grey.astype(np.float32), rows, axis=0), columns, axis=1)

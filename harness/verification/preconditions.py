@@ -1,7 +1,9 @@
 """Tests a node's preconditions, at every dispatch and on fresh samples only (R18, D20). Pure."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
 
 from harness.contracts.configuration import ContextRules
 from harness.contracts.effects import Precondition
@@ -17,17 +19,29 @@ from harness.verification.body import LIMIT_M, WINDOW_S
 from harness.verification.geometry import distance, fixes, window_displacement
 from harness.verification.predicates.arrival import SAMPLES
 
+Stamped = TypeVar("Stamped", Pose, Odometry)
+
 
 @dataclass(frozen=True)
 class _Now:
     """What is known at the instant of the test."""
 
     status: RobotStatus | None
-    poses: tuple[Pose, ...]
-    odometry: tuple[Odometry, ...]
+    recent: Sequence[AnySample]
     facts: tuple[CommittedFact, ...]
     at_s: float
     rules: ContextRules
+
+    @cached_property
+    def poses(self) -> tuple[Pose, ...]:
+        """Those that the localiser trusts, in order of sensor time; of equal stamps the last."""
+        least = self.rules.minimum_confidence
+        return _ordered(one for one in self.recent if isinstance(one, Pose) and one.confidence >= least)
+
+    @cached_property
+    def odometry(self) -> tuple[Odometry, ...]:
+        """In order of sensor time; of equal stamps the last."""
+        return _ordered(one for one in self.recent if isinstance(one, Odometry))
 
 
 def verify_preconditions(
@@ -42,22 +56,13 @@ def verify_preconditions(
     """One result per precondition; missing or old state never holds (R173). condition_id = `<node>.<predicate>`."""
     if not node.preconditions:
         return ()
-    poses: dict[float, Pose] = {}
-    odometry: dict[float, Odometry] = {}
-    for one in recent:
-        if isinstance(one, Odometry):
-            odometry[one.at_s] = one
-        elif isinstance(one, Pose) and one.confidence >= rules.minimum_confidence:
-            poses[one.at_s] = one
-    now = _Now(
-        status=status,
-        poses=tuple(poses[stamp] for stamp in sorted(poses)),
-        odometry=tuple(odometry[stamp] for stamp in sorted(odometry)),
-        facts=tuple(facts),
-        at_s=at_s,
-        rules=rules,
-    )
+    now = _Now(status=status, recent=recent, facts=tuple(facts), at_s=at_s, rules=rules)
     return tuple(_result(node, precondition, now) for precondition in node.preconditions)
+
+
+def _ordered(samples: Iterable[Stamped]) -> tuple[Stamped, ...]:
+    by_stamp = {one.at_s: one for one in samples}
+    return tuple(by_stamp[stamp] for stamp in sorted(by_stamp))
 
 
 def _result(node: Node, precondition: Precondition, now: _Now) -> ConditionResult:

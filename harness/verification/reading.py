@@ -13,7 +13,7 @@ from harness.contracts.effects import Condition
 from harness.contracts.errors import HarnessError, StoreUnavailable
 from harness.contracts.evidence import CommittedFact, DeclaredEffect, EvidenceReference
 from harness.contracts.ids import Digest, NodeId, sha256
-from harness.contracts.observations import InstrumentReading, Odometry, Pose, Trajectory
+from harness.contracts.observations import InstrumentReading, Odometry, Pose, Scan, Trajectory
 from harness.contracts.protocol import Receipt
 from harness.contracts.reasons import Reason, because
 from harness.contracts.verifier_inputs import CommittedNode, Execution, RecentSamples, VerificationPolicy
@@ -44,6 +44,7 @@ class AdmittedTrack:
     turning: tuple[tuple[float, float], ...] = ()
     terminal_s: float | None = None
     instruments: tuple[InstrumentReading, ...] = ()
+    scans: tuple[Scan, ...] = ()
 
     @property
     def until_s(self) -> float | None:
@@ -200,6 +201,7 @@ class Evidence:
         return Trajectory(
             poses=tuple(pose for one in found for pose in one.poses),
             odometry=tuple(sample for one in found for sample in one.odometry),
+            imu=tuple(sample for one in found for sample in one.imu),
         )
 
     def bytes_of(self, digest: Digest) -> bytes:
@@ -254,6 +256,15 @@ class Evidence:
             self.lineage.note(fact.condition_id, fact.independence)
         return tuple(found)
 
+    def facts_across(self, node_id: str) -> tuple[CommittedFact, ...]:
+        """The accepted facts of a stage of any clause: a report that tells of several clauses rests on all of them."""
+        record = self.context.one("facts")
+        every = read(record, tuple[CommittedFact, ...]) if record else ()
+        found = tuple(one for one in every if one.node_id == node_id)
+        for fact in found:
+            self.lineage.note(fact.condition_id, fact.independence)
+        return found
+
     def _now(self, references: Sequence[EvidenceReference]) -> list[AdmittedTrack]:
         record = self.context.one("observations")
         if record is not None:
@@ -268,6 +279,7 @@ class Evidence:
             odometry=tuple(sample for one in samples for sample in one.odometry),
             imu=tuple(sample for one in samples for sample in one.imu),
             instruments=tuple(sample for one in samples for sample in one.of_instruments),
+            scans=tuple(sample for one in samples for sample in one.scans),
         )
         dispatched_s = min(float(one.values.get("dispatched_s", one.from_s)) for one in references)
         admitted = self._admitted(merged, current=current, dispatched_s=dispatched_s, blob=references[0].blob)
@@ -292,6 +304,7 @@ class Evidence:
             newest_arrived_s=_newest_arrival(samples, until_s=until_s),
             turning=tuple(turning[at_s] for at_s in sorted(turning)),
             instruments=tuple(one for one in samples.of_instruments if one.at_s <= until_s),
+            scans=tuple(one for one in samples.scans if one.at_s <= until_s),
         )
 
     def _required(self, kind: str, of: type[T]) -> T:

@@ -1,6 +1,7 @@
 """Lets every source of an execution speak: inertia and the start journal against motion that odometry shows. Pure.
 
-Only a source that contradicts counts. One that is silent, or gives the same figure throughout, says nothing.
+Only a source that contradicts counts. One that is silent, or gives the same figure throughout, says nothing; but from
+rules 7 on inertia may not fall silent where it was felt before, or where the robot's card declares it.
 """
 
 import math
@@ -8,9 +9,11 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.reasons import Reason, because
+from harness.contracts.rules import INERTIA
 from harness.verification.finding import Finding, Undecidable
-from harness.verification.reading import AdmittedTrack, Evidence
+from harness.verification.reading import AdmittedTrack, Evidence, read
 
 WINDOW_S = 1.0
 STEP_S = 0.5
@@ -24,6 +27,9 @@ TURN_RAD = 0.3
 SHOWN_SHARE = 0.25
 """Inertia that shows less than this share of a change contradicts it; noise and a bias only ever show more."""
 LEAST_SAMPLES = 50
+SILENT_S = 2.0
+"""So long around a change that odometry shows, inertia may not be missing where it is to be felt."""
+VOUCHED = "vouched imu"
 MEASURED = frozenset({"odometry", "localiser"})
 
 
@@ -50,7 +56,55 @@ def contradicted(finding: Finding, evidence: Evidence) -> Reason | None:
         denied = evidence.once(("inertia", number, evidence.until_s), lambda one=track: inertia_denies(one))  # type: ignore[misc]
         if denied is not None:
             return denied
+    return _silent(evidence) if evidence.policy.rules >= INERTIA else None
+
+
+def _silent(evidence: Evidence) -> Reason | None:
+    try:
+        tracks = evidence.tracks if _felt(evidence) else ()
+    except Undecidable as error:
+        return error.reason
+    return next((silent for track in tracks if (silent := inertia_silent(track)) is not None), None)
+
+
+def _felt(evidence: Evidence) -> bool:
+    """Whether inertia is to be felt: it was in this mission, or the robot whose samples these are declares it."""
+    if evidence.before.imu or any(track.imu for track in evidence.tracks):
+        return True
+    record, origins = evidence.context.one("card"), evidence.policy.origins
+    declared = record is not None and "imu" in read(record, CapabilityCard).evidence
+    return declared and origins.sources.get("imu") in (*origins.provider[:1], VOUCHED)
+
+
+def inertia_silent(track: AdmittedTrack) -> Reason | None:
+    """Whether inertia is missing where odometry shows a change of speed or a turn that it would have shown."""
+    times, felt = [one.at_s for one in track.odometry], [one[0] for one in track.imu]
+    if len(times) < LEAST_SAMPLES:
+        return None
+    around_s = (SILENT_S - WINDOW_S) / 2
+    for from_s in _instants(times):
+        if not _changed(track, times, from_s):
+            continue
+        low, high = bisect_left(felt, from_s - around_s), bisect_right(felt, from_s + WINDOW_S + around_s)
+        if low == high or len(felt) < LEAST_SAMPLES:
+            return because("inertia_fell_silent", at_s=from_s, samples=len(felt))
     return None
+
+
+def _changed(track: AdmittedTrack, times: Sequence[float], from_s: float) -> bool:
+    before, after = _speed(track, times, from_s), _speed(track, times, from_s + WINDOW_S)
+    if before is not None and after is not None and abs(after - before) >= SPEED_MPS:
+        return True
+    turned = _turned(track, times, from_s)
+    return turned is not None and turned >= TURN_RAD
+
+
+def _turned(track: AdmittedTrack, times: Sequence[float], from_s: float) -> float | None:
+    """The turn by odometry within a window, radians; None without two samples in it."""
+    low, high = bisect_left(times, from_s), bisect_right(times, from_s + WINDOW_S) - 1
+    if high <= low:
+        return None
+    return abs(math.remainder(track.odometry[high].yaw_rad - track.odometry[low].yaw_rad, math.tau))
 
 
 def inertia_denies(track: AdmittedTrack) -> Reason | None:
@@ -108,16 +162,13 @@ def _turns(track: AdmittedTrack) -> list[Change]:
     felt = [one[0] for one in track.turning]
     found: list[Change] = []
     for from_s in _instants(times):
-        low, high = bisect_left(times, from_s), bisect_right(times, from_s + WINDOW_S) - 1
-        if high <= low:
-            continue
-        turned = math.remainder(track.odometry[high].yaw_rad - track.odometry[low].yaw_rad, math.tau)
+        turned = _turned(track, times, from_s)
         first, last = bisect_left(felt, from_s - NEAR_S), bisect_right(felt, from_s + WINDOW_S + NEAR_S)
-        if abs(turned) < TURN_RAD or last - first < 2:
+        if turned is None or turned < TURN_RAD or last - first < 2:
             continue
         step_s = (felt[last - 1] - felt[first]) / (last - first - 1)
         measured = abs(math.fsum(one[1] for one in track.turning[first:last])) * step_s
-        found.append(Change(from_s, abs(turned), measured))
+        found.append(Change(from_s, turned, measured))
     return sorted(found, key=lambda one: -one.claimed)[:WINDOWS]
 
 

@@ -25,7 +25,8 @@ from harness.goals.predicates import with_pins
 from harness.goals.satisfiable import check_satisfiable
 from harness.goals.sources import world_sources
 from harness.goals.vocabulary import problems
-from harness.planning.compile import compile_contract
+from harness.planning.clauses import tells_only
+from harness.planning.compile import compile_contract, outcome_in_words
 from harness.supervisor.zones import ARRIVED_M, way_of
 from harness.verification.finding import RECEIPTS
 from harness.verification.predicates.registry import PREDICATES
@@ -89,7 +90,7 @@ def site_problems(
             if (one.frame, one.map_version) != (site.frame, site.map_version):
                 yield problem(because("other_map_than_site", frame=one.frame, map_version=one.map_version), kind, index)
     for index, place in enumerate(site.places):
-        if floor is not None and _cell(floor, place.approach_m) != FREE:
+        if floor is not None and floor_at(floor, place.approach_m) != FREE:
             yield problem(because("place_not_on_floor", place_id=place.place_id), "places", index, "approach_m")
     for index, route in enumerate(site.routes):
         if len(route.waypoints_m) < 2:
@@ -156,6 +157,8 @@ def robot_problems(robots: RobotsFile, file: Path, lines: Lines) -> Iterator[Har
                 yield problem(because("evidence_not_apart", name=one.name), "robots", index, "evidence", "address")
             for reason, key in _evidence_problems(one.name, one.evidence):
                 yield problem(reason, "robots", index, "evidence", key)
+        if one.authority == "observe" and isinstance(one, HttpRobotEntry) and one.teleoperation:
+            yield problem(because("observed_and_teleoperated", name=one.name), "robots", index, "teleoperation")
         if one.footprint_m and len(one.footprint_m) < 3:
             yield problem(because("footprint_too_small", name=one.name), "robots", index, "footprint_m")
 
@@ -326,7 +329,12 @@ def mission_problems(
     if undeclared or any(parameter.default is None for parameter in template.parameters):
         return
     try:
-        contract = compile_contract(goal=template.goal, template=template, arguments={}, site=site, rules=CURRENT_RULES)
+        achieved = template.goal if tells_only(template) else ""
+        contract = compile_contract(
+            goal=template.goal, template=template, arguments={}, site=site, achieved=achieved, rules=CURRENT_RULES
+        )
+        if isinstance(template.outcome, str):
+            outcome_in_words(template.outcome, contract)
         names = [node.node_id for node in contract.nodes]
         for one in problems(contract.nodes, vocabulary):
             where = lines.of("nodes", names.index(NodeId(one.node_id)), *one.path)
@@ -432,7 +440,8 @@ def _wall(floor: GridMap, waypoints: Sequence[Point], *, within_m: float = 0.0) 
     return None
 
 
-def _cell(floor: GridMap, point: Point) -> int | None:
+def floor_at(floor: GridMap, point: Point) -> int | None:
+    """What a floor map knows of a point; None outside of the map."""
     return _value(floor, *cell_of(floor, point))
 
 

@@ -23,6 +23,10 @@ TopicLevel = Annotated[str, msgspec.Meta(pattern=r"^[^\s/+#]+$", max_length=200)
 """One level of an MQTT topic."""
 
 
+Authority = Literal["command", "observe"]
+"""Whether the harness commands a robot, or only watches what its own stack does: shadow mode."""
+
+
 class SiteDescription(Site):
     """site.yaml: the site, and the floor map that its places and routes are checked against.
 
@@ -71,6 +75,7 @@ class HttpRobotEntry(Value, tag_field="kind", tag="http"):
     `footprint_m`: corners around the body's middle, metres. `speed_limit_mps`: no request goes to it with a higher
     speed cap. `camera`: its pinhole model where the robot does not declare one. `teleoperation`: it serves the
     operations of driving by hand too. `evidence`: where its condition, samples and blobs are read instead.
+    `authority: observe`: its own stack decides, and nothing is ever sent to it (shadow mode).
     """
 
     name: RobotName
@@ -82,6 +87,7 @@ class HttpRobotEntry(Value, tag_field="kind", tag="http"):
     embodiment: str = ""
     teleoperation: bool = False
     evidence: EvidencePath | None = None
+    authority: Authority = "command"
 
     @property
     def identity(self) -> str:
@@ -96,7 +102,8 @@ class VehicleEntry(Value, tag_field="kind", tag="vda5050"):
     its path from the folder. `map_id`: the vehicle's own id of the site's map. `base_m`: how far ahead of the vehicle
     the way is released, metres: so far it may still drive where the harness's process ends. `velocity: measured` says
     that it measures its velocity apart from its position, with its wheels; without that nothing but its localiser shows
-    that it stands, and it is not admitted to drive.
+    that it stands, and it is not admitted to drive. `authority: observe`: another master control gives its orders, and
+    nothing is ever published to it (shadow mode).
     """
 
     name: RobotName
@@ -116,6 +123,7 @@ class VehicleEntry(Value, tag_field="kind", tag="vda5050"):
     camera: Camera | None = None
     embodiment: str = ""
     evidence: EvidencePath | None = None
+    authority: Authority = "command"
 
     @property
     def identity(self) -> str:

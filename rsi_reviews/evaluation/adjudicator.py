@@ -30,7 +30,11 @@ LISTS = ("truth", "starts", "poses", "odometry", "claims", "rejections")
 
 
 class StoryInvalid(ValueError):
-    """The story lacks something that the adjudicator needs; the message says what and where."""
+    """The story lacks something that the adjudicator needs: a code, and which fields, in no language."""
+
+    def __init__(self, code: str, *fields: str) -> None:
+        super().__init__(f"{code}: {', '.join(fields)}")
+        self.code, self.fields = code, fields
 
 
 def adjudicate(story: Story) -> dict[str, Any]:
@@ -171,11 +175,15 @@ def _fixes(rows: Sequence[Sequence[float]]) -> list[witnesses.Fix]:
 def _check(story: Story) -> None:
     missing = [name for name in (*LISTS, "routes", "declared") if name not in story]
     if missing:
-        raise StoryInvalid(f"The story lacks {', '.join(missing)}: give them all, empty where there is nothing.")
+        raise StoryInvalid("fields_missing", *missing)
     wrong = [name for name in LISTS if not isinstance(story[name], list | tuple)]
-    if wrong or not isinstance(story["routes"], Mapping) or not story["routes"]:
-        raise StoryInvalid(f"{', '.join(wrong) or 'routes'} must be a list (routes: an object with at least one).")
+    if wrong:
+        raise StoryInvalid("fields_no_list", *wrong)
+    if not isinstance(story["routes"], Mapping) or not story["routes"]:
+        raise StoryInvalid("routes_no_object", "routes")
     for node_id, route in story["routes"].items():
         lacking = [name for name in ("kind", "target_m", "tolerance_m", "route_m") if name not in route]
-        if lacking or route["kind"] not in ("arrival", "circuit"):
-            raise StoryInvalid(f"routes.{node_id} lacks {', '.join(lacking) or 'a known kind'}.")
+        if lacking:
+            raise StoryInvalid("fields_missing", *(f"routes.{node_id}.{name}" for name in lacking))
+        if route["kind"] not in ("arrival", "circuit"):
+            raise StoryInvalid("kind_unknown", f"routes.{node_id}.kind")

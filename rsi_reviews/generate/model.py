@@ -104,7 +104,7 @@ class ModelGenerator:
         found = candidate(change, current, author=Author(name=self.name, kind="optimiser"))
         refused = objections(found, current)
         if refused:
-            raise CandidateInvalid(refused[0].reason, rule=refused[0].rule, where=refused[0].path, do="ask again")
+            raise CandidateInvalid(refused[0].reason, rule=refused[0].rule, where=refused[0].path)
         _check(found.configuration)
         return () if found.configuration.configuration_id in budget.seen else (found,)
 

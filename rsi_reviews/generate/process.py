@@ -111,13 +111,13 @@ def _answered(request: GenerationRequest, given: Mapping[str, str]) -> Generatio
         )
         return decode(done.stdout, GenerationAnswer)
     except subprocess.TimeoutExpired as error:
-        raise _silent(f"It did not answer within {LONGEST_S:.0f} s") from error
+        raise _silent(because("generator_late", within_s=LONGEST_S)) from error
     except msgspec.MsgspecError as error:
         errors = done.stderr.decode(errors="replace").strip().splitlines()
         raise _silent(errors[-1][:300] if errors else str(error)) from error
 
 
-def _silent(why: str) -> StoreUnavailable:
+def _silent(why: Explanation) -> StoreUnavailable:
     return StoreUnavailable(
         because("generator_without_answer", why=why),
         where="regen rsi generate",

@@ -105,7 +105,5 @@ def _read_outcome(folder: Path, task: Task) -> FleetOutcome | None:
 
 
 def _keep(folder: Path, outcome: FleetOutcome) -> None:
-    file = _file(folder, outcome.task)
-    part = file.with_suffix(".part")
-    part.write_bytes(encode(outcome))
-    part.replace(file)
+    """One that a crash cuts off cannot be read, and its fleet runs again."""
+    _file(folder, outcome.task).write_bytes(encode(outcome))

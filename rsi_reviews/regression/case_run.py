@@ -17,7 +17,7 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import HarnessError
 from harness.contracts.protocol import PhysicalStart
-from harness.contracts.reasons import because, plain
+from harness.contracts.reasons import because
 from harness.contracts.simulation import Simulator
 from harness.contracts.stored_commands import without_command
 from harness.contracts.tasks import TaskContract
@@ -107,7 +107,7 @@ def begin_mission(harness: Harness, situation: Situation, seed: int) -> ids.Miss
     start = Start(actor=ASKING, robot_id=ROBOT, template=situation.template, seed=seed, labels=labels)
     decision = harness.runtime.start(start)
     if isinstance(decision, Refused):
-        raise HarnessError(plain(decision.reason), where=f"template {situation.template}", do="correct the suite")
+        raise HarnessError(because("case_refused", template=situation.template, reason=decision.reason))
     return harness.runtime.missions()[0].mission_id
 
 

@@ -159,15 +159,11 @@ class _CaseProcess:
     def greet(self, start_s: float) -> None:
         """Wait until it has imported everything. Raises WorkersLost."""
         if not self.line.poll(start_s):
-            raise WorkersLost(f"A worker said nothing for {start_s:.0f} s", where="regression workers", do="try again")
+            raise WorkersLost(because("worker_silent", silent_s=start_s))
         try:
             self.line.recv_bytes()
         except (EOFError, OSError) as error:
-            raise WorkersLost(
-                "A worker ended before it could begin",
-                where="regression workers",
-                do="read its words on standard error",
-            ) from error
+            raise WorkersLost(because("worker_ended_at_once")) from error
 
     def give(self, job: Job) -> Job:
         self.line.send_bytes(encode(job))

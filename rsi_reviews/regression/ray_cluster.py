@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import msgspec
 import ray
 
+from harness.contracts.reasons import because
 from harness.contracts.simulation import Simulator
 from harness.contracts.values import encode
 from rsi_reviews.contracts import CaseResult
@@ -46,10 +47,10 @@ class RayCluster:
             while running:
                 done, running = ray.wait(running, num_returns=1, timeout=self._longest_s * executors.CHUNK)
                 if not done:
-                    raise WorkersLost("The cluster is silent", where=self._address, do="look at `ray status`; resume")
+                    raise WorkersLost(because("cluster_silent"), where=self._address)
                 yield msgspec.json.decode(ray.get(done[0]), type=tuple[CaseResult, ...])
         except ray.exceptions.RayError as error:
-            raise WorkersLost(f"The cluster lost a task: {error}", where=self._address, do="resume") from error
+            raise WorkersLost(because("cluster_lost_task", error=str(error)), where=self._address) from error
         finally:
             ray.shutdown()
 
@@ -65,9 +66,7 @@ class RayCluster:
                 configure_logging=False,
             )
         except (ConnectionError, RuntimeError, ValueError, OSError) as error:
-            raise WorkersLost(
-                f"Ray could not be reached: {error}", where=self._address, do="start it with `ray start --head`"
-            ) from error
+            raise WorkersLost(because("cluster_unreachable", error=str(error)), where=self._address) from error
 
     def _knock(self) -> None:
         """Checks the port first, because Ray waits two minutes for a cluster that is not there."""

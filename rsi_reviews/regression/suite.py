@@ -57,9 +57,15 @@ def check_grown(older: Suite, newer: Suite) -> None:
     lost = set(cases_of(older)) - set(cases_of(newer))
     if lost or newer.name != older.name:
         raise SuiteShrunk(
-            f"{newer.name} {newer.version} lacks {len(lost)} cases of {older.name} {older.version}",
+            because(
+                "suite_shrunk",
+                name=newer.name,
+                version=newer.version,
+                lost=len(lost),
+                older=older.name,
+                before=older.version,
+            ),
             where=file_name(newer),
-            do="keep every group of the older version and add to it",
         )
     if newer.version != older.version + 1:
         raise SuiteInvalid(
@@ -92,8 +98,7 @@ def _read(folder: Traversable, line: RegisterEntry) -> Suite:
         raise SuiteInvalid(because("suite_misnamed", name=suite.name, version=suite.version), where=name)
     if suite.suite_id != line.digest:
         raise SuiteEdited(
-            f"Its digest is {suite.suite_id[:12]}, registered is {line.digest[:12]}",
+            because("suite_edited", digest=suite.suite_id[:12], registered=line.digest[:12]),
             where=name,
-            do="restore it, and add what is new as the next version",
         )
     return suite

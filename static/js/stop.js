@@ -21,6 +21,7 @@ function post(path, body) {
 function show(name, sentence) {
   title.textContent = name;
   text.textContent = sentence;
+  if (panel.hidden) panel.reset();
   panel.hidden = false;
 }
 
@@ -37,7 +38,7 @@ async function stop(form) {
     if (!answer.ok) throw new Error(String(answer.status));
     const ms = Math.round(performance.now() - began), told = await answer.json();
     const left = told.refused.join(" ");
-    show(name, left || tr("was taken up after {ms} ms. Why was it stopped?", { ms }));
+    show(name, left || tr("was sent after {ms} ms. Why was it stopped?", { ms }));
   } catch {
     form.submit();
   } finally {
@@ -63,10 +64,15 @@ document.addEventListener("keydown", (event) => {
   if (!event.repeat) stop(button.form);
 }, true);
 
-panel?.addEventListener("click", async (event) => {
-  const chosen = event.target.closest("[data-why]");
-  if (!chosen) return;
+panel?.addEventListener("click", (event) => {
+  if (event.target.closest("[data-close]")) panel.hidden = true;
+});
+
+panel?.addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const reason = panel.elements.reason.value.trim();
+  if (!reason) return panel.elements.reason.focus();
   panel.hidden = true;
   const robots = last ? [last] : [...document.querySelectorAll("#bar form[data-stop]")].map((one) => one.dataset.stop).filter(Boolean);
-  if (chosen.dataset.why) for (const robot of robots) await post(`/${robot}/stop/reason`, { reason: chosen.dataset.why }).catch(() => {});
+  for (const robot of robots) await post(`/${robot}/stop/reason`, { reason }).catch(() => {});
 });

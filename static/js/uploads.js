@@ -20,11 +20,15 @@ async function asked(path, options) {
   }
 }
 
-async function sent(file) {
+// Several files are sent as one: their bytes follow each other, and the console takes them apart again.
+async function sent(files) {
+  const file = files.length === 1 ? files[0] : new Blob(files);
+  const name = files.length === 1 ? files[0].name : `${files[0].name} +${files.length - 1}`;
+  const parts = files.length === 1 ? [] : files.map((one) => ({ name: one.name, size_bytes: one.size }));
   const begun = await asked("/uploads", {
     method: "POST",
     headers: { "content-type": "application/json" },
-    body: JSON.stringify({ name: file.name, size_bytes: file.size }),
+    body: JSON.stringify({ name, size_bytes: file.size, parts }),
   });
   sending.id = begun.upload_id;
   for (let at = 0; at < file.size; at += begun.piece_bytes) {
@@ -33,7 +37,7 @@ async function sent(file) {
       method: "POST", headers: { "content-type": "application/octet-stream" }, body,
     });
     bar.value = Math.min(1, (at + body.size) / file.size);
-    said.textContent = tr("{percent} % of {name}", { percent: Math.floor(100 * bar.value), name: file.name });
+    said.textContent = tr("{percent} % of {name}", { percent: Math.floor(100 * bar.value), name });
   }
 }
 
@@ -44,11 +48,11 @@ function rest() {
 }
 
 form?.addEventListener("submit", async (event) => {
-  const file = form.querySelector("input[type=file]").files[0];
-  if (!file || sending) return;
+  const files = [...form.querySelector("input[type=file]").files];
+  if (!files.length || sending) return;
   event.preventDefault();
-  if (file.size > Number(form.dataset.limit)) {
-    said.textContent = tr("{name} is too large.", { name: file.name });
+  if (files.reduce((sum, one) => sum + one.size, 0) > Number(form.dataset.limit)) {
+    said.textContent = tr("{name} is too large.", { name: files[0].name });
     return;
   }
   sending = new AbortController();
@@ -56,7 +60,7 @@ form?.addEventListener("submit", async (event) => {
   bar.value = 0;
   form.querySelector("button.primary").disabled = true;
   try {
-    await sent(file);
+    await sent(files);
     window.location.assign("/recordings");
   } catch (error) {
     const { id } = sending;

@@ -19,6 +19,7 @@ ROW = re.compile(r"^\| `(\w+)` \| (\w+) (\S+) \| (?:regen ([\w -]+))?\s*\| (\w+)
 SEVERAL = {
     "StopRobotAct": "stop", "ExplainStopAct": "stop", "StopRobotsAct": "stop", "SteerAct": "drive",
     "BeginUploadAct": "drive", "ReplayUploadAct": "drive", "ImportUploadAct": "drive",
+    "ImportFloorAct": "drive",
     "EvaluateCandidateAct": "propose", "CancelEvaluationAct": "propose",
     "AddAccountAct": "people", "ChangeAccountAct": "people", "IssueTokenAct": "people",
 }  # fmt: skip

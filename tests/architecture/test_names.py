@@ -111,6 +111,8 @@ PARTICIPLES = frozenset(
     }
 )  # fmt: skip
 """What happened to a thing names neither a function, nor a parameter, nor a variable."""
+SPOKEN = ("told_", "said_")
+"""How no function's name begins: it is named by what it returns."""
 PREDICATES = "harness/verification/predicates"
 """A function here has the name of its predicate, which is stored in contracts."""
 DIGESTED = "rsi_reviews/acceptance.py"
@@ -150,7 +152,8 @@ def participles(text: str) -> set[str]:
     inside = [node for one in functions for node in ast.walk(one)]
     names = {one.name for one in functions} | {one.arg for one in inside if isinstance(one, ast.arg)}
     names |= {one.id for one in inside if isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store)}
-    return {name for name in names if name.strip("_") in PARTICIPLES}
+    spoken = {one.name for one in functions if one.name.strip("_").startswith(SPOKEN)}
+    return {name for name in names if name.strip("_") in PARTICIPLES} | spoken
 
 
 def test_a_class_name_stands_for_one_class() -> None:
@@ -170,7 +173,13 @@ def test_a_participle_names_no_function_parameter_or_variable() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["def _told(): ...", "def f(asked): ...", "def f():\n    kept = 1", "def f():\n    return [said for said in ()]"],
+    [
+        "def _told(): ...",
+        "def f(asked): ...",
+        "def f():\n    kept = 1",
+        "def f():\n    return [said for said in ()]",
+        "def _told_again(): ...",
+    ],
 )
 def test_a_participle_is_found(text: str) -> None:
     assert participles(text)

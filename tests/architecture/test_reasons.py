@@ -3,14 +3,23 @@ facts given.
 """
 
 import ast
-from collections.abc import Iterator
+import importlib
+import pkgutil
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from string import Formatter
 
+import pytest
+
+from app.i18n import reasons as subjects
 from app.i18n.catalogues import LOCALES
+from app.i18n.reasons import rendering
 from app.i18n.reasons.rendering import BETWEEN, REMEDIES, SENTENCES
 from app.settings import ROOT
+from harness.contracts import errors
 from harness.contracts.reasons import RECORDED, SEVERAL
-from harness.provider_protocol.wire import REFUSALS
+from harness.provider_protocol.wire import ROBOT_REASONS
+from rsi_reviews.regression import errors as regression_errors
 from tools import translations
 
 SPEAKERS = ("harness", "rsi_reviews", "app", "simulator")
@@ -60,6 +69,18 @@ def _codes(node: ast.expr, *, handed_on: bool) -> Iterator[str]:
             raise AssertionError(f"a code is a literal: {ast.unparse(node)}")
 
 
+def tables() -> Iterator[Mapping[str, str]]:
+    """The table of each subject: two of them with the same code would hide one another's sentence."""
+    for module in pkgutil.iter_modules(subjects.__path__, prefix=f"{subjects.__name__}."):
+        if module.name != rendering.__name__:
+            yield importlib.import_module(module.name).SENTENCES
+
+
+def test_a_code_stands_in_the_table_of_one_subject() -> None:
+    counts = Counter(code for table in tables() for code in table)
+    assert len(counts) > 500 and [code for code, count in counts.items() if count > 1] == []
+
+
 def holes(message: str) -> frozenset[str]:
     return frozenset(name for _, name, _, _ in Formatter().parse(message) if name)
 
@@ -81,9 +102,45 @@ def test_the_holes_of_a_sentence_and_of_what_to_do_are_the_facts_that_are_given(
 
 def test_what_a_robots_program_says_crosses_the_protocol_and_nothing_else_does() -> None:
     said = {code: facts for code, facts, where in given() if where.startswith(ROBOTS)}
-    assert {code: facts for code, facts in said.items() if REFUSALS.get(code) != facts} == {}
-    unsaid = REFUSALS.keys() - said.keys()
+    assert {code: facts for code, facts in said.items() if ROBOT_REASONS.get(code) != facts} == {}
+    unsaid = ROBOT_REASONS.keys() - said.keys()
     assert unsaid == set()
+
+
+def spoken(text: str) -> list[str]:
+    """What a module raises or explains with a sentence of its own, where a code with facts belongs."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
+            name = ast.unparse(node.exc.func).rpartition(".")[2]
+            given_words = [*node.exc.args[:1], *(one.value for one in node.exc.keywords if one.arg in ("what", "do"))]
+            if isinstance(getattr(errors, name, getattr(regression_errors, name, None)), type):
+                found += [ast.unparse(one) for one in given_words if _sentence(one)]
+    return found
+
+
+def _sentence(node: ast.expr) -> bool:
+    text = node.values if isinstance(node, ast.JoinedStr) else [node]
+    words = "".join(str(one.value) for one in text if isinstance(one, ast.Constant)).split()
+    return len([word for word in words if word.isalpha()]) > 1
+
+
+def test_below_the_console_an_error_is_raised_by_code_and_not_in_a_language() -> None:
+    below = (path for part in ("harness", "rsi_reviews", "simulator") for path in sorted((ROOT / part).rglob("*.py")))
+    found = {str(path.relative_to(ROOT)): spoken(path.read_text(encoding="utf-8")) for path in below}
+    assert {path: sentences for path, sentences in found.items() if sentences} == {}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'raise ProviderFailed("The robot is busy")',
+        'raise errors.StoreUnavailable(f"No folder {name}")',
+        'raise WorkersLost(because("worker_silent"), do="try again")',
+    ],
+)
+def test_an_error_that_speaks_is_found(text: str) -> None:
+    assert spoken(text)
 
 
 def test_what_to_do_is_said_of_a_code_that_has_a_sentence() -> None:

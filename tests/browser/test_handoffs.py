@@ -97,7 +97,7 @@ def test_a_person_sees_holds_and_follows_and_done_is_never_said_at_approved(
     button.hover()
     page.mouse.down()
     page.wait_for_url(served.question)
-    expect(page.locator(".steps")).to_contain_text("Decision taken up at event")
+    expect(page.locator(".steps")).to_contain_text("Decision applied at event")
     page.mouse.up()
     expect(page.locator(".steps")).to_contain_text("has not confirmed an effect yet")
     assert "done" not in page.locator(".steps").inner_text().lower().split()

@@ -73,7 +73,7 @@ def test_keys_alone_lead_through_the_handoff_gate(open_page: OpenPage, take_pict
         expect(page.locator("#status")).to_contain_text("Let go too early")
         assert served.asked.handoff.status == "claimed"
         page.keyboard.down("Enter")
-        expect(page.locator(".steps")).to_contain_text("Decision taken up at event")
+        expect(page.locator(".steps")).to_contain_text("Decision applied at event")
         page.keyboard.up("Enter")
         assert served.asked.handoff.status in ("approved", "dispatched")
 

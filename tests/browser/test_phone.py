@@ -21,7 +21,7 @@ def test_stop_stays_in_view_however_far_down_a_phone_is_scrolled(
         assert box is not None and box["height"] >= THUMB and box["width"] >= THUMB
         take_picture(page, "mission-phone", whole=False)
         stop.click()
-        expect(page.locator("#stopped")).to_contain_text("was taken up after")
+        expect(page.locator("#stopped")).to_contain_text("was sent after")
         assert served.asked.mission.stop is not None
 
 

@@ -37,10 +37,13 @@ def test_one_press_stops_whatever_moves_the_robot_and_the_reason_comes_afterward
     page = live(served.enter(open_page(), f"/missions/{served.asked.mission_id}"))
     page.locator("#stop-vbot-1").click()
     panel = page.locator("#stopped")
-    expect(panel).to_contain_text("Stop of vbot-1 was taken up after")
+    expect(panel).to_contain_text("Stop of vbot-1 was sent after")
     assert served.asked.mission.stop is not None and page.url.endswith(served.asked.mission_id)
     take_picture(page, "stop-reason", whole=False)
     panel.get_by_role("button", name="person in the way").click()
+    expect(panel.locator("[name=reason]")).to_have_value("person in the way")
+    assert served.asked.mission.stop.reason != "person in the way"
+    panel.get_by_role("button", name="Save the reason").click()
     expect(panel).to_be_hidden()
     expect(page.locator("#head")).to_contain_text("person in the way")
     assert served.asked.mission.stop.reason == "person in the way"
@@ -50,7 +53,7 @@ def test_one_press_stops_whatever_moves_the_robot_and_the_reason_comes_afterward
     expect(stop).to_have_attribute("data-state", "driven")
     expect(stop).to_be_enabled()
     stop.click()
-    expect(page.locator("#stopped")).to_contain_text("Stop of vbot-1 was taken up after")
+    expect(page.locator("#stopped")).to_contain_text("Stop of vbot-1 was sent after")
     assert served.asked.runtime.fold(CONTROL).wheels == {}
 
 
@@ -60,11 +63,11 @@ def test_a_key_stops_from_every_page_also_while_somebody_types_and_without_scrip
     page = live(served.enter(open_page(), "/missions/new"))
     page.locator("main textarea, main input:not([type=hidden])").first.focus()
     page.keyboard.press("Alt+s")
-    expect(page.locator("#stopped")).to_contain_text("was taken up after")
+    expect(page.locator("#stopped")).to_contain_text("was sent after")
     assert served.asked.mission.stop is not None
     plain = served.enter(open_page(scripts=False), "/alerts")
     plain.locator("#stop-vbot-1").click()
-    expect(plain.get_by_text("The stop of vbot-1 was taken up.")).to_be_visible()
-    plain.get_by_label("Or another reason").fill("smelt smoke")
+    expect(plain.get_by_text("The stop of vbot-1 was sent.")).to_be_visible()
+    plain.get_by_label("Reason", exact=True).fill("smelt smoke")
     plain.get_by_role("button", name="Save the reason").click()
     expect(plain).to_have_url(f"{served.address}/robots/{ROBOT}")

@@ -70,6 +70,20 @@ def test_letting_go_leaving_the_page_and_a_lost_link_each_stop_the_robot(
     expect(page.locator("#robot")).to_contain_text("In control: nobody")
 
 
+@pytest.mark.parametrize("address", ["/", "/fleet"])
+def test_names_of_robots_that_stand_at_one_place_do_not_lie_over_each_other(
+    console: Console, open_page: OpenPage, address: str
+) -> None:
+    page = open_page(console.link)
+    page.wait_for_url(re.compile(r"/$"))
+    page.goto(f"{console.address}{address}")
+    names = [page.locator(".robot-mark text", has_text=one) for one in ("vbot-1", "vbot-2")]
+    for name in names:
+        expect(name).to_be_visible()
+    upper, lower = sorted((name.bounding_box() or {} for name in names), key=lambda box: box["y"])
+    assert upper["y"] + upper["height"] <= lower["y"] + 1
+
+
 def test_on_a_phone_the_stop_of_everything_is_in_reach_and_the_robots_are_shown(
     console: Console, open_page: OpenPage, take_picture: TakePicture
 ) -> None:

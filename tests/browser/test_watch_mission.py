@@ -250,6 +250,6 @@ def test_the_pages_work_without_scripts(console: Console, open_page: OpenPage) -
     page.get_by_role("button", name="Start", exact=True).click()
     expect(page.locator("h1")).to_be_visible()
     page.get_by_role("button", name="Stop vbot-1").click()
-    expect(page.get_by_text("The stop of vbot-1 was taken up.")).to_be_visible()
+    expect(page.get_by_text("The stop of vbot-1 was sent.")).to_be_visible()
     page.get_by_role("button", name="person in the way").click()
     expect(page).to_have_url(re.compile("/robots/vbot-1$"))

@@ -1,7 +1,9 @@
 """Builds a console with a person of every role and valid request bodies for every route, for tests of permissions."""
 
 import re
+import zipfile
 from dataclasses import dataclass
+from io import BytesIO
 
 from fastapi.testclient import TestClient
 from msgspec import to_builtins
@@ -23,7 +25,22 @@ CLOUD = (
     b"VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\n"
     b"POINTS 2\nDATA ascii\n0 0 0\n1 1 1\n"
 )
-UPLOADS = {"recording": ("drive.mcap", RECORDING), "cloud": ("hall.pcd", CLOUD)}
+
+
+def zipped_map() -> bytes:
+    """A floor map of four cells, one of them a wall, with its image in one zip."""
+    body = BytesIO()
+    with zipfile.ZipFile(body, "w") as archive:
+        archive.writestr("hall.pgm", b"P5\n2 2\n255\n" + bytes([0, 254, 254, 254]))
+        archive.writestr("hall.yaml", "image: hall.pgm\nresolution: 0.5\norigin: [0.0, 0.0, 0.0]\n")
+    return body.getvalue()
+
+
+UPLOADS = {
+    "recording": ("drive.mcap", RECORDING),
+    "cloud": ("hall.pcd", CLOUD),
+    "map": ("hall.zip", zipped_map()),
+}
 """Name and bytes of what is uploaded. No test of permissions reads the recording: a replay of it waits."""
 REASONED = ("stop", "reason", "pause", "resume", "dispute", "withdraw", "case", "free", "erase", "dismiss")
 
@@ -58,7 +75,8 @@ class ConsoleWithRoles:
             "resource": "vbot-1/mobile_base",
         }
         if self.stand.app.state.console.replays is not None:
-            names |= {"upload_id": self.upload("cloud" if path.endswith("/cloud") else "recording")}
+            last = path.rpartition("/")[2]
+            names |= {"upload_id": self.upload(last if last in ("cloud", "map") else "recording")}
             names |= {"job_id": self.replay()} if "{job_id}" in path else {}
         return re.sub(r"\{(\w+)(:\w+)?\}", lambda found: names.get(found[1], "1"), path)
 
@@ -120,6 +138,8 @@ class ConsoleWithRoles:
             return proposal(api=path.startswith("/api/"))
         if path == "/api/v1/uploads":
             return {"name": "drive.mcap", "size_bytes": len(RECORDING)}
+        if path.endswith("/{upload_id}/map"):
+            return {"map_version": "hall-9", "frame": "map", "metres_per_cell": 0.5, "reason": "because"}
         if path.endswith("/{upload_id}/cloud"):
             return {"map_version": "site-1", "frame": "map", "metres_per_unit": 1.0, "reason": "because"}
         if last == "cloud":

@@ -49,3 +49,10 @@ def played_again(recording: bytes, *, at_s: float = 500.0) -> bytes:
     room = SimulatedRoom()
     room.play(Sound(at_s=at_s + 0.2, rate_hz=RATE_HZ, pcm=samples.astype("<i2").tobytes()))
     return room.recording(at_s, at_s + len(samples) / RATE_HZ + 0.6)
+
+
+def at_speed(recording: bytes, speed: float) -> bytes:
+    """The same samples, played so many times as fast: higher and shorter, or lower and longer."""
+    samples = samples_of(recording)
+    times = np.arange(int(len(samples) / speed)) * speed
+    return written(np.interp(times, np.arange(len(samples)), samples))

@@ -12,6 +12,7 @@ from threading import Thread
 import msgspec
 import pytest
 
+from app.i18n.reasons.rendering import sentence
 from harness.adapters.providers.http.process import RobotProcess, RobotSettings
 from harness.conformance.address import addressed
 from harness.conformance.declaration import ConformanceFile, read, shipped
@@ -55,7 +56,7 @@ def only(row: str, stand: Stand, declaration: ConformanceFile) -> ConformanceRes
 
 
 def failed(checked: ConformanceResult) -> dict[str, str]:
-    return {finding.row: finding.text for finding in checked.findings if finding.outcome == "not met"}
+    return {finding.row: sentence(finding.text) for finding in checked.findings if finding.outcome == "not met"}
 
 
 def test_the_crew_of_these_tests_is_the_installed_one(stands: Stands, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 
 import pytest
 
-from app.i18n.reasons.rendering import explained
+from app.i18n.reasons.rendering import explained, sentence
 from harness.adapters.clock import LockstepClock, RobotClock
 from harness.adapters.providers.http.exchange import DEEPEST, nested_too_deep
 from harness.adapters.providers.http.robot import HttpProvider, HttpRobot
@@ -17,7 +17,8 @@ from harness.conformance.address import addressed
 from harness.conformance.hostile.proxy import Answer, Ask, LyingProxy, ProxyState, listening
 from harness.conformance.motion import SampleLog
 from harness.contracts.errors import BlobDamaged, ProviderFailed, ProviderUnreachable
-from harness.contracts.ids import Digest, RequestId
+from harness.contracts.ids import Digest, MissionId, NodeId, RequestId
+from harness.contracts.protocol import InvocationIdentity, InvocationReport, Progress
 from harness.contracts.reasons import Reason, because
 from harness.contracts.values import encode
 from harness.provider_protocol.wire import Problem
@@ -51,6 +52,20 @@ def answering(*answers: Answer, timeout_s: float = 5.0) -> Iterator[HttpRobot]:
         robot = HttpRobot(stack.enter_context(listening(proxy)), "token", timeout_s)
         stack.callback(robot.close)
         yield robot
+
+
+def report_saying(message: str | Reason) -> InvocationReport:
+    identity = InvocationIdentity(
+        mission_id=MissionId("m"),
+        node_id=NodeId("go"),
+        attempt=1,
+        request_id=RequestId("a" * 64),
+        provider_id=ROUTE_FOLLOWER.provider_id,
+    )
+    progress = Progress(share=0.5, text=message)
+    return InvocationReport(
+        handle="h", identity=identity, status="failed", at_s=1.0, progress=progress, message=message
+    )
 
 
 @pytest.mark.parametrize(
@@ -99,6 +114,37 @@ def test_a_robots_reason_is_shown_in_the_readers_language_and_any_that_it_may_no
         with pytest.raises(ProviderFailed) as refused:
             HttpProvider(robot, ROUTE_FOLLOWER).stop("handle")
         assert shown in explained(refused.value, "zh-Hans")
+
+
+@pytest.mark.parametrize(
+    ("message", "shown"),
+    [
+        ("Stuck at the door.", "Stuck at the door."),
+        (because("on_way_to_route", reason=because("no_way_to_route")), "机器人的地图上没有通往路线的路"),
+        (because("no_progress", progress_m=0.2, within_s=10.0), "机器人在 10 s 内前进不足 0.2 m"),
+        (because("no_progress", progress_m="0.2", within_s=10.0), "no_progress (progress_m 0.2, within_s 10.0)"),
+        (because("on_way_to_route", reason=because("goal_met")), "on_way_to_route (reason goal_met)"),
+        (because("on_way_to_route", reason="Goal met"), "on_way_to_route (reason Goal met)"),
+        (because("goal_met"), "goal_met"),
+    ],
+)
+def test_what_a_report_says_is_shown_in_the_readers_language_if_a_robot_may_say_it_and_as_text_if_not(
+    message: str | Reason, shown: str
+) -> None:
+    with answering(Answer(body=encode(report_saying(message)))) as robot:
+        seen = HttpProvider(robot, ROUTE_FOLLOWER).report("h")
+    assert shown in sentence(seen.message, "zh-Hans")
+    assert seen.progress.text == seen.message
+    assert isinstance(seen.message, str) or seen.message == message
+
+
+def test_a_message_without_end_is_no_message() -> None:
+    endless = because("vehicle_error", error="x" * 20_000)
+    with (
+        answering(Answer(body=encode(report_saying(endless)))) as robot,
+        raises_saying(ProviderFailed, match="message"),
+    ):
+        HttpProvider(robot, ROUTE_FOLLOWER).report("h")
 
 
 def test_a_request_never_came_only_if_the_robot_says_so_itself() -> None:

@@ -16,24 +16,14 @@ from harness.contracts.errors import StoreUnavailable
 from harness.contracts.fleet import WorkerReport
 from harness.contracts.ids import RobotId
 from harness.contracts.observations import Pose
-from harness.contracts.protocol import RobotStatus
 from simulator.camera import CAMERA
+from tests.builders.reported_robots import moving, pose_at
 from tests.saying import raises_saying
 from tools.postgres import PostgresServer
 
 pytestmark = pytest.mark.xdist_group("postgres")
 NAME = RobotId("vbot-9")
-STATUS = RobotStatus(
-    robot_id=NAME,
-    at_s=5.0,
-    posture="moving",
-    armed=True,
-    hardware_stop=False,
-    charge=0.5,
-    localised=True,
-    map_version="site-1",
-)
-POSE = Pose(seq=1, at_s=5.0, source="localiser", frame="map", map_version="site-1", x_m=1.0, y_m=2.0, yaw_rad=0.1)
+STATUS, POSE = moving(NAME), pose_at(1.0, 2.0)
 
 
 class OneRobot:

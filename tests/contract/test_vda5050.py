@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from app.i18n.reasons.rendering import sentence
 from harness.adapters.providers.vda5050.orders import route_plan
 from harness.conformance.kit import check
 from harness.conformance.provider_setup import fresh_name
@@ -121,7 +122,7 @@ def test_an_order_that_never_arrives_is_a_failure_and_no_start(site: VirtualSite
     site.down = lambda topic, body: [] if topic == "order" else [(LATENCY_S, body)]
     report = site.run(site.provider.start(site.request()).handle)
     assert (report.status, report.failure) == ("failed", "order_not_taken")
-    assert "was sent 3 times" in report.message and not site.vehicle.driven and x_m(site) == 0.0
+    assert "was sent 3 times" in sentence(report.message) and not site.vehicle.driven and x_m(site) == 0.0
 
 
 def test_an_order_that_arrives_after_it_was_given_up_is_cancelled(site: VirtualSite) -> None:
@@ -139,7 +140,7 @@ def test_a_refused_order_is_a_result_with_the_vehicles_own_reason_as_vda5050_511
     site.vehicle.wrong_order = lambda order: ("noRouteError", "the gate is shut")
     report = site.run(site.provider.start(site.request()).handle)
     assert (report.status, report.failure) == ("failed", "order_rejected")
-    assert "noRouteError: the gate is shut" in report.message and x_m(site) == 0.0
+    assert "noRouteError: the gate is shut" in sentence(report.message) and x_m(site) == 0.0
     del site.vehicle.wrong_order
     assert site.run(site.provider.start(site.request("two")).handle).status == "succeeded", (
         "an old error refuses nothing"
@@ -303,7 +304,7 @@ def test_an_emergency_stop_and_a_fatal_error_end_the_run(tmp_path: Path) -> None
             site.vehicle.errors.append(error)
         site.vehicle.publish_state()
         ended = site.run(report.handle)
-        assert (ended.status, ended.failure) == ("failed", name) and said in ended.message
+        assert (ended.status, ended.failure) == ("failed", name) and said in sentence(ended.message)
         assert site.vehicle.v == 0.0
         assert site.robot.status().hardware_stop is (name == "emergency_stop")
         with pytest.raises(ProviderFailed):
@@ -327,7 +328,9 @@ def test_somebody_elses_order_is_named_and_left_alone(site: VirtualSite) -> None
     report = begun(site)
     site.vehicle.order = "of-another-control"
     seen = site.run(report.handle, within_s=6.0)
-    assert (seen.status, seen.failure) == ("failed", "order_replaced") and "of-another-control" in seen.message
+    assert (seen.status, seen.failure) == ("failed", "order_replaced") and "of-another-control" in sentence(
+        seen.message
+    )
     assert "cancelOrder" not in site.instant(), "what is not ours is not cancelled"
 
 

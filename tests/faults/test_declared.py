@@ -342,7 +342,7 @@ def left_out(text: str) -> str:
 
 
 @pytest.mark.parametrize("say", [called_verified, left_out])
-@pytest.mark.ledger("R108", symbol="harness.verification.predicates.speech:_unnamed")
+@pytest.mark.ledger("R108", symbol="harness.verification.spoken_report:unnamed")
 def test_a_report_that_does_not_call_a_declared_part_unverified_is_not_accepted(say: Callable[[str], str]) -> None:
     with lied_to(Lie("speak", lambda one, blobs: Misspeaking(one, say)), rules=CURRENT_RULES) as stage:
         start = Start(actor=OPERATOR, robot_id=ROBOT, goal="Check the storage area and describe it", seed=3)

@@ -39,6 +39,9 @@ REFUSED = {
     "circuit-made-smaller": {"request"},
     "stopped-halfway": {"request"},
     "headings-turned": {"request", "go"},
+    "images-round-one-late": {"request", "go"},
+    "images-half-of-the-round-late": {"request", "go"},
+    "stopped-halfway-without-inertia": {"request"},
 }
 """Lies about evidence, and the stages that are accepted in spite of them."""
 
@@ -110,7 +113,7 @@ def fuzzed(*words: str) -> dict[str, Any]:
 def test_the_command_counts_what_must_not_happen_and_names_what_nobody_can_see() -> None:
     told = fuzzed("--builtin", "map-changes")
     assert [told[name] for name in ("missions", "against_truth", *COUNTED)] == [1, 1, 0, 0, 0, 0, 0]
-    assert told["undetectable"] == ["every-source-forged", "stopped-halfway-without-inertia"]
+    assert told["undetectable"] == ["every-source-forged"]
 
 
 def test_the_command_stands_between_the_harness_and_a_simulator_at_an_address() -> None:

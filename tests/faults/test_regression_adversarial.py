@@ -20,6 +20,7 @@ from rsi_reviews.regression.judge import judged
 from rsi_reviews.regression.suite import newest, shipped
 from simulator.in_process import SIMULATOR
 from tests.builders.evaluations import BASELINE, Story, evaluation, manifest, patient, quietly
+from tests.saying import raises_saying
 
 OTHER = Digest("0" * 64)
 
@@ -98,7 +99,7 @@ def test_an_edited_suite_is_refused_by_its_digest(tmp_path: Path) -> None:
     (tmp_path / name).write_text(text)
     assert newest(tmp_path, "regression") == suite
     (tmp_path / name).write_text(text.replace("seeds: 20", "seeds: 2", 1))
-    with pytest.raises(SuiteEdited, match="registered"):
+    with raises_saying(SuiteEdited, match="registered"):
         newest(tmp_path, "regression")
 
 

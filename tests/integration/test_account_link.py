@@ -54,6 +54,8 @@ def test_a_new_link_takes_the_place_of_the_lost_one_once_and_stands_in_the_trail
     assert entering(owned, lost) == 403
     assert entering(owned, new) == 200
     assert entering(owned, new) == 403
+    page = TestClient(owned.app, base_url=owned.app.state.console.settings.address).get(lost).text
+    assert "<code>regen account link</code>" in page
     (made,) = owned.app.state.sessions.accounts.store.audit_log(kind="sign_in.link_made")
     assert (made.actor, made.source) == ("host:owner", "127.0.0.1")
     assert new.rpartition("=")[2] not in str(made)

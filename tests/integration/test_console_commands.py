@@ -90,7 +90,7 @@ def test_a_stop_needs_a_reason_and_is_shown_as_stopping_until_it_is_static(stand
     mission_id = stand.driving()
     assert operator.post(f"/missions/{mission_id}/stop", data={"reason": " "}).status_code == 422
     assert stand.harness.runtime.mission(mission_id).status == "active"
-    answer = operator.post(f"/missions/{mission_id}/stop", data={"quick": "person in the way"})
+    answer = operator.post(f"/missions/{mission_id}/stop", data={"reason": "person in the way"})
     assert answer.status_code == 303
     assert "not acknowledged yet" in sentence(operator.get(f"/missions/{mission_id}/head").text)
     assert "Stopping vbot-1" in operator.get("/overview/bar").text

@@ -465,6 +465,8 @@ def test_a_mission_is_paused_and_resumed_on_the_page_of_its_question(
     assert (paused.status_code, paused.headers["location"]) == (303, f"/handoffs/{handoff_id}")
     page = operator.get(f"/handoffs/{handoff_id}").text
     assert "The mission is paused." in page and f'action="/handoffs/{handoff_id}/resume"' in page
+    head = operator.get(f"/missions/{mission.mission_id}/head").text
+    assert re.search(rf'href="/robots/{mission.robot_id}#this-mission"\s*>Resume</a>', head)
     resumed = operator.post(f"/handoffs/{handoff_id}/resume", data={"reason": "they left"})
     assert resumed.status_code == 303
     assert stand.harness.runtime.mission(mission.mission_id).status == "awaiting_human"

@@ -224,7 +224,7 @@ def test_a_question_that_nobody_answered_is_never_shown_as_a_persons_decision() 
         page = operator.get(f"/handoffs/{asked.handoff_id}").text
         assert asked.handoff.answer is None and asked.mission.status == "safe_stopped"
         assert "<b>expired</b>" in page and "nobody answered" in page
-        assert "Decision taken up" not in page
+        assert "Decision applied" not in page
         assert asked.handoff_id in operator.get("/handoffs?status=expired").text
 
 

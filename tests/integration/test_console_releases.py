@@ -444,6 +444,28 @@ def test_a_program_checks_a_candidate_as_the_page_does_and_nothing_is_stored(con
     assert console.bench.harness.runtime.head() == head and console.bench.releases.reviews() == []
 
 
+def test_an_author_decides_on_an_own_candidate_neither_on_the_page_nor_through_the_api(console: ReleaseConsole) -> None:
+    author = console.people["author"]
+    made = candidate()
+    sent = {"configuration": encode(made.configuration).decode(), "manifest": encode(made.manifest).decode()}
+    name = author.post("/api/v1/candidates", json=sent).json()["candidate"]
+    expect(console.bench.releases.begin(terms_of(made), say(RELEASER)))
+    expect(console.bench.releases.submit_results(evaluation(made), say(RELEASER)))
+    submitted = author.post(f"/api/v1/candidates/{name}/submit", json={"reason": "look", "key": "s"})
+    assert submitted.status_code == 200, submitted.text
+    seen = author.get(f"/api/v1/candidates/{name}").json()
+    word = {"reason": "mine is good", "cycle": seen["cycle"], "subject": seen["digest"]}
+    refused = author.post(f"/api/v1/candidates/{name}/approve", json=word | {"key": "a"})
+    assert (refused.status_code, refused.json()["code"]) == (409, "own_candidate")
+    assert console.said("author", name, "approve")[0] == 409
+    approved = console.people["reviewer"].post(f"/api/v1/candidates/{name}/approve", json=word | {"key": "b"})
+    assert approved.json()["approvals"] == ["the-reviewer"]
+    refused = author.post(f"/api/v1/candidates/{name}/authorise", json=word | {"key": "c"})
+    assert (refused.status_code, refused.json()["code"]) == (409, "own_candidate")
+    assert console.said("author", name, "authorise")[0] == 409
+    assert console.status(name) == "in_review"
+
+
 def test_the_api_says_every_word_and_names_every_rule_that_refuses(console: ReleaseConsole) -> None:
     loose = candidate(tried(wait_s=500.0))
     sent = {"configuration": encode(loose.configuration).decode(), "manifest": encode(loose.manifest).decode()}

@@ -106,6 +106,19 @@ def test_the_scene_grows_from_measured_sweeps_and_says_what_it_shows(scenes: Sce
     assert "lidar sweeps" in note
 
 
+def test_the_scene_has_the_sites_own_map_under_it_and_a_robot_with_legs(scenes: Scenes, mission_id: MissionId) -> None:
+    scenes.socket(mission_id)
+    scenes.step()
+    view, site = scenes._open[mission_id, ""], scenes._feeds[mission_id]._runtime.site
+    names = [
+        *(f"/site/zone/{one.name}" for one in site.zones),
+        *(f"/site/region/{one.name}" for one in site.places if one.region_m),
+        *(f"/site/passage/{one.passage_id}" for one in site.passages),
+        *("/robot/body", "/robot/head", "/robot/leg-fl", "/robot/leg-rr"),
+    ]
+    assert [name for name in names if view.server.scene.get_handle_by_name(name) is None] == []
+
+
 def test_a_mission_without_poses_says_why_its_scene_is_blank(stand: Stand, scenes: Scenes) -> None:
     blank = stand.created()
     scenes.socket(blank)

@@ -9,6 +9,7 @@ import pytest
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from app.web.dossier_export import export_with_report
 from harness.adapters.stores.chain import event_digest
 from harness.adapters.stores.dossier import signing_key, write_dossier
 from harness.auditing.dossier import DossierContent, collect
@@ -16,7 +17,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
 from harness.contracts.control import CONTROL, LimitAutonomy
 from harness.contracts.decisions import Accepted
-from harness.contracts.dossier import CONTENTS, EVENTS, RECORDS, DossierContents
+from harness.contracts.dossier import CONTENTS, EVENTS, RECORDS, REPORT, DossierContents
 from harness.contracts.errors import DossierInvalid, HarnessError, LogDamaged
 from harness.contracts.ids import MissionId, sha256
 from harness.contracts.place_events import PlaceSaved, SavePlace, place_stream
@@ -55,6 +56,19 @@ def rewritten(exported: Path, folder: Path, change: Callable[[Members], None]) -
         for name, body in inside.items():
             archive.writestr(name, body)
     return target
+
+
+def test_a_dossier_holds_a_report_for_people_that_is_signed_with_the_rest(tmp_path: Path) -> None:
+    with ran("circuit", "stale-pose", seed=3) as run:
+        export_with_report(
+            run.harness.runtime, MissionId(run.mission.mission_id), tmp_path / "a.zip", data=tmp_path, exported_by="ana"
+        )
+    inside = members(tmp_path / "a.zip")
+    assert inside[REPORT].startswith(b"%PDF-")
+    assert verify_dossier(tmp_path / "a.zip").differences == ()
+    other = rewritten(tmp_path / "a.zip", tmp_path, lambda files: files.update({REPORT: b"%PDF-1.4 another"}))
+    with raises_saying(DossierInvalid, match="report.pdf"):
+        verify_dossier(other)
 
 
 def test_an_untouched_dossier_verifies_and_every_decision_is_derived_again(exported: Path) -> None:

@@ -13,23 +13,12 @@ from harness.contracts.control import CONTROL, LimitAutonomy
 from harness.contracts.decisions import Accepted
 from harness.contracts.fleet import WorkerReport
 from harness.contracts.ids import RobotId
-from harness.contracts.observations import Pose
-from harness.contracts.protocol import RobotStatus
 from tests.builders.consoles import Stand
 from tests.builders.fleets import ONE, TWO, fleet_stand, run_together, started
+from tests.builders.reported_robots import moving, pose_at
 
 AWAY = RobotId("vbot-7")
-STATUS = RobotStatus(
-    robot_id=AWAY,
-    at_s=5.0,
-    posture="moving",
-    armed=True,
-    hardware_stop=False,
-    charge=0.37,
-    localised=True,
-    map_version="site-1",
-)
-POSE = Pose(seq=1, at_s=5.0, source="localiser", frame="map", map_version="site-1", x_m=3.0, y_m=2.0, yaw_rad=0.1)
+STATUS, POSE = moving(AWAY, charge=0.37), pose_at(3.0, 2.0)
 
 
 class Site:

@@ -36,6 +36,9 @@ def test_a_disputed_mission_becomes_a_bundle_and_its_case_needs_somebody_with_an
     assert plain["case"] is None and plain["status"] == "succeeded"
     disputed = ("mission", "dispute", mission_id, "--condition", "go.arrival", "--reason", "beside it")
     assert regen(*disputed, "--data", data).returncode == 0
+    for told in (("mission", "list"), ("mission", "show", mission_id)):
+        assert "succeeded, disputed" in regen(*told, "--data", data).stdout
+    assert answer(regen("mission", "show", mission_id, "--data", data, "--json"))["disputed"] == ["go.arrival"]
     found = answer(regen("incident", mission_id, "--out", bundle, "--reason", "beside it", "--data", data, "--json"))
     assert found["case"] is None and "by a person's hand" in found["no_case"]
     assert {one.name for one in bundle.iterdir()} == {"timeline.json", "dossier.zip", "case.json"}

@@ -10,9 +10,7 @@ from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.bootstrap import NullSignals, Parts, assemble, local_services
-from harness.contracts.events import (
-    InvocationAccepted,
-)
+from harness.contracts.events import FailureReported, HandoffRequested, InvocationAccepted
 from harness.contracts.ids import MissionId
 from harness.settings import HarnessSettings
 from simulator.camera import CAMERA
@@ -89,6 +87,19 @@ def test_a_restarted_supervisor_goes_on_by_the_handle_it_kept(durable: Durable) 
         assert {call for one in made for call in one.calls} == {"report", "keepalive", "resume"}
         (kept,) = [event for event in ran.events if isinstance(event, InvocationAccepted)]
         assert kept.handle.startswith("route-follower:")
+
+
+def test_an_act_that_moves_nothing_and_was_never_sent_has_all_its_time_after_a_restart(durable: Durable) -> None:
+    with durable.opened(lambda provider: provider) as stage:
+        mission_id = stage.begin("circuit")
+        dispatched = stage.until(mission_id, lambda mission: mission.invocation is not None)
+        assert dispatched.invocation is not None and dispatched.invocation.intent.node_id == "request"
+        deadline_s = dispatched.invocation.intent.deadline_s
+    durable.parts.clock.wait_until(deadline_s + 30.0)
+    with durable.opened(lambda provider: provider) as stage:
+        ran = stage.run(mission_id)
+    assert ran.mission.status == "succeeded", ran.mission.reason
+    assert not [event for event in ran.events if isinstance(event, FailureReported | HandoffRequested)]
 
 
 @pytest.mark.ask("flotilla#1943")

@@ -65,6 +65,7 @@ def test_a_candidate_goes_from_a_file_to_a_canary_and_back_at_the_terminal(termi
     decided = ("--digest", shown["digest"], "--reason", "the figures say so")
     assert "own_candidate" in terminal.not_done("lea", "approve", name, *decided)
     assert terminal.rsi("rob", "approve", name, *decided)["approvals"] == ["rob"]
+    assert "own_candidate" in terminal.not_done("lea", "authorise", name, *decided)
     assert terminal.rsi("sam", "authorise", name, *decided)["status"] == "authorised"
     assert terminal.rsi("sam", "release", name, *decided)["status"] == "canary"
     during = terminal.rsi("sam", "history")

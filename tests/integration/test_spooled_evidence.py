@@ -13,8 +13,8 @@ from harness.contracts.ids import sha256
 from harness.contracts.observations import AnySample, Scan
 from harness.contracts.protocol import RobotStatus
 from harness.contracts.values import decode, encode
+from harness.provider_protocol.evidence_receiver import EvidenceReceiver, receiver_operations
 from harness.provider_protocol.forwarding import EvidenceForwarder
-from harness.provider_protocol.receiving import EvidenceReceiver, receiver_operations
 from harness.provider_protocol.service import provider_service
 from harness.provider_protocol.spool import EvidenceSpool, SpoolBatch, SpoolHead
 from simulator.robot import SimulatedRobot

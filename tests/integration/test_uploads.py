@@ -1,5 +1,6 @@
 """Recordings and clouds come in pieces; a replay is a job that ends as a mission; every refusal is typed."""
 
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from app.background.uploads import Uploads
 from app.views.uploaded_files import CHUNK_BYTES
 from harness.contracts.errors import ContractInvalid
 from tests.builders.consoles import Stand, console_stand
-from tests.builders.declared_drives import declared_drive
+from tests.builders.declared_drives import declared_drive, rosbag2_drive
 from tests.saying import raises_saying
 
 OCTETS = {"content-type": "application/octet-stream"}
@@ -176,3 +177,158 @@ def test_what_is_not_taken_says_why(tmp_path: Path, name: str, size: int, why: s
 
 def test_one_piece_fits_into_one_request() -> None:
     assert CHUNK_BYTES < 1024 * 1024
+
+
+def floor_map(folder: Path, *, resolution: float = 0.5, image: str = "hall.pgm") -> tuple[Path, Path]:
+    """A map_server map around the places of the shipped site: walls at its edge, free floor inside."""
+    cells = np.full((120, 160), 254, np.uint8)
+    cells[[0, -1], :] = cells[:, [0, -1]] = 0
+    drawn, described = folder / "hall.pgm", folder / "hall.yaml"
+    drawn.write_bytes(b"P5\n160 120\n255\n" + cells.tobytes())
+    described.write_text(
+        f"image: {image}\nresolution: {resolution}\norigin: [-40.0, -30.0, 0.0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    return described, drawn
+
+
+def sent_together(client: TestClient, *files: Path) -> Any:
+    """Several files as one, as the page's script sends them; the answer to the last piece."""
+    body = b"".join(one.read_bytes() for one in files)
+    parts = [{"name": one.name, "size_bytes": one.stat().st_size} for one in files]
+    begun = client.post("/api/v1/uploads", json={"name": files[0].name, "size_bytes": len(body), "parts": parts})
+    assert begun.status_code == 201, begun.text
+    answer = begun
+    for at in range(0, len(body), 10_000):
+        piece = body[at : at + 10_000]
+        path = f"/api/v1/uploads/{begun.json()['upload_id']}?offset={at}"
+        answer = client.post(path, content=piece, headers=OCTETS)
+    return answer
+
+
+SAID_OF_MAP = {"map_version": "site-1", "frame": "map", "metres_per_cell": 0.5, "reason": "surveyed"}
+
+
+def zipped(file: Path, *members: Path, folder: str = "drive") -> Path:
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for one in members:
+            archive.write(one, f"{folder}/{one.name}")
+    return file
+
+
+@pytest.mark.parametrize("as_zip", [False, True])
+def test_a_floor_map_is_shown_with_its_map_version_once_its_frame_and_unit_are_said(
+    stand: Stand, operator: TestClient, tmp_path: Path, as_zip: bool
+) -> None:
+    files = floor_map(tmp_path)
+    sent = (
+        uploaded(operator, zipped(tmp_path / "hall.zip", *files)) if as_zip else sent_together(operator, *files).json()
+    )
+    assert (sent["kind"], sent["received_bytes"]) == ("map", sent["size_bytes"])
+    path = f"/api/v1/uploads/{sent['upload_id']}/map"
+    assert operator.post(path, json={"map_version": "site-1"}).status_code == 422, "frame and unit are asked for"
+    other = operator.post(path, json=SAID_OF_MAP | {"metres_per_cell": 0.1})
+    assert (other.status_code, other.json()["reason"]["code"]) == (422, "map_unit_differs")
+    found = operator.post(path, json=SAID_OF_MAP)
+    assert found.status_code == 200, found.text
+    assert found.json()["points"] == 2 * 160 + 2 * 118
+    assert found.json()["high_m"][:2] == pytest.approx([39.75, 29.75])
+    assert operator.get("/api/v1/maps/site-1/cloud").json()["source"] == "hall.yaml"
+
+
+def test_a_floor_map_never_replaces_the_picture_of_a_map_silently(
+    stand: Stand, operator: TestClient, tmp_path: Path
+) -> None:
+    first = uploaded(operator, cloud(tmp_path))
+    said = {"map_version": "site-1", "frame": "map", "metres_per_unit": 1, "reason": "scan"}
+    assert operator.post(f"/api/v1/uploads/{first['upload_id']}/cloud", json=said).status_code == 200
+    sent = sent_together(operator, *floor_map(tmp_path)).json()
+    path = f"/api/v1/uploads/{sent['upload_id']}/map"
+    kept = operator.post(path, json=SAID_OF_MAP)
+    assert (kept.status_code, kept.json()["rule"]) == (409, "map_has_cloud")
+    assert operator.get("/api/v1/maps/site-1/cloud").json()["source"] == "hall.pcd"
+    assert operator.post(path, json=SAID_OF_MAP | {"replace": True}).status_code == 200
+    site = stand.harness.runtime.site
+    assert (site.map_version, len(site.places)) == ("site-1", len(site.places)), "the site itself is as it was"
+
+
+def test_a_floor_map_in_other_units_puts_the_sites_places_off_its_floor_and_is_refused(
+    operator: TestClient, tmp_path: Path
+) -> None:
+    sent = sent_together(operator, *floor_map(tmp_path, resolution=0.05)).json()
+    said = SAID_OF_MAP | {"metres_per_cell": 0.05}
+    answer = operator.post(f"/api/v1/uploads/{sent['upload_id']}/map", json=said)
+    assert (answer.status_code, answer.json()["reason"]["code"]) == (422, "map_places_off_floor")
+    elsewhere = operator.post(f"/api/v1/uploads/{sent['upload_id']}/map", json=said | {"map_version": "toy-1"})
+    assert elsewhere.status_code == 200, "of another map nobody knows where its places are"
+
+
+def test_a_floor_map_without_its_image_or_with_a_way_out_of_its_folder_is_refused(
+    operator: TestClient, tmp_path: Path
+) -> None:
+    described, drawn = floor_map(tmp_path)
+    lonely = operator.post(
+        "/api/v1/uploads",
+        json={"name": "hall.yaml", "size_bytes": 9, "parts": [{"name": "hall.yaml", "size_bytes": 9}]},
+    )
+    assert (lonely.status_code, lonely.json()["reason"]["code"]) == (422, "upload_folder_unknown")
+    described, drawn = floor_map(tmp_path, image="../../../../../../etc/hostname")
+    sent = sent_together(operator, described, drawn).json()
+    answer = operator.post(f"/api/v1/uploads/{sent['upload_id']}/map", json=SAID_OF_MAP)
+    assert answer.status_code == 422, answer.text
+
+
+@pytest.mark.parametrize("as_zip", [False, True])
+def test_a_rosbag2_folder_is_replayed_from_its_files_or_a_zip(
+    stand: Stand, operator: TestClient, tmp_path: Path, as_zip: bool
+) -> None:
+    folder = rosbag2_drive(tmp_path / "drive")
+    files = sorted(folder.iterdir())
+    assert "metadata.yaml" in [one.name for one in files]
+    if as_zip:
+        sent = uploaded(operator, zipped(tmp_path / "drive.zip", *files))
+    else:
+        sent = sent_together(operator, *files).json()
+    assert sent["kind"] == "recording"
+    asked = operator.post(f"/api/v1/uploads/{sent['upload_id']}/replay", json={"target_x_m": 6.0, "target_y_m": 0.0})
+    stand.app.state.console.replays.step()
+    job = operator.get(f"/api/v1/replays/{asked.json()['replay_id']}").json()
+    assert job["state"] == "ended", job
+    assert job["mission_id"] and job["status"] in ("succeeded", "failed")
+
+
+def test_the_form_takes_several_files_without_scripts(stand: Stand, operator: TestClient, tmp_path: Path) -> None:
+    described, drawn = floor_map(tmp_path)
+    files = [("file", (one.name, one.read_bytes())) for one in (described, drawn)]
+    assert operator.post("/recordings", files=files).status_code == 303
+    (sent,) = operator.get("/api/v1/uploads").json()
+    assert sent["kind"] == "map" and "floor map" in operator.get("/recordings").text
+
+
+@pytest.mark.parametrize(
+    ("name", "code"),
+    [("nothing", "zip_unreadable"), ("strangers", "upload_folder_unknown"), ("above", "zip_not_a_folder"),
+     ("two", "zip_not_a_folder"), ("bomb", "zip_too_large")],
+)  # fmt: skip
+def test_a_zip_that_lies_is_refused_and_leaves_nothing(tmp_path: Path, name: str, code: str) -> None:
+    file = tmp_path / f"{name}.zip"
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        match name:
+            case "strangers":
+                archive.writestr("a/readme.txt", "hello")
+            case "above":
+                archive.writestr("../metadata.yaml", "x")
+            case "two":
+                archive.writestr("a/metadata.yaml", "x")
+                archive.writestr("b/metadata.yaml", "x")
+            case "bomb":
+                archive.writestr("a/metadata.yaml", b"\0" * 5_000_000)
+    if name == "nothing":
+        file.write_bytes(b"PK nothing of the kind")
+    uploads = store(tmp_path / "uploads")
+    body = file.read_bytes()
+    begun = uploads.begin(file.name, size_bytes=len(body), by="ada")
+    with pytest.raises(ContractInvalid) as refused:
+        uploads.add(begun.upload_id, offset=0, piece=body, by="ada")
+    assert refused.value.reason.code == code
+    assert uploads.all() == () and not list((tmp_path / "uploads").iterdir())

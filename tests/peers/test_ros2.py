@@ -30,6 +30,7 @@ from harness.contracts.errors import FencingRefused, HarnessError, ProviderFaile
 from harness.contracts.ids import MissionId, NodeId, ProviderId, RequestId
 from harness.contracts.observations import Battery, LaserMount, Odometry, Pose, Scan
 from harness.contracts.protocol import TERMINAL, InvocationIdentity, InvocationReport, StartRequest
+from harness.contracts.reasons import plain
 from harness.workspace.new_folder import write_folder
 from tests.builders.declaring_robot import DeclaringRobot
 
@@ -106,12 +107,13 @@ class Ros:
         return found
 
     def whole(self, *, base: tuple[str, ...] = (), navigation: tuple[str, ...] = ()) -> HttpRobot:
-        """Everything, localised and with its action server found."""
+        """Everything, localised and with its emergency stop heard to be released."""
         self.base(*base)
         self.navigation(*navigation)
         self.sidecar()
         found = self.client()
         eventually(lambda: found.status().localised, "a fresh pose")
+        eventually(lambda: not found.status().hardware_stop, "the released emergency stop")
         return found
 
 
@@ -333,7 +335,7 @@ def test_a_goal_that_the_stack_does_not_take_or_reach_is_a_failure_with_its_own_
     robot = ros.whole(navigation=navigation)
     provider, report = started(robot, request(target=target))
     ended = followed(provider, report.handle, over)
-    assert (ended.status, ended.failure) == ("failed", failure) and said in ended.message
+    assert (ended.status, ended.failure) == ("failed", failure) and said in plain(ended.message)
 
 
 def test_a_sidecar_that_was_restarted_under_way_stops_the_goal_and_starts_nothing_twice(ros: Ros) -> None:

@@ -1,4 +1,4 @@
-"""Holds the sentences about executions, their leases and their handoffs, by reason code."""
+"""Holds the sentences about how executions end: leases, stops, unanswered handoffs and replays, by reason code."""
 
 from collections.abc import Mapping
 

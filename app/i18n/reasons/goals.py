@@ -23,6 +23,7 @@ SENTENCES: Mapping[str, str] = {
     "clause_not": N_("do not: {clause}"),
     "clause_photograph": N_("take a picture from here"),
     "clause_photograph_it": N_("photograph {object}"),
+    "clause_report_aloud": N_("report aloud"),
     "clause_report": N_("report the finding aloud"),
     "clause_return": N_("return"),
     "clause_return_to": N_("return to {object}"),
@@ -54,6 +55,10 @@ SENTENCES: Mapping[str, str] = {
     "unread_quoted": N_("quoted words"),
     "unread_statement": N_("says what is or was done, and orders nothing"),
     "unread_time": N_("a time, which nothing here can keep"),
+    "unread_wait_too_long": N_(
+        "a wait of more than {limit_min} minutes, which holds the robot too long: ask for {limit_min} minutes or less"
+    ),
+    "unread_wait_unstated": N_("a wait without its length: say for how many seconds or minutes"),
     "unread_unknown_words": N_("words that are not known here"),
     "was_in_forbidden_region": N_("{poses} poses are in {region}, which the goal forbids"),
 }

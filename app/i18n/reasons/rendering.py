@@ -20,6 +20,7 @@ from app.i18n.reasons import (
     alerts,
     candidates,
     compiling,
+    conformance,
     console,
     contexts,
     contracts,
@@ -35,6 +36,7 @@ from app.i18n.reasons import (
     providers,
     recordings,
     recovery,
+    reports,
     requests,
     restrictions,
     reviews,
@@ -57,6 +59,7 @@ SENTENCES: Mapping[str, str] = {
     **alerts.SENTENCES,
     **candidates.SENTENCES,
     **compiling.SENTENCES,
+    **conformance.SENTENCES,
     **console.SENTENCES,
     **contexts.SENTENCES,
     **contracts.SENTENCES,
@@ -74,6 +77,7 @@ SENTENCES: Mapping[str, str] = {
     **recovery.SENTENCES,
     **restrictions.SENTENCES,
     **reviews.SENTENCES,
+    **reports.SENTENCES,
     **requests.SENTENCES,
     **robot_programs.SENTENCES,
     **robots.SENTENCES,
@@ -103,9 +107,9 @@ REMEDIES: Mapping[str, str] = {
 }
 """What to do about an error, by the code of what happened."""
 VARIANTS: Mapping[str, tuple[str, Any, str]] = {
-    "all_conditions_hold": ("count", 1, N_("the condition holds")),
+    "all_conditions_hold": ("count", 1, N_("The condition holds.")),
     "handoff_was_answered": ("decision", "expired", N_("The handoff expired unanswered")),
-    "retreat_ended": ("outcome", "short", N_("Return failed: {reason}; the provider declared {declared}")),
+    "retreat_ended": ("outcome", "short", N_("Return failed: {reason}; the provider declared {declared:word}")),
     "retreat_over": ("outcome", "short", N_("the return to the safe point failed")),
 }
 """Codes with a second message, for one value of one fact: the fact, the value, the message."""

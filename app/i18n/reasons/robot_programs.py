@@ -1,4 +1,4 @@
-"""Holds the sentences of what a robot's own program refuses, and what the simulated robot cannot do, by reason code."""
+"""Holds the sentences of the serving end of the provider protocol: robots' programs, journals, spools, simulation."""
 
 from collections.abc import Mapping
 
@@ -9,7 +9,6 @@ SENTENCES: Mapping[str, str] = {
     "base_held": N_("Invocation {handle} still holds the base"),
     "body_moves": N_("The body still moves"),
     "drive_session_over": N_("Session {session} has ended"),
-    "hardware_stop_engaged": N_("the hardware stop is engaged"),
     "journal_line_unreadable": N_("A provider's journal holds an unreadable line ({error})"),
     "journal_unusable": N_("A provider's journal cannot be used ({error})"),
     "nothing_received": N_("Nothing of this robot was received yet"),

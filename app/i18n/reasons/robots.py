@@ -31,7 +31,7 @@ SENTENCES: Mapping[str, str] = {
     "vehicle_on_other_map": N_("The request is in {map_id}, the vehicle on another map"),
     "vehicle_silent": N_("{vehicle} sends no state"),
     "vehicle_timestamp_invalid": N_("The vehicle's timestamp {timestamp} is no time"),
-    "vehicle_unfit": N_("The vehicle cannot drive now. {text}"),
+    "vehicle_unfit": N_("The vehicle cannot drive now. {reason}"),
     "another_robot_answers": N_("{found} answers at the address of {expected}"),
     "answer_breaks_protocol": N_("The robot's answer breaks the protocol ({error})"),
     "answer_nested_too_deep": N_("The robot's answer is nested too deep"),
@@ -54,8 +54,22 @@ SENTENCES: Mapping[str, str] = {
     "stopped_as_unclear": N_("the robot's answers cannot be used: {reason}"),
     "unknown_lie": N_("The kit knows no lie {name}"),
     "too_many_of": N_("The robot's answer lists more than {limit} {what}"),
+    "robot_only_observed": N_("{robot_id} is in shadow mode: its own stack decides, and nothing commands it from here"),
+    "stack_changes_unordered": N_("The changes of the stack's goals are not in order"),
+    "stack_clock_back": N_("The stack's clock went back by {back_s:.0f} s"),
+    "stack_goal_forgotten": N_("The stack no longer knows this goal"),
+    "stack_goal_not_over": N_("The stack did not say that {goal_id} is over"),
+    "stack_not_served": N_("The robot says nothing of a stack of its own"),
+    "stack_outcome_unknown": N_("The stack does not know how it ended"),
+    "stack_restarted": N_("The stack was started again before it said how this ended"),
+    "stack_restarts": N_("The stack was started again while it was read"),
+    "stack_vanished": N_("The stack was silent for {silent_s:.0f} s"),
+    "too_many_stack_goals": N_("The stack has more than {limit} goals at once"),
 }
 REMEDIES: Mapping[str, str] = {
+    "robot_only_observed": N_(
+        "see what it does under /shadow; to hand it over, take `authority: observe` out of robots.yaml and start again"
+    ),
     "another_vehicle_answers": N_("see which vehicle publishes there, and correct its name or robots.yaml"),
     "certificate_authority_missing": N_("correct `authority_file`: its path from the site's folder"),
     "broker_gave_no_answer": N_("see whether the broker runs at this address"),

@@ -58,7 +58,7 @@ SENTENCES: Mapping[str, str] = {
     "posture_fixed": N_("{robot_id} cannot change its posture."),
     "rest_not_shown": N_("not shown at rest"),
     "retreat_begun": N_("{robot_id} is on the way to {place}."),
-    "retreat_ended": N_("Return to the safe point: {outcome:word}. {reason}; the provider declared {declared}"),
+    "retreat_ended": N_("Return to the safe point: {outcome:word}. {reason}; the provider declared {declared:word}"),
     "retreat_not_sent": N_("The harness stopped before the command could be sent."),
     "robot_did_not_answer": N_("the robot did not answer"),
     "robot_not_localised": N_("The robot is not localised"),

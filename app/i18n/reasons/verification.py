@@ -10,7 +10,7 @@ SENTENCES: Mapping[str, str] = {
     "picture_shows_it": N_("The picture shows {name} (score {score:.2f})"),
     "picture_shows_it_doubtfully": N_("The picture may show {name}: score {score:.2f}, at least {least:.2f} is needed"),
     "reading_of_another_picture": N_("The reading is of another picture ({image})"),
-    "all_conditions_hold": N_("all {count} conditions hold"),
+    "all_conditions_hold": N_("All {count} conditions hold."),
     "another_sound_played": N_("another sound was played"),
     "arrived": N_("{distance_m:.2f} m from the target in {samples} samples, at rest"),
     "away_from_place": N_("{distance_m:.2f} m from the place"),
@@ -209,6 +209,23 @@ SENTENCES: Mapping[str, str] = {
     "findings_not_in_sight": N_(
         "{findings} findings are out of view, range or line of sight in the images that are to show them"
     ),
+    "inertia_fell_silent": N_(
+        "odometry shows a change of motion at {at_s:.1f} s, and inertia, which is to be felt, is missing there "
+        "({samples} samples in all)"
+    ),
+    "picture_of_another_heading": N_(
+        "picture {image} fits the lidar sweep better {turn_deg:+.0f}° beside the claimed heading ({other:.1f}) than "
+        "there ({own:.1f})"
+    ),
+    "pictures_fit_no_heading": N_(
+        "the pictures do not clearly fit the lidar sweep at the claimed headings: {own:.1f} there, {other:.1f} "
+        "{turn_deg:+.0f}° beside them"
+    ),
+    "pictures_not_laid_over_sweep": N_("the pictures cannot be laid over the lidar sweep"),
+    "pictures_of_other_headings": N_(
+        "{pictures} pictures fit the lidar sweeps better {turn_deg:+.0f}° beside the claimed headings ({other:.1f}) "
+        "than there ({own:.1f})"
+    ),
     "findings_outside_passage": N_("{findings} findings are not in the passage"),
     "frames_without_heading": N_("no measured heading of the frames is known"),
     "message_changed": N_("the message was changed after it was accepted"),
@@ -252,8 +269,15 @@ SENTENCES: Mapping[str, str] = {
         "the recording of the room is one of an earlier playback, for request {request}, or a copy of it"
     ),
     "recognition_of_another_sound": N_("the recognition is of another recording"),
+    "another_outcome_asked": N_("the harness asked for another report than this one"),
+    "other_words_heard": N_("words were heard that were not to be said: {words}"),
+    "outcome_denied": N_("what was heard denies what was to be reported: {heard}"),
+    "recording_at_another_speed": N_(
+        "the recording runs {speed:.3f} times as fast as what was played: it is no recording of this playback"
+    ),
     "recording_silent": N_("the microphone recorded nothing but silence"),
     "report_heard": N_("heard in the room: {heard}"),
+    "report_heard_before_outcome": N_("the report was heard before all that it tells was accepted"),
     "report_heard_before_analysis": N_("the report was heard before the analysis"),
     "speech_not_recognised": N_("what was recorded could not be recognised"),
     "unverified_part_not_heard": N_("the report was not heard to call this part unverified: {part}"),

@@ -10,6 +10,7 @@ from harness.contracts.effects import Relational
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import PROTOCOL, StartRequest
+from harness.contracts.reasons import because
 from harness.contracts.values import Count, Value, encode
 from harness.provider_protocol.proposals import claims
 
@@ -62,7 +63,7 @@ class EvidenceArchiver(LocalProvider):
         )
         blob = self._blobs.put(encode(certificate))
         return Result(
-            message=f"The picture {image[:12]} is kept, {len(body)} bytes.",
+            message=because("picture_archived", image=image[:12], bytes=len(body)),
             drafts=(ReceiptDraft(kind="keeping", text=image, blob=blob, values={"bytes": float(len(body))}),),
             declared={"bytes": float(len(body))},
             blobs=(image, blob),

@@ -48,7 +48,7 @@ class TextIntake(LocalProvider):
         text = str(request.parameters["text"])
         blob = self._blobs.put(text.encode())
         return Result(
-            message="Request taken down as typed.",
+            message=because("request_taken_down"),
             drafts=(ReceiptDraft(kind="transcript", text="typed", blob=blob, values={"characters": float(len(text))}),),
             declared={"characters": float(len(text))},
             blobs=(blob,),

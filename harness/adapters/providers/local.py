@@ -34,7 +34,7 @@ class Result(Value):
     `proposes` are the facts that the provider believes to be true now (D52).
     """
 
-    message: str
+    message: Explanation
     drafts: tuple[ReceiptDraft, ...]
     declared: dict[str, float]
     blobs: tuple[Digest, ...] = ()
@@ -46,7 +46,7 @@ class Failed(Value):
     """Work that cannot be finished: a failure code of the card, and the reason for a person."""
 
     failure: str
-    message: str
+    message: Explanation
 
 
 Outcome = Result | protocol.Progress | Failed
@@ -102,7 +102,7 @@ class LocalProvider(ABC):
             request = self._journal.requests[report.identity.request_id]
             if now_s > request.deadline_s:
                 self.halt(request.identity.request_id)
-                return self._fail(report, failure="timeout", message="The deadline passed before the work was done.")
+                return self._fail(report, failure="timeout", message=because("deadline_passed"))
             return self._guarded(report, lambda: self.work(request, now_s))
 
     def keepalive(self, handle: str) -> None:
@@ -119,7 +119,7 @@ class LocalProvider(ABC):
             if report.status in protocol.TERMINAL:
                 return report
             self.halt(report.identity.request_id)
-            return self._end(report, status="cancelled", message="Stopped on request.")
+            return self._end(report, status="cancelled", message=because("stopped_on_request"))
 
     def check(self, request: protocol.StartRequest) -> None:
         """Refuse what the card's parameter types cannot express. Raises ProviderFailed."""
@@ -143,7 +143,7 @@ class LocalProvider(ABC):
         try:
             outcome = act()
         except HarnessError as error:
-            return self._fail(report, failure=error.code, message=str(error))
+            return self._fail(report, failure=error.code, message=error.located)
         if outcome is None:
             return report
         if isinstance(outcome, Failed):
@@ -182,11 +182,13 @@ class LocalProvider(ABC):
             at_s=at_s,
         )
 
-    def _fail(self, report: protocol.InvocationReport, *, failure: str, message: str) -> protocol.InvocationReport:
+    def _fail(
+        self, report: protocol.InvocationReport, *, failure: str, message: Explanation
+    ) -> protocol.InvocationReport:
         return self._end(msgspec.structs.replace(report, failure=failure), status="failed", message=message)
 
     def _end(
-        self, report: protocol.InvocationReport, *, status: Any, message: str, at_s: float | None = None
+        self, report: protocol.InvocationReport, *, status: Any, message: Explanation, at_s: float | None = None
     ) -> protocol.InvocationReport:
         progress = protocol.Progress(share=1.0, text=message) if status == "succeeded" else report.progress
         ended = msgspec.structs.replace(

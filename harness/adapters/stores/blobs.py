@@ -5,11 +5,12 @@ A blob is written under another name, synced, then renamed, so that its digest n
 
 import os
 import re
-import tempfile
 from collections.abc import Callable, Iterator
 from logging import getLogger
 from pathlib import Path
+from uuid import uuid4
 
+from harness.adapters.replaced_files import OWN, replacing, sync_folder
 from harness.contracts.errors import BlobDamaged, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.reasons import because
@@ -46,7 +47,7 @@ class FileBlobStore:
         try:
             if not _holds(path, body):
                 self._write(path, body)
-            _sync_folder(path.parent)
+            sync_folder(path.parent)
         except OSError as error:
             raise self._unavailable(error) from error
         return digest
@@ -66,7 +67,7 @@ class FileBlobStore:
 
     def has(self, digest: Digest) -> bool:
         """Whether there is a file of that digest. Only `get` looks inside."""
-        return _DIGEST.fullmatch(digest) is not None and self._path(digest).is_file()
+        return _DIGEST.fullmatch(digest) is not None and os.path.isfile(self._file(digest))
 
     def digests(self) -> Iterator[Digest]:
         """All digests, in ascending order."""
@@ -82,7 +83,7 @@ class FileBlobStore:
         try:
             if path.is_file():
                 path.unlink()
-                _sync_folder(path.parent)
+                sync_folder(path.parent)
             self._copies(digest)
         except OSError as error:
             raise self._unavailable(error) from error
@@ -104,22 +105,17 @@ class FileBlobStore:
         for folder in (path.parent.parent, path.parent):
             if not folder.is_dir():
                 folder.mkdir(exist_ok=True)
-                _sync_folder(folder.parent)
-        number, name = tempfile.mkstemp(dir=self._incoming)
-        try:
-            with open(number, "wb") as file:
-                file.write(body)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(name, path)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
+                sync_folder(folder.parent)
+        with replacing(path, beside=self._incoming / uuid4().hex, mode=OWN) as file:
+            file.write(body)
 
     def _path(self, digest: Digest) -> Path:
         if not _DIGEST.fullmatch(digest):
             raise BlobDamaged(because("digest_invalid", digest=digest[:80]), where=str(self._folder))
-        return Path(f"{self._folder}/{digest[:2]}/{digest[2:4]}/{digest}")
+        return Path(self._file(digest))
+
+    def _file(self, digest: Digest) -> str:
+        return f"{self._folder}/{digest[:2]}/{digest[2:4]}/{digest}"
 
     def _unavailable(self, error: OSError) -> StoreUnavailable:
         return StoreUnavailable(
@@ -140,11 +136,3 @@ def _holds(path: Path, body: bytes) -> bool:
         return path.read_bytes() == body
     except FileNotFoundError:
         return False
-
-
-def _sync_folder(folder: Path) -> None:
-    number = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(number)
-    finally:
-        os.close(number)

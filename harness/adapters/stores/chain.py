@@ -16,7 +16,7 @@ import msgspec
 from harness.contracts import ports
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, LogDamaged
 from harness.contracts.ids import Digest, StreamId, sha256
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Reason, because
 from harness.contracts.stored_commands import command_of
 from harness.contracts.values import Moment
 
@@ -74,15 +74,15 @@ def check(events: Iterable[ports.StoredEvent], after: ports.LogHead = GENESIS) -
     head = after
     for event in events:
         if event.position != head.position + 1:
-            raise damaged(head.position + 1, f"the log goes on at position {event.position}")
+            raise damaged(head.position + 1, because("log_goes_on_at", position=event.position))
         if event.previous != head.digest:
-            raise damaged(event.position, "it does not name the digest of the event before it")
+            raise damaged(event.position, because("event_unchained"))
         try:
             expected = event_digest(event)
         except (TypeError, ValueError, AttributeError, struct.error) as error:
-            raise damaged(event.position, f"a field is not of its type ({error})") from error
+            raise damaged(event.position, because("event_field_misshapen", error=str(error))) from error
         if event.digest != expected:
-            raise damaged(event.position, "its digest does not match its content")
+            raise damaged(event.position, because("event_digest_differs"))
         head = ports.LogHead(position=event.position, digest=event.digest)
     return head
 
@@ -111,7 +111,7 @@ def _check_stored(waiting: Mapping[Digest, int], stored: Callable[[Sequence[Dige
     found = frozenset(stored(list(waiting)))
     for command, position in waiting.items():
         if command not in found:
-            raise damaged(position, f"the command {command[:12]} that it names is not stored")
+            raise damaged(position, because("event_command_missing", command=command[:12]))
 
 
 def check_record(record: ports.Record) -> None:
@@ -136,7 +136,7 @@ def admit(batches: Sequence[ports.Batch], records: Sequence[ports.Record]) -> No
             )
 
 
-def damaged(position: int, why: str) -> LogDamaged:
+def damaged(position: int, why: Reason) -> LogDamaged:
     """The error for the event at `position`."""
     return LogDamaged(because("log_damaged", why=why), where=because("at_position", position=position))
 

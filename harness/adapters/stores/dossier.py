@@ -14,6 +14,7 @@ import msgspec
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
+from harness.adapters.replaced_files import replacing
 from harness.adapters.stores.chain import check_record, damaged, event_digest
 from harness.contracts import dossier, errors, ports
 from harness.contracts.ids import Digest, StreamId
@@ -61,18 +62,15 @@ def write_dossier(
     signature = dossier.DossierSignature(
         algorithm=ALGORITHM, public_key=public_key(key), signature=key.sign(signed).hex()
     )
-    partial = path.with_name(f".{path.name}.partial")
     try:
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+        with replacing(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
             for name, body in (
                 (dossier.CONTENTS, signed),
                 (dossier.SIGNATURE, encode(signature)),
                 *sorted(files.items()),
             ):
                 archive.writestr(name, body)
-        partial.replace(path)
     except OSError as error:
-        partial.unlink(missing_ok=True)
         raise errors.StoreUnavailable(
             because("dossier_unwritable", error=error.strerror or str(error)), where=str(path)
         ) from error
@@ -157,19 +155,19 @@ class DossierLog:
         at: dict[StreamId, int] = {}
         for event in self._log:
             if event.digest != event_digest(event):
-                raise damaged(event.position, "its digest does not match its content")
+                raise damaged(event.position, because("event_digest_differs"))
             if event.version != at.get(event.stream, 0) + 1:
-                raise damaged(event.position, f"{event.stream} goes on at version {event.version}")
+                raise damaged(event.position, because("stream_goes_on_at", stream=event.stream, version=event.version))
             if before is not None and event.position <= before.position:
-                raise damaged(event.position, "the events are not in the log's order")
+                raise damaged(event.position, because("events_out_of_order"))
             if before is not None and event.position == before.position + 1 and event.previous != before.digest:
-                raise damaged(event.position, "it does not name the digest of the event before it")
+                raise damaged(event.position, because("event_unchained"))
             at[event.stream] = event.version
             before = event
         commands = {name: one.position for one in self._log if (name := command_of(one)) is not None}
         for name, position in commands.items():
             if name not in self._records:
-                raise damaged(position, f"the command {name[:12]} that it names is not in the dossier")
+                raise damaged(position, because("dossier_lacks_command", command=name[:12]))
         for record in self._records.values():
             check_record(record)
         return self._head

@@ -14,6 +14,7 @@ from harness.adapters.stores import postgres_engine
 from harness.adapters.stores.sql_log import SqlLog
 from harness.adapters.stores.sql_schema import migrate, needs_migration
 from harness.adapters.stores.sql_statements import statements
+from harness.adapters.stores.version_cache import ServerVersionCache
 from harness.contracts.errors import LogDamaged, StoreUnavailable
 from harness.contracts.ports import LogHead, Record, StoredEvent
 from harness.contracts.reasons import because
@@ -42,6 +43,7 @@ class PostgresEventStore(SqlLog):
             readers=postgres_engine.reader_engine(self._url),
             aside=postgres_engine.aside_engine(self._url),
         )
+        self._unchanged = ServerVersionCache(self._rows, self._sql)
         self._writers = postgres_engine.writer_engine(self._url, busy_s=busy_s)
         self._writer: Connection | None = None
         with postgres_engine.translated(self._url):

@@ -6,6 +6,7 @@ What matters is sealed as a blob at the end (D8); after a power failure the robo
 import os
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -42,7 +43,7 @@ class FileSpool:
             if invocation not in self._mended:
                 _cut_torn_line(path)
                 self._mended.add(invocation)
-            with path.open("ab", buffering=0) as file:
+            with open(path, "ab", buffering=0) as file:
                 whole = file.tell()
                 if file.write(lines) != len(lines):
                     file.truncate(whole)
@@ -57,7 +58,8 @@ class FileSpool:
         """
         path = self._path(invocation)
         try:
-            lines = path.read_bytes()
+            with open(path, "rb") as file:
+                lines = file.read()
         except FileNotFoundError:
             return []
         except OSError as error:
@@ -67,27 +69,28 @@ class FileSpool:
             return _lines.decode_lines(whole)
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise LogDamaged(
-                because("samples_unreadable", invocation=invocation, error=str(error)), where=str(path)
+                because("samples_unreadable", invocation=invocation, error=str(error)), where=path
             ) from error
 
     def drop(self, invocation: InvocationId) -> None:
         """Forget the invocation's samples, if there are any."""
-        self._path(invocation).unlink(missing_ok=True)
+        with suppress(FileNotFoundError):
+            os.unlink(self._path(invocation))
         self._mended.discard(invocation)
 
-    def _path(self, invocation: InvocationId) -> Path:
+    def _path(self, invocation: InvocationId) -> str:
         if not _INVOCATION.fullmatch(invocation):
             raise UnknownName(because("invocation_id_invalid", invocation=invocation[:80]), where=str(self._folder))
-        return self._folder / f"{invocation}.jsonl"
+        return f"{self._folder}/{invocation}.jsonl"
 
     def _unavailable(self, error: OSError) -> StoreUnavailable:
         return StoreUnavailable(because("spool_unusable", error=error.strerror or str(error)), where=str(self._folder))
 
 
-def _cut_torn_line(path: Path) -> None:
+def _cut_torn_line(path: str) -> None:
     """Remove what a killed writer left behind the last whole line, so that the next line starts clean."""
-    if path.is_file():
-        lines = path.read_bytes()
+    if os.path.isfile(path):
+        lines = Path(path).read_bytes()
         whole = lines.rfind(b"\n") + 1
         if whole < len(lines):
             os.truncate(path, whole)

@@ -3,8 +3,8 @@
 Two processes may append to the same file: the log's head is read inside the write transaction (BEGIN IMMEDIATE).
 """
 
-from collections.abc import Collection, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 from sqlalchemy import Connection
@@ -13,13 +13,12 @@ from sqlalchemy.exc import DBAPIError
 
 from harness.adapters.stores import sql_engine
 from harness.adapters.stores.chain import damaged
-from harness.adapters.stores.sql_log import AnyRow, Arguments, LogEnds, SqlLog, event_of
+from harness.adapters.stores.sql_log import AnyRow, Arguments, SqlLog, event_of
 from harness.adapters.stores.sql_schema import migrate, needs_migration
 from harness.adapters.stores.sql_statements import statements
 from harness.adapters.stores.sqlite_driver import ReaderPool, driver_of, immediately
-from harness.adapters.stores.version_cache import VersionCache
+from harness.adapters.stores.version_cache import FileVersionCache
 from harness.contracts.errors import LogDamaged, StoreUnavailable
-from harness.contracts.ids import StreamId
 from harness.contracts.ports import LogHead, Record, StoredEvent
 from harness.contracts.reasons import because
 
@@ -49,54 +48,10 @@ class SqlEventStore(SqlLog):
             try:
                 _prepare(self._writer, self._url, busy_s=busy_s)
                 self._driver = driver_of(self._writer)
-                self._unchanged = VersionCache(self._driver, self._quick.opened(), writing=self._lock)
+                self._unchanged = FileVersionCache(self._driver, self._quick.opened(), writing=self._lock)
             except BaseException:
                 self._writer.close()
                 raise
-
-    def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
-        """Events of one stream with version > after, in order.
-
-        Reads no rows where it is known that there are none and no other process wrote since.
-        """
-        self._check_open()
-        if self._unchanged.holds(stream, after):
-            return []
-        with self._failures:
-            if self._unchanged.ends_at(stream, after):
-                return []
-            ticket = self._unchanged.ticket()
-        events = super().load(stream, after)
-        self._unchanged.found(stream, events[-1].version if events else after, ticket=ticket)
-        return events
-
-    def read(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
-        """Events of all streams with position > after, in global order, at most `limit`.
-
-        Reads no rows where this process appended them last and no other one wrote since.
-        """
-        self._check_open()
-        with self._failures:
-            events = self._unchanged.since(after)
-        if events is not None:
-            return events[:limit]
-        events = super().read(after, limit)
-        if events:
-            with self._failures:
-                self._unchanged.reached(events[-1].position)
-        return events
-
-    def head(self) -> LogHead:
-        """The end of the log; the genesis head of an empty one."""
-        self._check_open()
-        with self._failures:
-            last = self._unchanged.head()
-        return super().head() if last is None else last
-
-    def turn(self) -> AbstractContextManager[None]:
-        """One look at whether another process wrote, for all that this thread reads in the block."""
-        self._check_open()
-        return self._looked()
 
     def durability(self) -> dict[str, str | int]:
         """What the writer's connection has in force, as SQLite names it: journal_mode, synchronous (2 is FULL)."""
@@ -116,7 +71,7 @@ class SqlEventStore(SqlLog):
             for last in _readable(connection, position + 1):
                 yield event_of(last)
                 position = last[0]
-            raise damaged(position + 1, f"it cannot be read ({error.orig})") from error
+            raise damaged(position + 1, because("event_row_unreadable", error=str(error.orig))) from error
 
     def _check_indexes(self, connection: Connection, _head: LogHead) -> None:
         with self._examined():
@@ -142,19 +97,8 @@ class SqlEventStore(SqlLog):
         with immediately(self._driver):
             yield self._writer
 
-    def _commit(self, writer: Connection, events: Sequence[StoredEvent], _records: Sequence[Record]) -> None:
-        with self._unchanged.committing(events):
-            self._driver.execute("COMMIT")
-
-    @contextmanager
-    def _looked(self) -> Iterator[None]:
-        with ExitStack() as stack:
-            with self._failures:
-                stack.enter_context(self._unchanged.turn())
-            yield
-
-    def _known_ends(self, streams: Collection[StreamId]) -> LogEnds:
-        return LogEnds(*self._unchanged.ends(streams))
+    def _commit(self, writer: Connection, _events: Sequence[StoredEvent], _records: Sequence[Record]) -> None:
+        self._driver.execute("COMMIT")
 
     def _query(self, writer: Connection, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
         return self._driver.execute(statement, arguments).fetchall()

@@ -6,9 +6,10 @@ read, so processes queue there. Readers have separate connections that cannot wr
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from functools import partial
 from threading import Lock
 from typing import Any, TypeVar
 
@@ -18,6 +19,7 @@ from sqlalchemy.exc import DBAPIError
 
 from harness.adapters.stores import chain
 from harness.adapters.stores.sql_statements import Statements
+from harness.adapters.stores.version_cache import VersionCache
 from harness.contracts import ports
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, StoreUnavailable, UnknownName
 from harness.contracts.ids import Digest, StreamId
@@ -61,6 +63,8 @@ class SqlLog(ABC):
     that keep snapshots, which need not survive a power cut.
     """
 
+    _unchanged: VersionCache
+
     def __init__(self, statements: Statements, *, where: str, readers: Engine, aside: Engine) -> None:
         self.where = where
         self._sql = statements
@@ -88,16 +92,42 @@ class SqlLog(ABC):
         return mine.head
 
     def turn(self) -> AbstractContextManager[None]:
-        """Nothing to look at: every read asks the database."""
-        return nullcontext()
+        """One look at whether another process wrote, for all that this thread reads in the block."""
+        self._check_open()
+        with self._translated():
+            return self._unchanged.turn()
 
     def load(self, stream: StreamId, after: int = 0) -> list[ports.StoredEvent]:
-        """Events of one stream with version > after, in order."""
-        return [event_of(row) for row in self._rows(self._sql.load, (stream, after))]
+        """Events of one stream with version > after, in order.
+
+        Reads no rows where it is known that there are none and no other process wrote since.
+        """
+        self._check_open()
+        if self._unchanged.holds(stream, after):
+            return []
+        with self._translated():
+            if self._unchanged.ends_at(stream, after):
+                return []
+            ticket = self._unchanged.ticket()
+        events = [event_of(row) for row in self._rows(self._sql.load, (stream, after))]
+        self._unchanged.found(stream, events[-1].version if events else after, ticket=ticket)
+        return events
 
     def read(self, after: int = 0, limit: int = 1000) -> list[ports.StoredEvent]:
-        """Events of all streams with position > after, in global order, at most `limit`."""
-        return [event_of(row) for row in self._rows(self._sql.read, (after, limit))]
+        """Events of all streams with position > after, in global order, at most `limit`.
+
+        Reads no rows where this process appended them last and no other one wrote since.
+        """
+        self._check_open()
+        with self._translated():
+            known = self._unchanged.since(after)
+        if known is not None:
+            return known[:limit]
+        events = [event_of(row) for row in self._rows(self._sql.read, (after, limit))]
+        if events:
+            with self._translated():
+                self._unchanged.reached(events[-1].position)
+        return events
 
     def streams(self, prefix: str) -> list[StreamId]:
         """Streams whose name starts with `prefix`, by first position."""
@@ -123,6 +153,11 @@ class SqlLog(ABC):
 
     def head(self) -> ports.LogHead:
         """The end of the log; the genesis head of an empty one."""
+        self._check_open()
+        with self._translated():
+            last = self._unchanged.head()
+        if last is not None:
+            return last
         rows = self._rows(self._sql.head, ())
         return ports.LogHead(position=rows[0][0], digest=rows[0][1]) if rows else chain.GENESIS
 
@@ -188,7 +223,8 @@ class SqlLog(ABC):
                 self._verified(writer)
                 if source.head() != head:
                     raise StoreUnavailable(because("log_moved_on"), where=source.where)
-                self._commit(writer, (), ())
+                with self._unchanged.committing(()):
+                    self._commit(writer, (), ())
         return head
 
     def frozen(self) -> AbstractContextManager[Connection]:
@@ -268,13 +304,15 @@ class SqlLog(ABC):
         try:
             self._check_open()
             with self._alone() as writer:
-                ends = self._known_ends({batch.stream for one in group for batch in one.batches})
+                streams = {batch.stream for one in group for batch in one.batches}
+                ends = LogEnds(*self._unchanged.ends(streams, partial(self._query, writer)))
                 for one in group:
                     linked = self._linked(writer, one, ends)
                     self._insert(writer, linked, one.records if one.error is None else ())
                     events += linked
                     records += one.records if one.error is None else ()
-                self._commit(writer, events, records)
+                with self._unchanged.committing(events):
+                    self._commit(writer, events, records)
         except BaseException as error:
             for one in group:
                 one.error = one.error or error
@@ -299,10 +337,6 @@ class SqlLog(ABC):
             ends.versions.update((event.stream, event.version) for event in events)
         one.head = ends.head
         return events
-
-    def _known_ends(self, _streams: Collection[StreamId]) -> LogEnds:
-        """Inside the write transaction: the log's head and these streams' versions, as far as they need not be read."""
-        return LogEnds()
 
     def _ends(self, writer: Connection, streams: Sequence[StreamId]) -> tuple[ports.LogHead, dict[StreamId, int]]:
         """The log's head, and how many events each of `streams` holds."""

@@ -14,7 +14,8 @@ _KEPT = "stream, version, event, fingerprint, digest, body"
 class Statements:
     """SQL text. Events come as the fields of `StoredEvent`, records as those of `Record`, in their order.
 
-    `load` takes (stream, after), `read` (after, limit), `streams` (first name, name behind the last), `ended`
+    `behind` takes (from this position, limit) and gives position, stream, version and digest; `load` takes (stream,
+    after), `read` (after, limit), `streams` (first name, name behind the last), `ended`
     nothing, `ended_between` (after, up to), `record` and `snapshot` one name, `records` (after this digest, limit),
     `holds` (position, digest), `event_digest` (stream, version), `snapshots` (after this stream, limit), `keep`
     (version, fingerprint, seal, body, stream, version, digest of the event).
@@ -24,6 +25,7 @@ class Statements:
     insert: str
     insert_record: str
     head: str
+    behind: str
     load: str
     read: str
     streams: str
@@ -52,6 +54,7 @@ def statements(mark: str) -> Statements:
         "insert": f"INSERT INTO event ({_EVENT}) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
         "insert_record": f"INSERT INTO record ({_RECORD}) VALUES (?, ?, ?) ON CONFLICT (digest) DO NOTHING",
         "head": "SELECT position, digest FROM event ORDER BY position DESC LIMIT 1",
+        "behind": "SELECT position, stream, version, digest FROM event WHERE position >= ? ORDER BY position LIMIT ?",
         "load": f"SELECT {_EVENT} FROM event WHERE stream = ? AND version > ? ORDER BY version",
         "read": f"SELECT {_EVENT} FROM event WHERE position > ? ORDER BY position LIMIT ?",
         "streams": "SELECT stream FROM event WHERE version = 1 AND stream >= ? AND stream < ? ORDER BY position",

@@ -7,11 +7,12 @@ from harness.conformance.hostile.evidence_lies import IMAGES, RECEIPTS, SENSORS
 from harness.conformance.hostile.lies import BOUNDS, IDENTITIES, OUTCOMES, Mode
 from harness.conformance.hostile.missions import MissionUnderLie, peak_memory_mib
 from harness.conformance.hostile.motion_lies import MOTIONS
+from harness.conformance.hostile.order_lies import ORDERS
 from harness.contracts.errors import UnknownName
 from harness.contracts.reasons import because
 from harness.contracts.values import Value
 
-MODES: tuple[Mode, ...] = (*BOUNDS, *OUTCOMES, *IDENTITIES, *RECEIPTS, *SENSORS, *IMAGES, *MOTIONS)
+MODES: tuple[Mode, ...] = (*BOUNDS, *OUTCOMES, *IDENTITIES, *RECEIPTS, *SENSORS, *IMAGES, *MOTIONS, *ORDERS)
 ARENAS_AT_MOST, GIVEN_BACK_FROM = -8, -1
 """M_ARENA_MAX and M_TRIM_THRESHOLD of malloc.h; a threshold that is set no longer rises by itself."""
 MOST_MIB = 400

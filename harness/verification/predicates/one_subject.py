@@ -30,7 +30,7 @@ def one_subject(effect: AnyEffect, evidence: Evidence) -> Finding:
     seen = [*own, *(image for fact in own for image in _images_of(fact, evidence))]
     problems = [problem for fact in seen for problem in _elsewhere(fact, effect)]
     for analysis in (fact for fact in own if fact.name in ANALYSED):
-        problems += _told_otherwise(analysis, evidence)
+        problems += _contradictions(analysis, evidence)
     places = [fact for fact in seen if fact.name in (*ARRIVED, *IMAGES, *ANALYSED)]
     if not places:
         return ambiguous(because("stage_tells_no_place", stage=effect.subject))
@@ -67,7 +67,7 @@ def _elsewhere(fact: CommittedFact, effect: Relational) -> Iterator[Reason]:
         yield because("analysis_of_elsewhere", stage=fact.node_id, place=effect.object)
 
 
-def _told_otherwise(analysis: CommittedFact, evidence: Evidence) -> Iterator[Reason]:
+def _contradictions(analysis: CommittedFact, evidence: Evidence) -> Iterator[Reason]:
     """Messages of this clause that carry images of another analysis."""
     analysed = set(analysis.arguments.get("frames", ()))
     for fact in evidence.facts_of(names=TOLD):

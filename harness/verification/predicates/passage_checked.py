@@ -3,6 +3,7 @@
 The passage must lie in view, within range and in line of sight; what was not seen is not clear.
 """
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -12,15 +13,16 @@ import numpy as np
 from harness.contracts.effects import AnyEffect, Relational
 from harness.contracts.evidence import CommittedFact, EvidenceReference
 from harness.contracts.ids import Digest
-from harness.contracts.measurements import LidarLook
+from harness.contracts.measurements import EXAMINATION, LidarLook, PictureExamination
 from harness.contracts.reasons import Reason, because, several
-from harness.contracts.rules import LINEAGE
+from harness.contracts.rules import LINEAGE, SWEPT
 from harness.contracts.values import Point
-from harness.verification import passage
+from harness.verification import bearings, passage
 from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
+from harness.verification.floor_edges import SweptPicture, fits
 from harness.verification.geometry import distance
 from harness.verification.predicates.analysis import MOST_SHARES
-from harness.verification.reading import Evidence
+from harness.verification.reading import Evidence, read
 
 LEAST_SEEN = 0.9
 SHARE_BOUND = 0.10
@@ -52,7 +54,8 @@ class _PassageReport(msgspec.Struct, frozen=True):
 def passage_checked(effect: AnyEffect, evidence: Evidence) -> Finding:
     """The report of `subject` covers exactly the accepted frames of `object`, which show `region_m`, and says of it
     what the lidar says: clear or not, and the obstructed share within 0.10 of the passage's width. From the rules on
-    that trace levels, the lidar must have swept from where the pictures were taken.
+    that trace levels, the lidar must have swept from where the pictures were taken; from rules 7 on, the pictures must
+    show the floor's end where the sweep has it.
 
     `evidence` = the report, then its frames. measured: obstructions, blocked, share_<i> of the largest findings,
     seen_share (camera), lidar_seen_share, camera_share and lidar_share of the passage's width.
@@ -71,6 +74,7 @@ def passage_checked(effect: AnyEffect, evidence: Evidence) -> Finding:
     measured = _measured(report, panorama, returns, look, region=effect.region_m)
     doubts = _doubts(report, panorama, returns, look, measured=measured)
     doubts += _moved(panorama, returns) if evidence.policy.rules >= LINEAGE else []
+    doubts += _unbound(panorama, returns, look, evidence, region=effect.region_m) if _swept(evidence) else []
     return Finding(
         verdict="violated" if wrong else "ambiguous" if doubts else "satisfied",
         reason=several(wrong or doubts) or _agreed(measured),
@@ -188,6 +192,58 @@ def _moved(panorama: CommittedFact, returns: passage.Returns) -> list[Reason]:
     x_m, y_m = panorama.arguments["position"]
     apart_m = distance((x_m, y_m), returns.position)
     return [because("sweep_from_elsewhere", apart_m=apart_m, bound_m=MOVED_M)] if apart_m > MOVED_M else []
+
+
+def _swept(evidence: Evidence) -> bool:
+    return evidence.policy.rules >= SWEPT
+
+
+def _unbound(
+    panorama: CommittedFact, returns: passage.Returns, look: LidarLook, evidence: Evidence, *, region: Sequence[Point]
+) -> list[Reason]:
+    """Why the pictures need not be of the headings that their frames claim, by the edges at which the floor ends.
+
+    All of them together must fit there clearly better than anywhere else, and none that shows the passage elsewhere.
+    """
+    pictures = _pictures(panorama, returns, look, evidence)
+    if look.camera is None or pictures is None:
+        return [because("pictures_not_laid_over_sweep")]
+    found, frames = fits(pictures, look.camera), tuple(panorama.arguments["frames"])
+    if (reason := bearings.denied(frames, found)) is not None:
+        return [reason]
+    if not bearings.sure(found.together):
+        return [because("pictures_fit_no_heading", **bearings.figures(found.together))]
+    floor = passage.floor_grid(region)
+    clear = passage.in_sight(floor, returns)
+    showing = [
+        index
+        for index, heading in enumerate(_headings(panorama))
+        if (_visible_floor(floor, panorama, look, heading_rad=heading) & clear).any()
+    ]
+    unsure = next((index for index in showing if not bearings.likely(found.of(index))), None)
+    if unsure is None:
+        return []
+    fit = bearings.figures(found.of(unsure))
+    return [because("picture_of_another_heading", image=frames[unsure][:12], **fit)]
+
+
+def _pictures(
+    panorama: CommittedFact, returns: passage.Returns, look: LidarLook, evidence: Evidence
+) -> tuple[SweptPicture, ...] | None:
+    """The accepted frames with what stands around, each turned to its own heading; None where one was not decoded."""
+    record = evidence.context.one("pictures")
+    references = read(record, tuple[EvidenceReference, ...]) if record is not None else ()
+    names = dict.fromkeys(str(one.values[EXAMINATION]) for one in references if EXAMINATION in one.values)
+    looks = {one.image: one for name in names for one in evidence.decoded(Digest(name), PictureExamination).looks}
+    around = returns.points_m - np.array(returns.position)
+    found = []
+    for frame, heading in zip(panorama.arguments["frames"], _headings(panorama), strict=True):
+        grey = bearings.grey_of(looks.get(frame), look.camera) if look.camera is not None else None
+        if grey is None:
+            return None
+        cos, sin = math.cos(heading), math.sin(heading)
+        found.append(SweptPicture(grey, around @ np.array([[cos, -sin], [sin, cos]])))
+    return tuple(found)
 
 
 def _supported(one: _FloorObject, panorama: CommittedFact, returns: passage.Returns, look: LidarLook) -> bool:

@@ -17,6 +17,7 @@ from harness.verification.predicates.kept_picture import kept_picture
 from harness.verification.predicates.message_stored import message_stored
 from harness.verification.predicates.no_target import arrival_without_target
 from harness.verification.predicates.one_subject import one_subject
+from harness.verification.predicates.outcome_heard import outcome_heard
 from harness.verification.predicates.panorama import panorama
 from harness.verification.predicates.passage_checked import passage_checked
 from harness.verification.predicates.pictures import one_image, pictured, same_image
@@ -60,6 +61,7 @@ PREDICATES: dict[tuple[str, str], Predicate] = {
     ("symbolic", "explored"): explored,
     ("symbolic", "heard"): heard,
     ("symbolic", "message_stored"): message_stored,
+    ("symbolic", "outcome_heard"): outcome_heard,
     ("symbolic", "played"): played,
     ("symbolic", "recorded_request"): recorded_request,
     ("symbolic", "reported"): reported,

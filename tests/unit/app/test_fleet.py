@@ -5,12 +5,14 @@ from app.background.robot_reports import KEPT_S, MOST_BYTES, MOST_SHOTS, PICTURE
 from app.views.robots import camera_view, robot_word
 from harness.contracts.errors import ProviderUnreachable, UnknownName
 from harness.contracts.ids import RobotId
-from harness.contracts.protocol import Picture, RobotStatus
+from harness.contracts.observations import Pose
+from harness.contracts.protocol import Observations, Picture, RobotStatus
 from simulator.robot import SimulatedRobot
 from simulator.world import WorldSettings
 from tests.saying import raises_saying
 
 ONE = RobotId("vbot-1")
+NEWEST = 987_654
 
 
 class Clock:
@@ -50,6 +52,23 @@ class Silent(SimulatedRobot):
 def fleet(eye: Eye, clock: Clock) -> tuple[Fleet, Silent]:
     robot = Silent(WorldSettings(seed=1))
     return Fleet({ONE: robot}, {ONE: eye}, clock), robot
+
+
+class Talkative(SimulatedRobot):
+    """A robot that has said where it is NEWEST times, and counts how often it is asked."""
+
+    asked = 0
+
+    def observations(self, after: int, limit: int = 5000) -> Observations:
+        self.asked += 1
+        found = tuple(pose_of(seq) for seq in range(after + 1, min(after + limit, NEWEST) + 1))
+        return Observations(samples=found, next_seq=found[-1].seq if found else after, at_s=NEWEST / 10)
+
+
+def pose_of(seq: int) -> Pose:
+    return Pose(
+        seq=seq, at_s=seq / 10, source="localiser", frame="map", map_version="site-1", x_m=seq, y_m=0.0, yaw_rad=0.0
+    )
 
 
 def looked(watch: Fleet, clock: Clock, times: int, *, every_s: float = PICTURE_EVERY_S) -> None:
@@ -113,3 +132,14 @@ def test_people_are_present_as_long_as_their_page_is_open() -> None:
         assert presence.people() == ("ada", "ben")
         assert presence.watching("mission/m1", "robot/vbot-1") == ("ada",)
     assert presence.people() == ()
+
+
+def test_a_robot_that_nobody_looked_at_for_long_is_shown_where_it_is_now() -> None:
+    robot = Talkative(WorldSettings(seed=1))
+    watch = Fleet({ONE: robot}, {ONE: Eye()}, Clock())
+    samples, at_s = watch.samples(ONE)
+    assert (samples[-1].seq, at_s) == (NEWEST, NEWEST / 10)
+    assert robot.asked < 40
+    before = robot.asked
+    assert watch.samples(ONE)[0][-1].seq == NEWEST and robot.asked == before + 1
+    assert watch.pose(ONE)[1] == 0.0

@@ -143,7 +143,7 @@ def test_a_dropout_at_the_edge_of_the_window_is_no_disagreement_and_a_jump_is_on
 def test_a_story_that_lacks_something_is_refused_by_name(broken: dict[str, Any]) -> None:
     with pytest.raises(StoryInvalid):
         adjudicate(walked(4.0) | broken)
-    with pytest.raises(StoryInvalid, match="lacks odometry"):
+    with pytest.raises(StoryInvalid, match="fields_missing: odometry"):
         adjudicate({name: value for name, value in walked(4.0).items() if name != "odometry"})
 
 

@@ -19,6 +19,7 @@ from harness.adapters.providers.models.passage import OrientedFrame, Report, ana
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.protocol import InvocationReport
+from harness.contracts.reasons import plain
 from simulator.camera import CAMERA as ROBOT_CAMERA
 from simulator.camera import jpeg, render
 from tests.unit.observations.builders import Blobs, StillClock, request_to
@@ -99,14 +100,14 @@ def test_a_missing_frame_fails_with_its_digest(boxed: AnalysisBench) -> None:
     del boxed.blobs.bodies[boxed.images[1]]
     ended = boxed.ended()
     assert (ended.status, ended.failure) == ("failed", "blob_damaged")
-    assert boxed.images[1] in ended.message
+    assert boxed.images[1] in plain(ended.message)
 
 
 @pytest.mark.parametrize("body", [b"", b"no picture at all"])
 def test_a_blob_that_is_no_picture_fails_and_says_so(boxed: AnalysisBench, body: bytes) -> None:
     ended = boxed.ended(images=(boxed.images[0], boxed.images[1], boxed.blobs.put(body)))
     assert (ended.status, ended.failure) == ("failed", "provider_failed")
-    assert ended.message.startswith("frame_unusable")
+    assert "frame_unusable" in plain(ended.message)
 
 
 def test_a_picture_of_another_size_fails_since_the_camera_model_would_not_fit(boxed: AnalysisBench) -> None:
@@ -114,7 +115,7 @@ def test_a_picture_of_another_size_fails_since_the_camera_model_would_not_fit(bo
     body = cv2.imencode(".png", small)[1].tobytes()
     ended = boxed.ended(images=(*boxed.images[:2], boxed.blobs.put(body)))
     assert (ended.status, ended.failure) == ("failed", "provider_failed")
-    assert all(part in ended.message for part in ("frame_of_other_size", "width_px 1280", "height_px 720"))
+    assert all(part in plain(ended.message) for part in ("frame_of_other_size", "width_px 1280", "height_px 720"))
 
 
 @pytest.mark.parametrize(

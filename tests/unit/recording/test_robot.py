@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from app.i18n.reasons.rendering import sentence
 from harness.adapters.providers.recording import robot
 from harness.adapters.providers.recording.reader import open_recording
 from harness.adapters.providers.recording.robot import RecordedRobot
@@ -127,7 +128,7 @@ def test_a_recording_without_a_supervisor_declares_nothing(tmp_path):
         replay.advance_to(recording.ends_s)
         ended = navigator.report(started.handle)
         assert (ended.status, ended.declared, ended.receipts) == ("succeeded", {}, ())
-        assert "declares nothing" in ended.message
+        assert "declares nothing" in sentence(ended.message)
         replay.close()
 
 

@@ -13,6 +13,7 @@ from rsi_reviews.regression.cases import Case, CaseGroup, Situation, Suite, case
 from rsi_reviews.regression.errors import SuiteInvalid, SuiteShrunk
 from rsi_reviews.regression.suite import check_grown, grown, newest, shipped, written
 from simulator.in_process import SIMULATOR
+from tests.saying import raises_saying
 
 DISPUTED = CaseGroup(
     situation=Situation(family="stale_evidence", template="circuit", faults=("frozen-localiser:persistent",)),
@@ -56,7 +57,7 @@ def test_a_version_that_lost_a_single_seed_is_refused() -> None:
     suite = shipped("regression")
     first = msgspec.structs.replace(suite.groups[0], seeds=suite.groups[0].seeds - 1)
     shorter = Suite(name=suite.name, version=suite.version + 1, groups=(first, *suite.groups[1:], DISPUTED))
-    with pytest.raises(SuiteShrunk, match="lacks 1 cases"):
+    with raises_saying(SuiteShrunk, match="lacks 1 cases"):
         check_grown(suite, shorter)
 
 

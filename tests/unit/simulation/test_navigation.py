@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.ids import RequestId
 from harness.contracts.values import Point
 from simulator.faults import CLEARED_AFTER_S
@@ -152,13 +153,13 @@ def test_the_careful_planner_passes_a_gap_that_the_follower_must_not(fidelity: s
 def test_nobody_passes_where_every_gap_is_closed_and_each_says_what_it_sees() -> None:
     made = bench(faults=["blocked-passage:persistent"])
     seen = {
-        "route-follower": "The route ahead is closed for the lidar.",
-        "careful-local-planner": "The lidar shows no gap wide enough.",
+        "route-follower": "the lidar shows the route ahead closed",
+        "careful-local-planner": "the lidar shows no gap wide enough",
     }
     for attempt, (provider, told) in enumerate(seen.items(), start=1):
         report = made.run(provider, along("A-B"), attempt=attempt)
         assert (report.status, report.failure) == ("failed", "no_progress")
-        assert report.message == f"No 0.2 m of progress in 10 s. {told}"
+        assert sentence(report.message) == f"The robot made less than 0.2 m of progress in 10 s, because {told}"
     assert max(truth.x_m for truth in made.truth()) < 6.0
 
 

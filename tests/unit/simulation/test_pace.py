@@ -71,9 +71,21 @@ def test_real_time_is_kept_whoever_is_late(speed: float) -> None:
     assert Pace(robot, speed=speed).speed_now() == speed
 
 
-def test_a_robot_whose_parent_is_gone_runs_on_at_its_speed_until_somebody_adopts_it() -> None:
-    robot = SimulatedRobot(WorldSettings(fidelity="kinematic"))
+class WalkingRobot(SimulatedRobot):
+    """A robot that walks until it is told to stand."""
+
+    walks = True
+
+    @property
+    def moving(self) -> bool:
+        return self.walks
+
+
+def test_a_robot_whose_parent_is_gone_runs_on_at_its_speed_until_it_stands_and_then_waits_slowly() -> None:
+    robot = WalkingRobot(WorldSettings(fidelity="kinematic"))
     pace = Pace(robot, speed=4.0)
     robot.advance_to(robot.at_s + 2.0 * LEAD_S)
     pace.orphan()
     assert pace.speed_now() == 4.0
+    robot.walks = False
+    assert 0.0 < pace.speed_now() < 1.0

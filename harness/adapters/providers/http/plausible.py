@@ -4,10 +4,12 @@ import math
 from collections.abc import Iterable
 
 import msgspec
+from msgspec.structs import replace
 
 from harness.contracts.errors import ProviderFailed
-from harness.contracts.protocol import InvocationReport, Observations, Receipt
-from harness.contracts.reasons import because
+from harness.contracts.protocol import InvocationReport, Observations, Receipt, StackGoals
+from harness.contracts.reasons import because, plain
+from harness.provider_protocol.wire import trusted
 
 MOST_RECEIPTS = 256
 MOST_FIGURES = 256
@@ -31,17 +33,32 @@ def check_batch(batch: Observations, *, limit: int) -> None:
         )
 
 
+def check_stack_goals(goals: StackGoals, *, limit: int) -> StackGoals:
+    """The changes. Raises ProviderFailed for more than were asked for, figures that cannot be, and another order."""
+    where = "/stack/goals"
+    if len(goals.changes) > limit:
+        raise ProviderFailed(because("too_many_of", what="changes", limit=limit), where=where)
+    _figures((goals.at_s, float(goals.next_seq)), where=where)
+    for one in goals.changes:
+        _figures((one.at_s, *(one.target_m or ())), where=where)
+    numbers = [one.seq for one in goals.changes]
+    if numbers != sorted(set(numbers)) or any(one > goals.next_seq for one in numbers):
+        raise ProviderFailed(because("stack_changes_unordered"), where=where)
+    return goals
+
+
 def check_report(report: InvocationReport) -> InvocationReport:
-    """The report. Raises ProviderFailed for lists that are too long and for figures that cannot be."""
+    """The report, with a reason that nobody knows as text. Raises ProviderFailed for lists that are too long and for
+    figures that cannot be."""
     where = "invocation"
     lengths = {
         "receipts": (len(report.receipts), MOST_RECEIPTS),
         "declared": (len(report.declared), MOST_FIGURES),
         "samples": (len(report.samples), MOST_LISTED),
         "blobs": (len(report.blobs), MOST_LISTED),
-        "message": (len(report.message), MOST_TEXT),
+        "message": (len(plain(report.message)), MOST_TEXT),
         "failure": (len(report.failure), MOST_TEXT),
-        "progress": (len(report.progress.text), MOST_TEXT),
+        "progress": (len(plain(report.progress.text)), MOST_TEXT),
     }
     for what, (length, limit) in lengths.items():
         if length > limit:
@@ -50,7 +67,8 @@ def check_report(report: InvocationReport) -> InvocationReport:
     _figures(report.declared.values(), where=where)
     for receipt in report.receipts:
         _receipt(receipt, where=where)
-    return report
+    progress = replace(report.progress, text=trusted(report.progress.text))
+    return replace(report, message=trusted(report.message), progress=progress)
 
 
 def _receipt(receipt: Receipt, *, where: str) -> None:

@@ -8,7 +8,7 @@ import msgspec
 from msgspec.structs import replace
 
 from harness.adapters.providers.http.exchange import BLOB_BYTES, Exchanges, Reply, nested_too_deep
-from harness.adapters.providers.http.plausible import check_batch, check_report
+from harness.adapters.providers.http.plausible import check_batch, check_report, check_stack_goals
 from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import BlobDamaged, HarnessError, ProviderFailed, ProviderUnreachable, UnknownName
@@ -76,6 +76,12 @@ class HttpRobot:
 
     def starts(self) -> Sequence[protocol.PhysicalStart]:
         return self.read("/starts", list[protocol.PhysicalStart])
+
+    def stack_goals(self, after: int, limit: int = protocol.MOST_CHANGES) -> protocol.StackGoals:
+        """What the robot's own stack was given to do since that change, and how it says that ended. Raises
+        ProviderFailed for a robot that does not tell, and for changes that cannot be."""
+        found = self.read(f"/stack/goals?after={after}&limit={limit}", protocol.StackGoals)
+        return check_stack_goals(found, limit=limit)
 
     def picture(self) -> protocol.Picture:
         """What the camera sees now. Raises ProviderFailed for a robot that serves no camera."""

@@ -91,11 +91,11 @@ class OutboxDelivery(LocalProvider):
         images = cited_then_evenly_spaced(_images(request), cited=self._cited(request))
         acknowledgement = self._acknowledgement(request, text, images)
         if acknowledgement is None:
-            return Progress(share=0.5, text="The channel has not answered yet.")
+            return Progress(share=0.5, text=because("channel_silent_so_far"))
         items = (*images, self._blobs.put(text.encode()))
         answered = {"sent_s": self._clock.now().wall_s} if _channel(request) else {}
         return Result(
-            message=f"{len(images)} images and the text were acknowledged by the channel.",
+            message=because("delivery_acknowledged", images=len(images)),
             drafts=tuple(
                 ReceiptDraft(
                     kind="delivery",

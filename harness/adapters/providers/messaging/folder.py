@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 
+from harness.adapters.replaced_files import sync_folder
 from harness.contracts.errors import ProviderFailed, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.ports import BlobStore
@@ -65,9 +66,9 @@ class FolderOutbox:
             key=place.name, text=text, images=images, files=tuple(files), acknowledgement=f"folder-{content[:16]}"
         )
         _write_durably(draft / "message.json", encode(message))
-        _sync_folder(draft)
+        sync_folder(draft)
         draft.rename(place)
-        _sync_folder(self._folder)
+        sync_folder(self._folder)
 
 
 def erase_from_outbox(folder: Path, image: Digest) -> None:
@@ -80,7 +81,7 @@ def erase_from_outbox(folder: Path, image: Digest) -> None:
         for digest, name in zip(message.images, message.files, strict=False):
             if digest == image:
                 (described.parent / name).unlink(missing_ok=True)
-        _sync_folder(described.parent)
+        sync_folder(described.parent)
 
 
 def _suffix(body: bytes) -> str:
@@ -92,11 +93,3 @@ def _write_durably(path: Path, body: bytes) -> None:
         file.write(body)
         file.flush()
         os.fsync(file.fileno())
-
-
-def _sync_folder(path: Path) -> None:
-    folder = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)

@@ -3,7 +3,6 @@
 A message that may have been sent is looked for in the channel, and where nobody can look it is not sent again.
 """
 
-import os
 import re
 import time
 from collections.abc import Callable, Sequence
@@ -12,6 +11,7 @@ from typing import Protocol
 
 import msgspec
 
+from harness.adapters.replaced_files import replacing
 from harness.contracts.errors import (
     ChannelUnreachable,
     DeliveryUnknown,
@@ -161,12 +161,8 @@ class RecordedOutbox:
             file = self._folder / f"{record.key}.json"
             try:
                 self._folder.mkdir(parents=True, exist_ok=True)
-                draft = file.with_suffix(".partial")
-                with draft.open("wb") as stream:
+                with replacing(file) as stream:
                     stream.write(encode(record))
-                    stream.flush()
-                    os.fsync(stream.fileno())
-                draft.rename(file)
             except OSError as error:
                 raise StoreUnavailable(because("outbox_unusable", error=str(error)), where=str(file)) from error
         return record

@@ -138,14 +138,14 @@ def poses_disagree(parameters: AnalysisRequest) -> local.Failed | None:
     measured, headings = parameters.heading_rad, tuple(heading for _, heading in parameters.yaws_rad)
     if measured is None or _near(measured, headings):
         return None
-    message = f"No frame was taken near the measured heading of {measured:.2f} rad."
-    return local.Failed(failure="poses_disagree", message=message)
+    return local.Failed(failure="poses_disagree", message=because("no_frame_at_heading", heading_rad=measured))
 
 
 def not_seen(in_view: float, frames: int) -> local.Failed:
     """The failure of an analysis that found nothing in a passage it hardly saw."""
-    message = f"Only {in_view:.0%} of the passage is in view of the {frames} frames."
-    return local.Failed(failure="passage_not_seen", message=message)
+    return local.Failed(
+        failure="passage_not_seen", message=because("passage_hardly_in_view", share=in_view, frames=frames)
+    )
 
 
 def _near(heading: float, others: tuple[float, ...]) -> bool:

@@ -1,4 +1,4 @@
-"""Describes one picture by what a detector and a text reader find in it: objects and words with scores and boxes."""
+"""Describes one picture by the objects and words that a detector and a text reader find, and proposes what it shows."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence

@@ -118,7 +118,7 @@ class VlmAnalysis(local.LocalProvider):
         try:
             reply = self._ask(parameters, numbers, views)
         except ModelFailed as error:
-            return local.Failed(failure="provider_failed", message=str(error))
+            return local.Failed(failure="provider_failed", message=error.located)
         found = [self._measured(one, parameters, numbers, views) for one in reply.value.things[:MOST_THINGS]]
         report = _report(parameters, [one for one in found if one is not None], seen=seen, reply=reply, by=self._model)
         if not report.findings and report.in_view < LEAST_IN_VIEW:

@@ -202,12 +202,11 @@ class RecordingNavigator(LocalProvider):
         if now_s < ends_s:
             span = max(ends_s - segment.dispatched_s, 1e-9)
             share = min(1.0, max(0.0, (now_s - segment.dispatched_s) / span))
-            return protocol.Progress(
-                share=share, text=f"{segment.name}: {max(0.0, ends_s - now_s):.1f} s of recording left"
-            )
+            left = because("recording_left", segment=segment.name, left_s=ends_s - now_s)
+            return protocol.Progress(share=share, text=left)
         if segment.arrived_s is None:
             return Result(
-                message=f"{segment.name} is over; its recording declares nothing.",
+                message=because("recorded_leg_undeclared", segment=segment.name),
                 drafts=(),
                 declared={},
                 at_s=ends_s,
@@ -225,7 +224,7 @@ class RecordingNavigator(LocalProvider):
             values=declared,
         )
         return Result(
-            message=f"{segment.name}: the recorded supervisor declared arrival.",
+            message=because("recorded_arrival_declared", segment=segment.name),
             drafts=(draft,),
             declared=declared,
             at_s=ends_s,

@@ -1,7 +1,6 @@
 """Writes a mission as MCAP with the paper's topics under a size limit: full poses, thinned pictures and lidar."""
 
 import math
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from heapq import merge
@@ -17,6 +16,7 @@ from harness.adapters.providers.recording.binding import METADATA
 from harness.adapters.providers.recording.ros_message_types import RosMessageTypes, nanoseconds
 from harness.adapters.providers.recording.topics import StaticTransform
 from harness.adapters.providers.recording.transforms import body_from_map, matrix_of
+from harness.adapters.replaced_files import replacing
 from harness.contracts import observations
 from harness.contracts.errors import RecordingInvalid
 from harness.contracts.ids import Digest
@@ -107,24 +107,26 @@ def record_mission(
     """
     if not any(isinstance(sample, observations.Pose) for sample in samples):
         raise RecordingInvalid(because("mission_without_poses", mission_id=mission.mission_id), where=str(path))
-    beside = path.with_name(path.name + ".part")
-    try:
-        for thinning in THINNINGS:
-            with beside.open("wb") as file:
+    size = 0
+    for thinning in THINNINGS:
+        try:
+            with replacing(path) as file:
                 counts = _Recorder(file, mission, blob, thinning).write(samples)
-                file.flush()
-                os.fsync(file.fileno())
-            size = beside.stat().st_size
-            if size <= limit_bytes:
-                os.replace(beside, path)
-                return WriteSummary(path=str(path), bytes=size, messages=counts, thinning=_thinning_text(thinning))
-        raise RecordingInvalid(because("mission_too_large", limit_bytes=limit_bytes, size_bytes=size), where=str(path))
-    except OSError as error:
-        raise RecordingInvalid(
-            because("recording_unwritable", error=error.strerror or str(error)), where=str(path)
-        ) from error
-    finally:
-        beside.unlink(missing_ok=True)
+                size = file.tell()
+                if size > limit_bytes:
+                    raise _TooLarge
+        except _TooLarge:
+            continue
+        except OSError as error:
+            raise RecordingInvalid(
+                because("recording_unwritable", error=error.strerror or str(error)), where=str(path)
+            ) from error
+        return WriteSummary(path=str(path), bytes=size, messages=counts, thinning=_thinning_text(thinning))
+    raise RecordingInvalid(because("mission_too_large", limit_bytes=limit_bytes, size_bytes=size), where=str(path))
+
+
+class _TooLarge(Exception):
+    """The file is over its limit, and does not take its place."""
 
 
 class _Entry(NamedTuple):

@@ -9,16 +9,22 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise, product
 
-UNITS = (
-    "zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve",
-    "thirteen", "fourteen", "fifteen", "sixteen", "seventeen", "eighteen", "nineteen",
-)  # fmt: skip
-TENS = ("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety")
+from harness.contracts.spoken_goals import TENS, UNITS, spoken_number, spoken_words
+
 STATES = ("clear", "free", "obstructed", "blocked")
 STANDING = (
     "nothing stands on its floor", "something stands on its floor", "one thing stands on its floor",
     "two things stand on its floor", "three things stand on its floor",
 )  # fmt: skip
+OUTCOMES = (
+    "i walked the circuit from {place} and came back", "i came to {place}", "i waited there for one minute",
+    "i explored the site", "i explored {place}", "i took a picture and kept it", "i inspected {place}",
+    "i did not walk the circuit", "i did not come to {place}", "i did not come back", "i did not wait there",
+    "i did not explore the site", "i did not explore {place}", "i did not take a picture", "i could not do it",
+    "i was stopped on the way", "i did nothing",
+)  # fmt: skip
+"""What may be said of any mission that inspects nothing, with every place: other outcomes, and none."""
+AUXILIARY = frozenset({"am", "is", "are", "was", "were", "have", "has", "had", "can", "will"})
 VERIFIED, UNVERIFIED = "verified", "unverified"
 ELSEWHERE = ("somewhere_else", "another_place")
 """Names that every list of places has beside its own, so that not every name must be one of the site's."""
@@ -32,9 +38,7 @@ LEAST_PART = 3
 
 def spoken(text: str, names: Sequence[str] = ()) -> tuple[str, ...]:
     """The words that are heard when a text is read aloud; a name of a place is one word with underscores."""
-    lowered = re.sub(r"(\d)\s*%", r"\1 percent", text.lower())
-    joined = re.sub(r"[^a-z0-9' ]+", " ", lowered)
-    words = " ".join(word for token in joined.split() for word in (_number(token) if token.isdigit() else [token]))
+    words = " ".join(spoken_words(text))
     for name in sorted({_plain(one) for one in names}, key=len, reverse=True):
         if name:
             words = re.sub(rf"\b{re.escape(name)}\b", name.replace(" ", "_"), words)
@@ -52,6 +56,8 @@ def sentences(text: str, names: Sequence[str]) -> Iterator[tuple[tuple[str, ...]
         for clause in re.split(r"[,:;]", sentence):
             yield from ((variant, 1) for variant in _counted(spoken(clause, names)))
     yield spoken(text, names), 1
+    if "passage" not in spoken(text):
+        yield from ((variant, WEIGHT) for variant in _other_outcomes(text, names, known))
     for state, negated in product(STATES, ("", "not ")):
         yield tuple(f"the passage is {negated}{state}".split()), WEIGHT
         for standing in STANDING:
@@ -133,6 +139,20 @@ def _elsewhere(words: tuple[str, ...], known: Sequence[str]) -> Iterator[tuple[s
                 yield tuple(other if word == place else word for word in words)
 
 
+def _other_outcomes(text: str, names: Sequence[str], known: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """What a report of a mission might say instead: outcomes of other missions, and that its own were not reached."""
+    for outcome in OUTCOMES:
+        places = known if "{place}" in outcome else ("",)
+        yield from (tuple(outcome.format(place=place).split()) for place in places)
+    for sentence in re.split(r"(?<=[.!?])\s+", text):
+        words = spoken(sentence, names)
+        for index, word in enumerate(words[:3]):
+            if word in AUXILIARY:
+                yield (*words[: index + 1], "not", *words[index + 1 :])
+        if len(words) > 1 and words[0] == "i":
+            yield ("i", "did", "not", *words[2:])
+
+
 def _counted(words: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
     """The clause with every other number in place of its own; nothing for a clause without one."""
     numbers = [index for index, word in enumerate(words) if word in UNITS or word in TENS or word == "hundred"]
@@ -142,16 +162,4 @@ def _counted(words: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
     if last - first != len(numbers) - 1:
         last = first
     for number in range(101):
-        yield (*words[:first], *_number(str(number)), *words[last + 1 :])
-
-
-def _number(digits: str) -> list[str]:
-    """A number in words; a long one digit by digit."""
-    number = int(digits)
-    if number < len(UNITS):
-        return [UNITS[number]]
-    if number < 100:
-        return [TENS[number // 10 - 2], *([UNITS[number % 10]] if number % 10 else [])]
-    if number == 100:
-        return ["one", "hundred"]
-    return [UNITS[int(digit)] for digit in digits]
+        yield (*words[:first], *spoken_number(str(number)), *words[last + 1 :])

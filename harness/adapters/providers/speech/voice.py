@@ -94,16 +94,16 @@ class EspeakVoice(local.LocalProvider):
     def work(self, request: StartRequest, now_s: float) -> local.Outcome:
         playback = self._playback
         if playback is None or playback.request != request.identity.request_id:
-            return local.Failed(failure="interrupted", message="The playback did not survive a restart of the voice.")
+            return local.Failed(failure="interrupted", message=because("playback_cut_off"))
         taken = self._speaker.consumed(now_s)
         if taken < playback.samples:
-            return Progress(share=taken / playback.samples, text=f"{taken} of {playback.samples} samples played")
+            return Progress(
+                share=taken / playback.samples, text=because("samples_played", played=taken, samples=playback.samples)
+            )
         recording = self._speaker.samples_digest()
         self.halt(request.identity.request_id)
         if recording != playback.pcm:
-            return local.Failed(
-                failure="playback_differs", message="The speaker took other samples than were synthesised."
-            )
+            return local.Failed(failure="playback_differs", message=because("playback_differs"))
         return _result(playback, request)
 
 
@@ -115,7 +115,7 @@ def _result(playback: _Playback, request: StartRequest) -> local.Result:
         "duration_s": duration_s,
     }
     return local.Result(
-        message=f"Spoken in {duration_s:.1f} s.",
+        message=because("spoken_within", duration_s=duration_s),
         drafts=(
             local.ReceiptDraft(kind="playback", text="played to the last sample", blob=playback.wav, values=values),
         ),

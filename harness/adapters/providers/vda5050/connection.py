@@ -6,7 +6,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from harness.adapters.ids import SystemIds
-from harness.adapters.providers.vda5050.robot import ControlLoop, VehicleRobot, VehicleSettings
+from harness.adapters.providers.vda5050.listened import ListenedVehicle
+from harness.adapters.providers.vda5050.robot import ControlLoop, MessageLink, VehicleRobot, VehicleSettings
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.reasons import because
 from harness.contracts.values import Value
@@ -27,19 +28,7 @@ class BrokerAccess(Value):
 def connected_vehicle(settings: VehicleSettings, broker: BrokerAccess, *, journal: Path) -> Iterator[VehicleRobot]:
     """The vehicle, met and followed. Raises ProviderUnreachable where broker or vehicle do not answer, ContractInvalid
     where the MQTT library is not installed or a file is missing."""
-    if find_spec("paho") is None:
-        raise ContractInvalid(because("extra_not_installed", extra=EXTRA))
-    if broker.authority_file and not Path(broker.authority_file).is_file():
-        raise ContractInvalid(because("certificate_authority_missing"), where=broker.authority_file)
-    from harness.adapters.providers.vda5050.broker import BrokerLink  # noqa: PLC0415  MQTT loads for sites that use it
-
-    link = BrokerLink(
-        broker.address,
-        client_id=f"regen-{settings.name}-{SystemIds().token()[:8]}",
-        user=broker.user,
-        password=broker.password,
-        authority_file=broker.authority_file,
-    )
+    link = _link(settings, broker)
     try:
         robot = VehicleRobot(settings, link, journal=journal)
     except BaseException:
@@ -47,3 +36,27 @@ def connected_vehicle(settings: VehicleSettings, broker: BrokerAccess, *, journa
         raise
     with closing(robot), closing(ControlLoop(robot.tick)):
         yield robot
+
+
+@contextmanager
+def listened_vehicle(settings: VehicleSettings, broker: BrokerAccess) -> Iterator[ListenedVehicle]:
+    """The vehicle of another master control, listened to: nothing is published. Raises ProviderUnreachable where the
+    broker does not answer, ContractInvalid as `connected_vehicle` does."""
+    with closing(_link(settings, broker)) as link:
+        yield ListenedVehicle(settings, link)
+
+
+def _link(settings: VehicleSettings, broker: BrokerAccess) -> MessageLink:
+    if find_spec("paho") is None:
+        raise ContractInvalid(because("extra_not_installed", extra=EXTRA))
+    if broker.authority_file and not Path(broker.authority_file).is_file():
+        raise ContractInvalid(because("certificate_authority_missing"), where=broker.authority_file)
+    from harness.adapters.providers.vda5050.broker import BrokerLink  # noqa: PLC0415  MQTT loads for sites that use it
+
+    return BrokerLink(
+        broker.address,
+        client_id=f"regen-{settings.name}-{SystemIds().token()[:8]}",
+        user=broker.user,
+        password=broker.password,
+        authority_file=broker.authority_file,
+    )

@@ -69,10 +69,19 @@ class VehicleVelocity(Wire, frozen=True, rename="camel"):
     omega: float = 0.0
 
 
+class NodePosition(Wire, frozen=True, rename="camel"):
+    """Where a node is, metres, in the map `map_id`."""
+
+    x: float
+    y: float
+    map_id: str
+
+
 class OrderNodeState(Wire, frozen=True, rename="camel"):
     node_id: str
     sequence_id: int
     released: bool
+    node_position: NodePosition | None = None
 
 
 class OrderEdgeState(Wire, frozen=True, rename="camel"):
@@ -166,6 +175,19 @@ class VehicleState(VehicleMessage, frozen=True, rename="camel"):
         """The status of an action; empty where the state does not list it."""
         listed = (*self.instant_action_states, *self.action_states)
         return next((one.action_status for one in listed if one.action_id == action_id), "")
+
+
+class OrderMessage(VehicleMessage, frozen=True, rename="camel"):
+    """Topic `order`: what a master control sent to the vehicle, as far as it says where that leads."""
+
+    order_id: str
+    order_update_id: int
+    nodes: tuple[OrderNodeState, ...]
+
+    @property
+    def last(self) -> OrderNodeState | None:
+        """The node where the order ends, with what is not released yet."""
+        return max(self.nodes, key=lambda one: one.sequence_id, default=None)
 
 
 class VisualizationMessage(VehicleMessage, frozen=True, rename="camel"):

@@ -21,7 +21,7 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.effects import Metric, Temporal
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import RequestId
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.provider_protocol.acceptance import refuse_changed, refuse_unfit
 from harness.provider_protocol.journal import JournalEntry, RequestJournal
 from harness.provider_protocol.proposals import claims
@@ -85,7 +85,7 @@ class OrderExecution:
     told_local_s: float = -math.inf
     ending: Ending | None = None
     failure: str = ""
-    message: str = ""
+    message: Explanation = ""
     ending_s: float = 0.0
     ending_local_s: float = 0.0
     share: float = 0.0
@@ -205,7 +205,7 @@ class VehicleNavigator:
             and run.accepted.handle == handle
             and not run.ending
         ):
-            self._end(run, "cancelled", message="Stopped on request.")
+            self._end(run, "cancelled", message=because("stopped_on_request"))
         return self.report(handle)
 
     def tick(self) -> None:
@@ -249,7 +249,7 @@ class VehicleNavigator:
             raise ProviderFailed(because("vehicle_on_other_map", map_id=str(request.parameters["frame"])[:80]))
         trouble = self._unfit(state)
         if trouble is not None:
-            raise ProviderFailed(because("vehicle_unfit", text=trouble[1]))
+            raise ProviderFailed(because("vehicle_unfit", reason=trouble[1]))
         if not state.idle or state.driving:
             raise ProviderFailed(because("vehicle_busy", order_id=state.order_id[:80]))
         fix = self._vehicle.newest
@@ -257,20 +257,20 @@ class VehicleNavigator:
             raise ProviderFailed(because("vehicle_not_localised"))
         return fix.point
 
-    def _unfit(self, state: messages.VehicleState) -> tuple[str, str] | None:
+    def _unfit(self, state: messages.VehicleState) -> tuple[str, Reason] | None:
         """Why the vehicle cannot drive for us at all now: the failure code, and what it says."""
         if state.operating_mode not in DRIVES and state.operating_mode != HELD_MODE:
-            return "operating_mode", f"Its operating mode is {state.operating_mode[:40]}."
+            return "operating_mode", because("vehicle_mode", mode=state.operating_mode[:40])
         if state.operating_mode == HELD_MODE and self._active is None:
-            return "operating_mode", f"Its operating mode is {HELD_MODE}."
+            return "operating_mode", because("vehicle_mode", mode=HELD_MODE)
         if state.safety_state.engaged:
-            return "emergency_stop", "Its emergency stop is engaged."
+            return "emergency_stop", because("vehicle_emergency_stop")
         serious = next((one for one in state.errors if one.error_level in SERIOUS), None)
         if serious is not None:
-            return "vehicle_error", f"It reports an error: {error_text(serious)}"
+            return "vehicle_error", because("vehicle_error", error=error_text(serious))
         position = state.position
         if position is not None and position.map_id != self._vehicle.site.map_id:
-            return "other_map", f"It is on its map {position.map_id[:80]}."
+            return "other_map", because("vehicle_map", map_id=position.map_id[:80])
         return None
 
     def _step(self, run: OrderExecution) -> None:
@@ -311,24 +311,24 @@ class VehicleNavigator:
         late_s = self._local_s() - run.accepted_local_s if not run.taken else 0.0
         finished = ours and state.idle and run.passed == run.plan.last
         if refused is not None:
-            self._fail(run, "order_rejected", f"The vehicle refused the order: {error_text(refused)}")
+            self._fail(run, "order_rejected", because("vehicle_refused_order", error=error_text(refused)))
         elif run.taken and not ours and self._vehicle.boots != run.boots:
-            self._fail(run, "vehicle_restarted", "The vehicle started again and knows nothing of the order.")
+            self._fail(run, "vehicle_restarted", because("vehicle_restarted"))
         elif run.taken and not ours:
-            self._fail(run, "order_replaced", f"The vehicle follows another order: {state.order_id[:80]}")
+            self._fail(run, "order_replaced", because("vehicle_follows_other_order", order_id=state.order_id[:80]))
         elif finished and not state.driving:
-            self._end(run, "succeeded", message="The vehicle reports its last node as reached.")
+            self._end(run, "succeeded", message=because("vehicle_reached_last_node"))
         elif unfit is not None:
             self._fail(run, *unfit)
         elif self._vehicle.now_s >= run.request.deadline_s:
-            self._fail(run, "timeout", "The deadline passed before the last node was reached.")
+            self._fail(run, "timeout", because("deadline_passed"))
         elif not run.taken and late_s > TAKEN_S:
-            self._fail(run, "order_not_taken", f"The order was sent {run.sent} times, and no state shows it.")
+            self._fail(run, "order_not_taken", because("vehicle_silent_on_order", sent=run.sent))
         elif ours and state.idle and not state.driving and not run.dropped:
-            text = f"The vehicle dropped the order after node {run.passed} of {run.plan.last}."
-            self._fail(run, "order_incomplete", text)
+            dropped = because("vehicle_dropped_order", passed=run.passed, last=run.plan.last)
+            self._fail(run, "order_incomplete", dropped)
         elif ours and not state.idle and _differs(run, state):
-            self._fail(run, "order_differs", "The vehicle's state lists other nodes than the order has.")
+            self._fail(run, "order_differs", because("vehicle_lists_other_nodes"))
 
     def _refused(self, run: OrderExecution, state: messages.VehicleState) -> messages.VehicleError | None:
         """The error by which the vehicle refuses this order or an update of it."""
@@ -408,10 +408,10 @@ class VehicleNavigator:
                 messages.instant_body("cancelOrder", action_id, version=self._vehicle.identity.version),
             )
 
-    def _fail(self, run: OrderExecution, failure: str, message: str) -> None:
+    def _fail(self, run: OrderExecution, failure: str, message: Reason) -> None:
         self._end(run, "failed", failure=failure, message=message)
 
-    def _end(self, run: OrderExecution, ending: Ending, *, failure: str = "", message: str = "") -> None:
+    def _end(self, run: OrderExecution, ending: Ending, *, failure: str = "", message: Explanation = "") -> None:
         run.ending, run.failure, run.message = ending, failure, message
         run.ending_s, run.ending_local_s, run.told_local_s = self._vehicle.now_s, self._local_s(), -math.inf
 
