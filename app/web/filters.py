@@ -185,6 +185,7 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "part": review.PARTS.__getitem__,
     "place_meaning": places.MEANING.__getitem__,
     "place_tone": lambda verification: places.TONES.get(verification, "plain"),
+    "entry_at_s": review.entry_at_s,
     "policy_sentence": review.policy_sentence,
     "provider": evidence.provider,
     "put_away": alerts.put_away,

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from harness.bootstrap import observed_robot
+from harness.addressed_robots import observed_robot
 from harness.contracts.actors import Actor
 from harness.contracts.commands import AcquireLease
 from harness.contracts.control import CONTROL, BeginTeleoperation, OrderPosture
