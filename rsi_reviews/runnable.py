@@ -140,7 +140,11 @@ def _compiled(template: TaskTemplate) -> TaskContract:
     """The template as a contract on a made-up site that has all it may refer to. Raises as compiling does."""
     site = _site(template)
     contract = compile_contract(
-        goal="A trial of this template", template=template, arguments=_arguments(template), site=site
+        goal="A trial of this template",
+        template=template,
+        arguments=_arguments(template),
+        site=site,
+        achieved="A trial was made.",
     )
     check_satisfiable(contract, site=site)
     check_vocabulary(contract, shipped_vocabulary())

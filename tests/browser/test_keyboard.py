@@ -35,7 +35,7 @@ def test_keys_alone_lead_from_the_start_form_to_the_report(open_page: OpenPage, 
         tab_to(page, "[name=goal]")
         page.keyboard.press("Control+a")
         page.keyboard.type("Walk once round and come back")
-        tab_to(page, "main form button.primary")
+        tab_to(page, "#start-form button.primary")
         page.keyboard.press("Enter")
         page.wait_for_url(re.compile(r"/missions/msn_"))
         mission = served.asked.runtime.missions()[0]

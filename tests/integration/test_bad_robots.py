@@ -3,7 +3,7 @@ runs.
 """
 
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,18 +11,13 @@ from shutil import copytree
 
 import pytest
 import yaml
-from msgspec.structs import replace
 
 from harness.bootstrap import read_harness
-from harness.contracts.observations import AnySample, Odometry, Pose
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
-from tests.builders.shops import TOKEN, Shop, free_port, regen, running
-from tests.builders.topic_servers import TOPICS, FoxgloveServer, Rosbridge, bridged
+from tests.builders.shops import Shop, free_port, regen, running
 from tests.fakes.changed_robot import Change, ChangedRobot, behind, between, gone, of_another_robot, unchanged
-
-SERVERS = {"rosbridge": Rosbridge, "foxglove": lambda: FoxgloveServer("cdr")}
 
 
 @dataclass(frozen=True)
@@ -147,43 +142,3 @@ def test_a_start_that_the_network_delivers_twice_moves_the_robot_once(admitted: 
         code, outcome, told = shop.go("go-to-place")
         assert (code, outcome["status"]) == (0, "succeeded"), told
         assert moved(shop, newest(shop)) == 1
-
-
-class Drift:
-    """What topics show of a robot: once it moved, it is two metres beside where its own program says, while `wrong`."""
-
-    def __init__(self) -> None:
-        self.wrong, self.beside_m, self.struck = True, 0.0, 0
-
-    def altered(self, sample: AnySample) -> AnySample | None:
-        if isinstance(sample, Odometry) and abs(sample.v_mps) > 0.05 and self.wrong:
-            self.beside_m = 2.0
-        if isinstance(sample, Pose) and self.beside_m:
-            self.struck += 1
-            return replace(sample, y_m=sample.y_m + self.beside_m)
-        return sample
-
-
-@pytest.mark.parametrize("kind", SERVERS)
-def test_topics_that_contradict_a_declared_arrival_complete_nothing_and_the_next_mission_runs(
-    admitted: Admitted, tmp_path: Path, kind: str
-) -> None:
-    drift = Drift()
-    with (
-        changed_shop(admitted, tmp_path, unchanged, lockstep=False) as (shop, _),
-        closing(SERVERS[kind]()) as server,
-        bridged(shop.address, TOKEN, server, drift.altered),
-    ):
-        robots = yaml.safe_load((shop.folder / "robots.yaml").read_text())
-        topics = {role: TOPICS[role] for role in ("pose", "odometry", "battery")}
-        robots["robots"][0]["evidence"] = {"kind": kind, "address": server.address, "topics": topics}
-        (shop.folder / "robots.yaml").write_text(yaml.safe_dump(robots))
-        words = ("mission", "run", "go-to-place", "--site", str(shop.folder))
-        code, outcome, told = regen(*words)
-        assert drift.struck and code != 0, told
-        assert outcome["status"] != "succeeded" and outcome["goal_verdict"] != "satisfied"
-        assert not satisfied(newest(shop))
-        drift.wrong, drift.beside_m = False, 0.0
-        closed(shop)
-        code, after, told = regen(*words)
-        assert (code, after["status"]) == (0, "succeeded"), told

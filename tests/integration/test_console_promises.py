@@ -252,6 +252,7 @@ TWINS = {
     "/candidates/knobs": "/candidates",
     "/recordings": "/uploads",
     **{f"/recordings/{{upload_id}}/{turn}": f"/uploads/{{upload_id}}/{turn}" for turn in ("replay", "cloud")},
+    "/recordings/{upload_id}/map": "/uploads/{upload_id}/map",
     "/recordings/{upload_id}/remove": "/uploads/{upload_id}",
     "/recordings/replays/{job_id}/cancel": "/replays/{job_id}",
     "/queue/goals/{proposal_id}/dismiss": "/goal-proposals/{proposal_id}/dismiss",

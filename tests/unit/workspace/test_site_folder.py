@@ -92,7 +92,15 @@ def test_what_ships_is_such_a_folder() -> None:
     shipped = shipped_workspace()
     found, problems = examined(shipped.folder, reserved=SHIPPED)
     assert not problems and found is not None
-    missions = ["camera-report", "exploration", "explore-place", "go-to-place", "photograph-subject", "wait-at-place"]
+    missions = [
+        "camera-report",
+        "exploration",
+        "explore-place",
+        "go-to-place",
+        "photograph-subject",
+        "spoken-report",
+        "wait-at-place",
+    ]
     assert [one.name for one in found.missions] == missions
     assert [one.name for one in found.robots] == ["vbot-1"]
 
