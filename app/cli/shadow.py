@@ -10,9 +10,8 @@ from app.i18n.reasons.rendering import sentence
 from app.views.shadow import AGREES, ShadowRobot, ShadowRow, report_json, shadow_robot
 from harness.bootstrap import read_harness
 from harness.contracts.errors import ContractInvalid, UnknownName
-from harness.contracts.ids import RobotId
 from harness.contracts.reasons import because
-from harness.contracts.shadow import AGREEMENTS, SHADOWS, shadow_stream
+from harness.contracts.shadow import AGREEMENTS, SHADOWS, shadow_robot_id, shadow_stream
 
 HEAD = ["robot", "goal", "declared", "measured", "accepted", "", "lacks"]
 
@@ -31,7 +30,7 @@ def shadow(
     if only not in ("", *AGREEMENTS):
         raise ContractInvalid(because("shadow_filter_unknown", value=only[:40], known=AGREEMENTS), where="--only")
     with read_harness(output.settings(data_folder=output.data_of(data, site), site_folder=site)) as runtime:
-        names = [RobotId(one.removeprefix(SHADOWS)) for one in runtime.streams(SHADOWS)]
+        names = [*map(shadow_robot_id, runtime.streams(SHADOWS))]
         if robot and robot not in names:
             raise UnknownName(because("unknown_robot", robot_id=robot[:40], known=tuple(names)))
         found = [

@@ -10,7 +10,7 @@ from app.i18n.catalogues import N_
 from app.views.shadow import ShadowRegion, ShadowRobot, shadow_page, shadow_robot
 from app.web.rendering import render
 from harness.contracts.ids import RobotId
-from harness.contracts.shadow import SHADOWS, shadow_stream
+from harness.contracts.shadow import SHADOWS, shadow_robot_id, shadow_stream
 
 router = APIRouter(prefix="/shadow")
 Only = Annotated[Literal["", "agrees", "disagrees", "undecided"], Query()]
@@ -29,7 +29,7 @@ def now(console: ConsoleDep, only: Only = "") -> HTMLResponse:
 
 def robots(console: Console, only: str = "") -> tuple[ShadowRobot, ...]:
     """Every robot in shadow mode, and every one that the log holds from earlier."""
-    logged = (RobotId(one.removeprefix(SHADOWS)) for one in console.runtime.streams(SHADOWS))
+    logged = map(shadow_robot_id, console.runtime.streams(SHADOWS))
     names = dict.fromkeys((*sorted(console.runtime.observed), *logged))
     return tuple(_robot(console, name, only) for name in names)
 

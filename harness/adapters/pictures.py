@@ -19,7 +19,6 @@ from harness.contracts.values import decode, encode
 LIMITS = Limits(memory_bytes=512 * 2**20, cpu_s=10.0, wall_s=20.0, output_bytes=160 * 2**20)
 MOST_PIXELS = 40_000_000
 """No image of a robot is larger; a claim beyond it is not decoded."""
-"""Areas of a look, across and down."""
 BLOCK_PX = 8
 """Of a JPEG: what is left of the noise in such a block is left of it in a copy that was encoded anew."""
 BLOCKS = (40, 22)

@@ -112,6 +112,11 @@ def shadow_stream(robot_id: RobotId) -> StreamId:
     return StreamId(f"{SHADOWS}{robot_id}")
 
 
+def shadow_robot_id(stream: StreamId) -> RobotId:
+    """The robot of a shadow stream."""
+    return RobotId(stream.removeprefix(SHADOWS))
+
+
 def agreement(declared: StackOutcome, accepted: Acceptance) -> Agreement:
     """Whether both say that the goal was reached, or both that it was not."""
     if accepted == "undecided":

@@ -157,6 +157,7 @@ class _Composition:
         chosen |= part.arguments
         if part.parameter and part.place:
             chosen[part.parameter] = part.place
+        achieved = self._achieved(part)
         contract = compile_contract(
             goal=self._text,
             template=part.template,
@@ -164,11 +165,11 @@ class _Composition:
             site=self._site,
             origin=self._at,
             stays=stays,
-            achieved=report_of(self._achieved(part)) if part.tells else "",
+            achieved=report_of(achieved),
             rules=self._rules,
         )
-        if part.tells:
-            contract = with_outcomes(contract, self._achieved(part))
+        if achieved:
+            contract = with_outcomes(contract, achieved)
         scope = f"{len(self._mission.parts) + 1}." if self._scoped else ""
         return Compiled(part=part, contract=contract, scope=scope, clause=clause_id(self._plan.number(part.clause)))
 

@@ -290,17 +290,17 @@ class Supervisor:
         with self._turn_of(robot_id):
             with self._runtime.turn():
                 if not self._returning[robot_id].under_way:
-                    return self._step_or_stop(self._next(robot_id))
+                    mission = self._next(robot_id)
+                    return self._step_or_stop(mission) if mission is not None else None
             return self.step_retreat(robot_id)
 
-    def _step_or_stop(self, mission: Mission | None) -> float | None:
+    def _step_or_stop(self, mission: Mission) -> float | None:
         try:
-            return self._step(mission) if mission is not None else None
+            return self._step(mission)
         except StoreUnavailable:
             raise
         except HarnessError as error:
-            if mission is not None:
-                self._broken(mission, error)
+            self._broken(mission, error)
             return None
 
     def _next(self, robot_id: RobotId) -> Mission | None:

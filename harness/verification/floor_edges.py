@@ -83,12 +83,18 @@ def standing(cloud: Floats) -> Floats:
     return found
 
 
+def faced(points_m: Floats, turn_rad: float) -> Floats:
+    """Points ahead and to the left (N, 2) as they lie for a body that has turned left on the spot."""
+    cos, sin = math.cos(turn_rad), math.sin(turn_rad)
+    found: Floats = points_m @ np.array([[cos, -sin], [sin, cos]])
+    return found
+
+
 def floor_ends(picture: SweptPicture, camera: Camera, *, turn_rad: float) -> Floats:
     """In which row of areas the floor ends in each column, if the picture was taken `turn_rad` left of the claimed
     heading; NaN where no beam says so. By the pinhole model, for what stands upright on a flat floor."""
     rows, columns = picture.grey.shape
-    cos, sin = math.cos(turn_rad), math.sin(turn_rad)
-    ahead, left = (picture.standing_m @ np.array([[cos, -sin], [sin, cos]])).T
+    ahead, left = faced(picture.standing_m, turn_rad).T
     ahead = ahead - camera.forward_m
     tilt, level = math.sin(camera.pitch_rad), math.cos(camera.pitch_rad)
     depth = ahead * level + camera.height_m * tilt

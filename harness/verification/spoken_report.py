@@ -10,8 +10,8 @@ from typing import NamedTuple
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import Digest
 from harness.contracts.measurements import PLAYED_AT, PLAYED_FOR, Recognition
-from harness.contracts.reasons import Reason, because
-from harness.verification.finding import FACTS, Undecidable
+from harness.contracts.reasons import Reason, because, several
+from harness.verification.finding import FACTS, Finding, Undecidable
 from harness.verification.reading import Evidence
 
 Words = Sequence[str]
@@ -65,6 +65,20 @@ def why_not_recorded(found: Recognition, evidence: Evidence) -> Reason:
     """Why a sound that nothing recorded in the room is no report: it is of a receipt, or of nobody knows what."""
     played = [one.blob for one in evidence.receipts if one.kind == "playback"]
     return because("no_room_recording" if found.sound in played else "recognition_of_another_sound")
+
+
+def judged(report: RecognisedReport, wrong: Sequence[Reason], doubts: Sequence[Reason]) -> Finding:
+    """The finding on a report: refuted by what is wrong, ambiguous by doubts, with what of it was understood."""
+    found = report.recognition
+    share, end_share = understood(found)
+    return Finding(
+        verdict="violated" if wrong else "ambiguous" if doubts else "satisfied",
+        reason=several(wrong or doubts) or because("report_heard", heard=" ".join(found.heard)),
+        measured={"understood_share": share, "end_share": end_share, "words": float(len(found.heard))},
+        bounds={"understood_share": LEAST_SHARE, "end_share": LEAST_END_SHARE},
+        sources=report.sources,
+        evidence=report.evidence,
+    )
 
 
 def unnamed(found: Recognition) -> list[Reason]:

@@ -4,10 +4,10 @@ import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from http.client import HTTPConnection, HTTPException
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from threading import Thread
 from typing import Any
 from urllib.parse import urlsplit
+
+from tests.fakes.http_servers import JsonHandler, served
 
 Change = Callable[[str, Any], Any]
 """What becomes of an answer on a path; None: no answer comes."""
@@ -65,33 +65,22 @@ class ChangedRobot:
 def between(robot: ChangedRobot) -> Iterator[str]:
     """Its address, until the block ends."""
 
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self._serve()
-
-        def do_POST(self) -> None:
-            self._serve()
-
-        def _serve(self) -> None:
+    class Handler(JsonHandler):
+        def serve(self) -> None:
             body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
             starting = self.command == "POST" and self.path.endswith("/invocations")
             try:
                 for _ in range(1 + (starting and robot.starts_twice)):
                     status, answer = self._asked(body)
             except (OSError, HTTPException):
-                self.close_connection = True
+                self.hang_up()
                 return
             robot.started = robot.started or starting
             changed = robot.passed(self.path.partition("?")[0], answer)
             if changed is None:
-                self.close_connection = True
-                return
-            content = json.dumps(changed).encode()
-            self.send_response(status)
-            self.send_header("Content-Type", "application/json")
-            self.send_header("Content-Length", str(len(content)))
-            self.end_headers()
-            self.wfile.write(content)
+                self.hang_up()
+            else:
+                self.answer(status, changed)
 
         def _asked(self, body: bytes) -> tuple[int, Any]:
             connection = HTTPConnection(urlsplit(robot.target).netloc, timeout=10.0)
@@ -103,15 +92,5 @@ def between(robot: ChangedRobot) -> Iterator[str]:
             finally:
                 connection.close()
 
-        def log_message(self, format: str, *words: Any) -> None:
-            """Quiet."""
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
-    thread.start()
-    try:
-        yield f"http://127.0.0.1:{server.server_port}"
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
+    with served(Handler) as address:
+        yield address

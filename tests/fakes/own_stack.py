@@ -3,13 +3,12 @@
 It counts everything that is asked of it, so that a test can say what a harness in shadow mode sent.
 """
 
-import json
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from threading import Thread
 from typing import Any
+
+from tests.fakes.http_servers import JsonHandler, served
 
 TOKEN = "a secret of this test"
 BEGUN_S = 1_700_000_000.0
@@ -91,40 +90,19 @@ class OwnStack:
 def serving(stack: OwnStack) -> Iterator[str]:
     """Its address, until the block ends."""
 
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self._serve()
-
-        def do_POST(self) -> None:
-            self._serve()
-
-        def _serve(self) -> None:
+    class Handler(JsonHandler):
+        def serve(self) -> None:
             path, _, parameters = self.path.partition("?")
             stack.asked.append(f"{self.command} {path}")
             if stack.away:
-                self.close_connection = True
+                self.hang_up()
                 return
             query = {
                 name: int(value) for name, _, value in (one.partition("=") for one in parameters.split("&") if one)
             }
             found = stack.answer(path, query) if self.command == "GET" else None
-            status = 200 if found is not None else 404
-            body = json.dumps(found or {"code": "unknown_name", "what": "There is nothing of that name"}).encode()
-            self.send_response(status)
-            self.send_header("Content-Type", "application/json")
-            self.send_header("Content-Length", str(len(body)))
-            self.end_headers()
-            self.wfile.write(body)
+            unknown = {"code": "unknown_name", "what": "There is nothing of that name"}
+            self.answer(200 if found is not None else 404, found or unknown)
 
-        def log_message(self, format: str, *words: Any) -> None:
-            """Quiet."""
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
-    thread.start()
-    try:
-        yield f"http://127.0.0.1:{server.server_port}"
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
+    with served(Handler) as address:
+        yield address

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from harness.contracts.effects import AnyEffect, Symbolic
 from harness.contracts.measurements import Recognition
-from harness.contracts.reasons import Reason, because, several
+from harness.contracts.reasons import Reason, because
 from harness.contracts.spoken_goals import spoken_words
 from harness.verification.finding import Finding, Undecidable, ambiguous
 from harness.verification.reading import Evidence
@@ -17,6 +17,7 @@ from harness.verification.spoken_report import (
     LEAST_SHARE,
     RecognisedReport,
     accepted_report,
+    judged,
     longest_match,
     missing,
     newest_report,
@@ -69,15 +70,7 @@ def _judged(report: RecognisedReport, effect: Symbolic, *, accepted_s: float) ->
     doubts = _lacking(found, effect.arguments)
     doubts += [because("other_words_heard", words=tuple(strange))] if strange else []
     doubts += unnamed(found)
-    share, end_share = understood(found)
-    return Finding(
-        verdict="violated" if wrong else "ambiguous" if doubts else "satisfied",
-        reason=several(wrong or doubts) or because("report_heard", heard=" ".join(found.heard)),
-        measured={"understood_share": share, "end_share": end_share, "words": float(len(found.heard))},
-        bounds={"understood_share": LEAST_SHARE, "end_share": LEAST_END_SHARE},
-        sources=report.sources,
-        evidence=report.evidence,
-    )
+    return judged(report, wrong, doubts)
 
 
 def _contradicting(found: Recognition, arguments: Mapping[str, str], strange: list[str]) -> list[Reason]:

@@ -3,7 +3,6 @@
 The passage must lie in view, within range and in line of sight; what was not seen is not clear.
 """
 
-import math
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -19,7 +18,7 @@ from harness.contracts.rules import LINEAGE, SWEPT
 from harness.contracts.values import Point
 from harness.verification import bearings, passage
 from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
-from harness.verification.floor_edges import SweptPicture, fits
+from harness.verification.floor_edges import SweptPicture, faced, fits
 from harness.verification.geometry import distance
 from harness.verification.predicates.analysis import MOST_SHARES
 from harness.verification.reading import Evidence, read
@@ -241,8 +240,7 @@ def _pictures(
         grey = bearings.grey_of(looks.get(frame), look.camera) if look.camera is not None else None
         if grey is None:
             return None
-        cos, sin = math.cos(heading), math.sin(heading)
-        found.append(SweptPicture(grey, around @ np.array([[cos, -sin], [sin, cos]])))
+        found.append(SweptPicture(grey, faced(around, heading)))
     return tuple(found)
 
 

@@ -18,6 +18,7 @@ from harness.verification.spoken_report import (
     RecognisedReport,
     Words,
     accepted_report,
+    judged,
     missing,
     newest_report,
     place_of,
@@ -56,15 +57,7 @@ def _judged(report: RecognisedReport, analysis: CommittedFact, effect: Symbolic,
     wrong += [because("report_heard_before_analysis")] if early else []
     doubts = _lacking(found, place=place, blocked=blocked)
     doubts += unnamed(found) if rules >= CAPTURES else []
-    share, end_share = understood(found)
-    return Finding(
-        verdict="violated" if wrong else "ambiguous" if doubts else "satisfied",
-        reason=several(wrong or doubts) or because("report_heard", heard=" ".join(found.heard)),
-        measured={"understood_share": share, "end_share": end_share, "words": float(len(found.heard))},
-        bounds={"understood_share": LEAST_SHARE, "end_share": LEAST_END_SHARE},
-        sources=report.sources,
-        evidence=report.evidence,
-    )
+    return judged(report, wrong, doubts)
 
 
 def _not_played(found: Recognition, analysis: CommittedFact, effect: Symbolic, evidence: Evidence) -> Finding:
