@@ -75,11 +75,10 @@ def test_the_harness_killed_in_mid_leg_leaves_a_robot_that_stands_within_two_sec
     os.kill(harness.pid, signal.SIGKILL)
     harness.communicate()
     dead_s = truth(tmp_path)[-1]["at_s"]
-    until(lambda: truth(tmp_path)[-1]["at_s"] > dead_s + 3.2, seconds=100, what="three seconds without a harness")
+    until(lambda: stands_for(tmp_path, STANDS_S), seconds=100, what="a robot that stands")
     poses = [line for line in truth(tmp_path) if line["kind"] == "pose"]
     assert any(line["v_mps"] > 0.1 for line in poses if line["at_s"] > moving_s - 2.0)
-    later = [line["v_mps"] for line in poses if line["at_s"] > dead_s + 2.0 + LAST_WORD_S]
-    assert later and all(speed < 0.02 for speed in later)
+    assert max(line["at_s"] for line in poses if line["v_mps"] >= 0.02) <= dead_s + 2.0 + LAST_WORD_S
     mission_id = only_mission(tmp_path)
     again = regen("mission", "resume", mission_id, "--data", tmp_path, "--speed", "2", "--json")
     assert again.returncode == 0, again.stderr
@@ -89,6 +88,16 @@ def test_the_harness_killed_in_mid_leg_leaves_a_robot_that_stands_within_two_sec
 
 LAST_WORD_S = 0.8
 """Mission seconds at 2x that a keepalive which the dead harness had sent may still lie before the robot's door."""
+
+STANDS_S = 0.5
+"""Mission seconds without motion, of the two or so that a robot without a harness stays, slowly, before it ends."""
+
+
+def stands_for(data: Path, least_s: float) -> bool:
+    """Whether the newest poses, over at least so long, have no speed."""
+    poses = [line for line in truth(data) if line["kind"] == "pose"]
+    moved_s = max(line["at_s"] for line in poses if line["v_mps"] >= 0.02)
+    return bool(poses[-1]["at_s"] >= moved_s + least_s)
 
 
 def test_the_robot_killed_in_mid_leg_comes_back_and_nothing_starts_twice(tmp_path: Path) -> None:
