@@ -105,3 +105,5 @@ def test_browser_tests_and_a_module_that_shares_a_fixture_each_go_to_one_worker(
     assert len(passed) == 18
     for folder in ("browser", "faults"):
         assert len({line.split()[0] for line in passed if f"tests/{folder}/" in line}) == 1
+    begun = {line.split()[0]: line for line in reversed(passed)}
+    assert sum("tests/unit/" in line for line in begun.values()) == 1, "one computes while the other waits"
