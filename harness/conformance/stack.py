@@ -10,7 +10,7 @@ from harness.contracts.errors import HarnessError
 from harness.contracts.observations import Odometry, Pose
 from harness.contracts.ports import ObservedRobot
 from harness.contracts.protocol import MOST_CHANGES, StackGoals
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Reason, because
 
 AHEAD_S = 5.0
 MOST_PAGES = 20
@@ -23,7 +23,7 @@ def check_stack(robot: ObservedRobot, name: str) -> tuple[ConformanceFinding, ..
     return tuple(_finding(row, title, tried, robot, name) for row, title, tried in ROWS)
 
 
-def _finding(row: str, title: str, tried: Row, robot: ObservedRobot, name: str) -> ConformanceFinding:
+def _finding(row: str, title: Reason, tried: Row, robot: ObservedRobot, name: str) -> ConformanceFinding:
     try:
         seen = tried(robot, name)
     except HarnessError as error:
@@ -119,12 +119,12 @@ def _whole(robot: ObservedRobot) -> StackGoals:
     )
 
 
-ROWS: tuple[tuple[str, str, Row], ...] = (
-    ("identity", "Says who it is", _identity),
-    ("evidence", "Gives the samples that a verdict needs", _evidence),
-    ("order", "Numbers the changes of its goals", _order),
-    ("once_over", "A goal that is over stays over", _ends),
-    ("repeats", "Says the same when asked again", _repeats),
-    ("targets", "Says where its goals lead", _targets),
-    ("one_clock", "Uses one clock", _clock),
+ROWS: tuple[tuple[str, Reason, Row], ...] = (
+    ("identity", because("stack_row_identity"), _identity),
+    ("evidence", because("stack_row_evidence"), _evidence),
+    ("order", because("stack_row_order"), _order),
+    ("once_over", because("stack_row_once_over"), _ends),
+    ("repeats", because("stack_row_repeats"), _repeats),
+    ("targets", because("stack_row_targets"), _targets),
+    ("one_clock", because("stack_row_one_clock"), _clock),
 )
