@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterable
+from dataclasses import dataclass
 from operator import attrgetter
 from statistics import median
 from typing import assert_never
@@ -22,7 +23,10 @@ from harness.supervisor.standstill import Rest, at_rest
 RECENT_S = 12.0
 BATCH = 5000
 MOST_BATCHES = 24
-"""A reading of samples ends with a batch that is not full; after this many full ones the robot sends nonsense."""
+"""The robot's samples end with a batch that is not full; after this many full ones in a row it sends nonsense."""
+MOST_A_SECOND = 2000
+"""Samples of one execution for each second of the robot's own time, beside MOST_BATCHES full batches that waited: more
+than a body has whose every sensor speaks 200 times a second."""
 MOST_RECENT = 50_000
 DRAIN_S = 8.0
 """Wall seconds that one reading may take; what is left is read in the next step, for a motion needs its keepalive."""
@@ -40,6 +44,15 @@ _WITH_BLOB = (observations.Scan, observations.Image)
 _seq, _order = attrgetter("seq"), attrgetter("at_s", "seq")
 
 
+@dataclass
+class _Spooled:
+    """How many samples one execution has, and the robot's own time when it had the first of them."""
+
+    invocation: InvocationId
+    begun_s: float
+    samples: int = 0
+
+
 class ObservationBuffer:
     """Reads the robot's samples in order of `seq`, keeps the last seconds, spools those of an open invocation."""
 
@@ -53,6 +66,8 @@ class ObservationBuffer:
         self.unheard: Reason | None = None
         self._heard_s: float | None = None
         self._answered = False
+        self._full = 0
+        self._spooled: _Spooled | None = None
 
     @property
     def linked(self) -> bool:
@@ -88,7 +103,6 @@ class ObservationBuffer:
         `trouble` says why an answer cannot be used: nothing of it is kept then, and nothing may rest on it. `unheard`
         says why no answer came.
         """
-        endless = self.trouble is not None and self.trouble.code == "observations_endless"
         self.trouble = self.unheard = None
         self._forget_old()
         try:
@@ -100,7 +114,7 @@ class ObservationBuffer:
                 return True
             self.status, self._answered = status, True
             self._heard_s = self._connection.clock.now().wall_s
-            self.trouble = self._drained(spooling, batches=1 if endless else MOST_BATCHES)
+            self.trouble = self._drained(spooling)
         except ProviderUnreachable as error:
             self._answered, self.unheard = False, error.reason
             return False
@@ -108,22 +122,39 @@ class ObservationBuffer:
             self.trouble = because("observations_unusable", reason=error.reason)
         return True
 
-    def _drained(self, spooling: InvocationId | None, *, batches: int) -> Reason | None:
-        """Read at most so many batches; None, or why the robot's samples cannot be used."""
+    def _drained(self, spooling: InvocationId | None) -> Reason | None:
+        """Read until a batch is not full, or DRAIN_S is over; None, or why the robot's samples cannot be used.
+
+        Full batches count from one reading to the next: a slow robot may give out only a few of them in each.
+        """
         began_s = self._connection.clock.now().wall_s
-        for _ in range(batches):
+        while True:
             batch = self._connection.robot.observations(self._after, BATCH)
-            if batches == 1 and len(batch.samples) >= BATCH:
-                self._after = max(self._after, *(sample.seq for sample in batch.samples))
+            self._full = self._full + 1 if len(batch.samples) >= BATCH else 0
+            if self._full > MOST_BATCHES:
+                self._pass_over(batch)
                 return because("observations_endless", batches=MOST_BATCHES)
+            if spooling is not None and self._floods(batch, spooling):
+                self._pass_over(batch)
+                return because("samples_too_many", limit=MOST_A_SECOND)
             self._take(batch, spooling)
             self._heard_s = self._connection.clock.now().wall_s
-            if len(batch.samples) < BATCH or self._connection.clock.now().wall_s > began_s + DRAIN_S:
+            if not self._full or self._heard_s > began_s + DRAIN_S:
                 break
-        else:
-            return because("observations_endless", batches=MOST_BATCHES)
         self._forget_old()
         return None
+
+    def _floods(self, batch: Observations, spooling: InvocationId) -> bool:
+        """Whether an execution has more samples with this batch than a robot can have since it began."""
+        if self._spooled is None or self._spooled.invocation != spooling:
+            self._spooled = _Spooled(spooling, self.robot_s)
+        self._spooled.samples += len(batch.samples)
+        lasts_s = max(self.robot_s - self._spooled.begun_s, 0.0)
+        return self._spooled.samples > MOST_BATCHES * BATCH + MOST_A_SECOND * lasts_s
+
+    def _pass_over(self, batch: Observations) -> None:
+        """Keep nothing of it, and go on behind it."""
+        self._after = max(map(_seq, batch.samples), default=self._after)
 
     @property
     def _horizon_s(self) -> float:

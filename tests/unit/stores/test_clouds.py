@@ -19,6 +19,10 @@ from tests.saying import raises_saying
 UTM = np.array([512_700.125, 5_403_547.25, 295.5])
 
 
+LASZIP_RECORD = 54
+"""Bytes of the head of a record of variable length in LAS."""
+
+
 def scatter(count: int, *, reach_m: float = 8.0, seed: int = 1) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-reach_m, reach_m, size=(count, 3))
 
@@ -87,6 +91,18 @@ def test_las_and_laz_keep_coordinates_far_from_the_origin(tmp_path: Path, name: 
     read, dropped = read_cloud(las(tmp_path / name, points, version=version))
     assert dropped == 0
     assert np.abs(read - points).max() <= 0.0005001
+
+
+def test_a_laz_file_whose_chunks_hold_no_point_is_refused_though_its_unpacker_panics(tmp_path: Path) -> None:
+    file = las(tmp_path / "empty-chunks.laz", scatter(300))
+    body = bytearray(file.read_bytes())
+    record = body.index(b"laszip encoded") - 2 + LASZIP_RECORD
+    size = struct.unpack_from("<I", body, record + 12)[0]
+    assert size in (50_000, 0xFFFFFFFF), "the number of points of a chunk stands there"
+    struct.pack_into("<I", body, record + 12, 0)
+    file.write_bytes(body)
+    with raises_saying(CloudInvalid, match="does not hold together"):
+        read_cloud(file)
 
 
 @pytest.mark.parametrize("name", ["cut.las", "cut.laz"])

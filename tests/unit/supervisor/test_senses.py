@@ -13,11 +13,11 @@ from harness.adapters.stores.memory import MemorySpool
 from harness.bootstrap import simulated
 from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.ids import Digest, InvocationId, RobotId
-from harness.contracts.observations import AnySample, Pose, Scan
+from harness.contracts.observations import AnySample, Battery, Pose, Scan
 from harness.contracts.ports import Clock, Robot
 from harness.contracts.protocol import Observations
 from harness.settings import HarnessSettings
-from harness.supervisor.observations import RECENT_S, ObservationBuffer
+from harness.supervisor.observations import BATCH, DRAIN_S, MOST_BATCHES, RECENT_S, ObservationBuffer
 from harness.supervisor.robot_connection import RobotConnection
 from simulator.in_process import SIMULATOR
 from simulator.robot import SimulatedRobot
@@ -40,9 +40,14 @@ class RecordingSpool(MemorySpool):
 
 
 class Gone(SimulatedRobot):
-    """A robot that answers until it is switched off."""
+    """A robot that answers until it is switched off, and that may flood whoever reads its samples."""
 
     off = False
+    flood = 0
+    """How many samples of its battery every batch holds, if any."""
+    late_s = 0.0
+    """How much wall time each of its batches takes."""
+    wall_s = 0.0
 
     def __init__(self, world: WorldSettings) -> None:
         super().__init__(world)
@@ -52,6 +57,11 @@ class Gone(SimulatedRobot):
         """The robot's observations."""
         if self.off:
             raise ProviderUnreachable("The robot is off", where="vbot-1", do="switch it on")
+        self.wall_s += self.late_s
+        if self.flood:
+            numbers = range(after + 1, after + 1 + self.flood)
+            charges = [Battery(seq=number, at_s=self.at_s, source="battery", charge=0.5) for number in numbers]
+            return Observations(samples=tuple(charges), next_seq=numbers[-1], at_s=self.at_s)
         return super().observations(after, limit)
 
     def blob(self, digest: Digest) -> bytes:
@@ -77,7 +87,7 @@ class Watch:
 def watch() -> Iterator[Watch]:
     with simulated(HarnessSettings(fidelity="kinematic", speed=0), simulator=SIMULATOR, seed=1) as harness:
         robot, spool = Gone(WorldSettings()), RecordingSpool()
-        clock = LockstepClock(robot.advance_to, at_s=robot.at_s, wall=lambda: robot.at_s)
+        clock = LockstepClock(robot.advance_to, at_s=robot.at_s, wall=lambda: robot.at_s + robot.wall_s)
         connection = RobotConnection(
             robot_id=RobotId("vbot-1"),
             robot=_as_robot(robot),
@@ -131,6 +141,34 @@ def test_the_sweeps_of_an_open_execution_are_fetched_however_old_they_are(watch:
     sweeps = {one.blob for one in watch.spool.samples(OPEN) if isinstance(one, Scan)}
     assert sweeps == set(watch.robot.asked)
     assert min(one.at_s for one in watch.spool.samples(OPEN)) < watch.robot.at_s - 9 * RECENT_S
+
+
+def trouble(watch: Watch) -> str:
+    return watch.observations.trouble.code if watch.observations.trouble is not None else ""
+
+
+def test_full_batches_count_from_one_reading_to_the_next_however_few_of_them_come_in_each(watch: Watch) -> None:
+    watch.robot.flood, watch.robot.late_s = BATCH, DRAIN_S / 4
+    for _ in range(MOST_BATCHES):
+        watch.after(0.5)
+        assert watch.observations.collect(OPEN)
+    assert trouble(watch) == "observations_endless"
+    assert len(watch.spool.samples(OPEN)) <= MOST_BATCHES * BATCH
+    watch.robot.flood = 0
+    watch.after(0.5)
+    assert watch.observations.collect(OPEN)
+    assert trouble(watch) == ""
+
+
+def test_an_execution_has_no_more_samples_than_a_robot_can_make_in_its_time(watch: Watch) -> None:
+    watch.robot.flood = BATCH - 1
+    for _ in range(3 * MOST_BATCHES):
+        watch.after(0.5)
+        assert watch.observations.collect(OPEN)
+    assert trouble(watch) == "samples_too_many"
+    assert len(watch.spool.samples(OPEN)) < 1.5 * MOST_BATCHES * BATCH
+    assert watch.observations.collect(InvocationId("inv-2"))
+    assert trouble(watch) == ""
 
 
 def test_only_the_last_seconds_are_kept_and_a_silent_robot_changes_nothing(watch: Watch) -> None:
