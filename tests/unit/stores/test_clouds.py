@@ -93,15 +93,21 @@ def test_las_and_laz_keep_coordinates_far_from_the_origin(tmp_path: Path, name: 
     assert np.abs(read - points).max() <= 0.0005001
 
 
-def test_a_laz_file_whose_chunks_hold_no_point_is_refused_though_its_unpacker_panics(tmp_path: Path) -> None:
-    file = las(tmp_path / "empty-chunks.laz", scatter(300))
+@pytest.mark.parametrize(
+    ("at", "number", "why"),
+    [(12, 0, "300 points, 0 in each"), (12, 2**31 - 1, "2147483647 in each"), (32, 0, "does not hold together")],
+    ids=["chunks-without-points", "chunks-beyond-memory", "points-of-nothing"],
+)
+def test_a_laz_file_whose_record_would_end_its_unpacker_is_refused(
+    tmp_path: Path, at: int, number: int, why: str
+) -> None:
+    file = las(tmp_path / "record.laz", scatter(300))
     body = bytearray(file.read_bytes())
     record = body.index(b"laszip encoded") - 2 + LASZIP_RECORD
-    size = struct.unpack_from("<I", body, record + 12)[0]
-    assert size in (50_000, 0xFFFFFFFF), "the number of points of a chunk stands there"
-    struct.pack_into("<I", body, record + 12, 0)
+    assert struct.unpack_from("<I", body, record + 12)[0] == 50_000, "the points of a chunk stand there"
+    struct.pack_into("<I" if at == 12 else "<H", body, record + at, number)
     file.write_bytes(body)
-    with raises_saying(CloudInvalid, match="does not hold together"):
+    with raises_saying(CloudInvalid, match=why):
         read_cloud(file)
 
 
