@@ -29,7 +29,7 @@ _BROKEN = (
 )
 """What the libraries raise on bytes that they do not expect."""
 _PANIC = "PanicException"
-"""What the unpacker of LAZ, which is written in Rust, raises on some bytes; it is no Exception and cannot be imported."""
+"""What the unpacker of LAZ, made in Rust, raises on some bytes: no Exception, and nothing that can be imported."""
 _AT_ONCE = 250_000
 """Points of a LAS file that are unpacked at a time: its header decides nothing about memory."""
 

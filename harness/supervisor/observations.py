@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from operator import attrgetter
 from statistics import median
@@ -12,7 +13,7 @@ from msgspec import UNSET
 from harness.contracts import observations
 from harness.contracts.errors import BlobDamaged, ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.evidence import EvidenceReference
-from harness.contracts.ids import InvocationId, sha256
+from harness.contracts.ids import Digest, InvocationId, sha256
 from harness.contracts.protocol import Observations, Receipt, RobotStatus
 from harness.contracts.reasons import Reason, because
 from harness.contracts.values import encode
@@ -27,9 +28,13 @@ MOST_BATCHES = 24
 MOST_A_SECOND = 2000
 """Samples of one execution for each second of the robot's own time, beside MOST_BATCHES full batches that waited: more
 than a body has whose every sensor speaks 200 times a second."""
+MOST_BYTES_A_SECOND, MOST_BYTES_AT_ONCE = 32 << 20, 64 << 20
+"""Bytes of sweeps and images of one execution for each second of the robot's own time, and beside that."""
 MOST_RECENT = 50_000
 DRAIN_S = 8.0
 """Wall seconds that one reading may take; what is left is read in the next step, for a motion needs its keepalive."""
+REST_OF_BLOBS_S = 60.0
+"""Wall seconds for the bytes that are left when an execution is over: its body stands and needs no keepalive."""
 AHEAD_S = 60.0
 """Samples with a stamp this far ahead of the robot's own clock are of no instant; they are dropped."""
 LINK_S = 3.0
@@ -45,16 +50,35 @@ _seq, _order = attrgetter("seq"), attrgetter("at_s", "seq")
 
 
 @dataclass
-class _Spooled:
-    """How many samples one execution has, and the robot's own time when it had the first of them."""
+class _Volume:
+    """What came since an execution began, or since the last one ended; `begun_s` is the robot's own time then."""
 
-    invocation: InvocationId
+    execution: InvocationId | None
     begun_s: float
     samples: int = 0
+    bytes: int = 0
+    excess: Reason | None = None
+
+    def check(self, at_s: float) -> Reason | None:
+        """Why it is more than a robot can make until then, if it is; of an execution that was once too much, for good.
+
+        Between executions samples are not counted: what a robot holds from before may be much.
+        """
+        lasts_s = max(at_s - self.begun_s, 0.0)
+        found = self.excess if self.execution is not None else None
+        if self.execution is not None and self.samples > MOST_BATCHES * BATCH + MOST_A_SECOND * lasts_s:
+            found = found or because("samples_too_many", limit=MOST_A_SECOND)
+        if self.bytes > MOST_BYTES_AT_ONCE + MOST_BYTES_A_SECOND * lasts_s:
+            found = found or because("sweeps_too_large", limit_mib=MOST_BYTES_A_SECOND >> 20)
+        self.excess = found
+        return found
 
 
 class ObservationBuffer:
-    """Reads the robot's samples in order of `seq`, keeps the last seconds, spools those of an open invocation."""
+    """Reads the robot's samples in order of `seq`, keeps the last seconds, spools those of an open invocation.
+
+    How much of them, and for how long in each reading, is bounded here, whatever the robot sends.
+    """
 
     def __init__(self, *, runtime: Runtime, connection: RobotConnection) -> None:
         self._runtime = runtime
@@ -67,7 +91,8 @@ class ObservationBuffer:
         self._heard_s: float | None = None
         self._answered = False
         self._full = 0
-        self._spooled: _Spooled | None = None
+        self._volume: _Volume | None = None
+        self._wanted: deque[Digest] = deque(maxlen=MOST_RECENT)
 
     @property
     def linked(self) -> bool:
@@ -127,34 +152,27 @@ class ObservationBuffer:
 
         Full batches count from one reading to the next: a slow robot may give out only a few of them in each.
         """
-        began_s = self._connection.clock.now().wall_s
+        until_s = self._connection.clock.now().wall_s + DRAIN_S
+        if self._volume is None or self._volume.execution != spooling:
+            self._volume = _Volume(spooling, self.robot_s)
         while True:
             batch = self._connection.robot.observations(self._after, BATCH)
             self._full = self._full + 1 if len(batch.samples) >= BATCH else 0
+            self._volume.samples += len(batch.samples)
+            excess = self._volume.check(self.robot_s)
             if self._full > MOST_BATCHES:
-                self._pass_over(batch)
-                return because("observations_endless", batches=MOST_BATCHES)
-            if spooling is not None and self._floods(batch, spooling):
-                self._pass_over(batch)
-                return because("samples_too_many", limit=MOST_A_SECOND)
+                excess = because("observations_endless", batches=MOST_BATCHES)
+            if excess is not None:
+                self._after = max(map(_seq, batch.samples), default=self._after)
+                self._wanted.clear()
+                return excess
             self._take(batch, spooling)
+            self._fetch_wanted(self._volume, until_s)
             self._heard_s = self._connection.clock.now().wall_s
-            if not self._full or self._heard_s > began_s + DRAIN_S:
+            if not self._full or self._heard_s > until_s:
                 break
         self._forget_old()
         return None
-
-    def _floods(self, batch: Observations, spooling: InvocationId) -> bool:
-        """Whether an execution has more samples with this batch than a robot can have since it began."""
-        if self._spooled is None or self._spooled.invocation != spooling:
-            self._spooled = _Spooled(spooling, self.robot_s)
-        self._spooled.samples += len(batch.samples)
-        lasts_s = max(self.robot_s - self._spooled.begun_s, 0.0)
-        return self._spooled.samples > MOST_BATCHES * BATCH + MOST_A_SECOND * lasts_s
-
-    def _pass_over(self, batch: Observations) -> None:
-        """Keep nothing of it, and go on behind it."""
-        self._after = max(map(_seq, batch.samples), default=self._after)
 
     @property
     def _horizon_s(self) -> float:
@@ -175,7 +193,7 @@ class ObservationBuffer:
         fresh = [sample for sample in fresh if sample.at_s <= until_s]
         if spooling is None:
             fresh = [sample for sample in fresh if sample.at_s >= self._horizon_s]
-        self._keep_blobs(fresh)
+        self._wanted.extend(sample.blob for sample in fresh if isinstance(sample, _WITH_BLOB))
         if spooling is not None and fresh:
             self._connection.spool.add(spooling, fresh)
         self._recent.extend(fresh)
@@ -209,30 +227,42 @@ class ObservationBuffer:
         )
         return reference, trajectory
 
-    def keep_receipts(self, receipts: Iterable[Receipt]) -> None:
-        """Fetch the bytes that receipts name. What the provider no longer holds, or holds otherwise, stays missing."""
+    def fetch_rest(self, receipts: Iterable[Receipt]) -> None:
+        """Fetch what is still wanted, and the bytes that receipts name, for at most REST_OF_BLOBS_S. What the provider
+        no longer holds, or holds otherwise, stays missing."""
+        until_s = self._connection.clock.now().wall_s + REST_OF_BLOBS_S
+        with suppress(ProviderUnreachable):
+            if self._volume is not None:
+                self._fetch_wanted(self._volume, until_s)
         for receipt in receipts:
-            if receipt.blob is None or self._runtime.has_blob(receipt.blob):
-                continue
-            try:
-                body = self._connection.robot.blob(receipt.blob)
-            except (BlobDamaged, UnknownName, ProviderFailed):
-                continue
-            if sha256(body) == receipt.blob:
-                self._runtime.keep(body)
+            if receipt.blob is not None and self._connection.clock.now().wall_s <= until_s:
+                with suppress(*ROBOT_ERRORS):
+                    self._fetch(receipt.blob)
 
-    def _keep_blobs(self, samples: list[observations.AnySample]) -> None:
-        """Fetch the bytes of sweeps and images. What the robot does not give out, or not as it says, stays missing."""
-        for sample in samples:
-            if isinstance(sample, _WITH_BLOB) and not self._runtime.has_blob(sample.blob):
-                try:
-                    body = self._connection.robot.blob(sample.blob)
-                except ProviderUnreachable:
-                    raise
-                except ROBOT_ERRORS:
-                    continue
-                if sha256(body) == sample.blob:
-                    self._runtime.keep(body)
+    def _fetch_wanted(self, volume: _Volume, until_s: float) -> None:
+        """Fetch the bytes of sweeps and images, the oldest first; what is left at that wall time, in the next reading.
+
+        What the robot does not give out, or not as it says, stays missing, and is not asked for again.
+        """
+        while self._wanted and volume.check(self.robot_s) is None:
+            digest = self._wanted.popleft()
+            try:
+                volume.bytes += self._fetch(digest)
+            except ProviderUnreachable:
+                raise
+            except ROBOT_ERRORS:
+                pass
+            if self._connection.clock.now().wall_s > until_s:
+                return
+
+    def _fetch(self, digest: Digest) -> int:
+        """Keep the bytes with this digest; how many were fetched, none where they are known."""
+        if self._runtime.has_blob(digest):
+            return 0
+        body = self._connection.robot.blob(digest)
+        if sha256(body) == digest:
+            self._runtime.keep(body)
+        return len(body)
 
 
 def looked(runtime: Runtime, connection: RobotConnection) -> ObservationBuffer:

@@ -4,6 +4,7 @@ import json
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from typing import Any, Literal
 
 from harness.conformance.hostile.proxy import Answer, Ask, Forward, Lie, ProxyState
@@ -137,6 +138,35 @@ def _padded(answer: Any, seen: ProxyState) -> Any:
     """The last sample so often that the batch is nearly full."""
     last = answer["samples"][-1:]
     return {**answer, "samples": [*answer["samples"], *last * (4999 - len(answer["samples"]))]}
+
+
+def _sweeps(count: int, answer: Callable[[int], Answer]) -> Lie:
+    """So many sweeps more in every batch, each with bytes of its own that `answer` gives out."""
+
+    def lie(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
+        bodies: dict[str, int] = seen.kept.setdefault("sweeps", {})
+        if ask.kind == "blob" and ask.path.rpartition("/")[2] in bodies:
+            return answer(bodies[ask.path.rpartition("/")[2]])
+        honest = forward(ask)
+        if ask.kind != "observations" or not honest.ok or not seen.in_motion or not honest.json()["samples"]:
+            return honest
+        batch, numbers = honest.json(), range(len(bodies), len(bodies) + count)
+        digests = {sha256(answer(number).body).hexdigest(): number for number in numbers}
+        bodies |= digests
+        last = batch["samples"][-1]
+        sweep = {"kind": "scan", "seq": last["seq"], "at_s": last["at_s"], "source": "lidar", "frame": "body"}
+        more = [{**sweep, "blob": digest, "points": 1} for digest in digests]
+        return replace(honest, body=json.dumps({**batch, "samples": [*batch["samples"], *more]}).encode())
+
+    return lie
+
+
+def _late(number: int) -> Answer:
+    return Answer(status=404, body=b"%d" % number, silent_s=0.3)
+
+
+def _large(number: int) -> Answer:
+    return Answer(body=b"%08d" % number * (1 << 20), content_type="application/octet-stream")
 
 
 def _figure(name: bytes, value: bytes) -> Callable[[bytes], bytes]:
@@ -362,6 +392,9 @@ BOUNDS = (
     Mode("batches-nearly-full", "bounds", "4,999 samples in every batch", _batches(short_by=1)),
     Mode("samples-repeated", "bounds", "The last sample of every batch thousands of times",
          rewritten("observations", _padded), may_succeed=True),
+    Mode("sweeps-each-late", "bounds", "200 sweeps in every batch, none of which comes in less than 0.3 s",
+         _sweeps(200, _late)),
+    Mode("sweeps-of-eight-megabytes", "bounds", "Eight sweeps of 8 MiB in every batch", _sweeps(8, _large)),
     Mode("batch-over-its-limit", "bounds", "More samples than were asked for", rewritten("observations", _over)),
     Mode("samples-nan", "bounds", "NaN among the samples", garbled("observations", _figure(b"at_s", b"NaN"))),
     Mode("samples-infinite", "bounds", "Infinity among the samples",
