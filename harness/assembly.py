@@ -59,6 +59,7 @@ from harness.gate.leases import DECIDER as LEASE
 from harness.gate.maps import DECIDER as MAP
 from harness.gate.places import DECIDER as PLACE
 from harness.gate.shadow import DECIDER as SHADOW
+from harness.gate.site_changes import DECIDER as SITE
 from harness.goals.model_reader import ModelGoalReader
 from harness.goals.reader import GRAMMAR, GoalReader
 from harness.goals.sources import RobotSources
@@ -100,6 +101,7 @@ DECIDERS: dict[str, Decider[Any, Any, Any]] = {
     "goal-proposal": GOAL_PROPOSAL,
     "erasure": ERASURE,
     "shadow": SHADOW,
+    "site": SITE,
 }
 
 
