@@ -37,9 +37,11 @@ from harness.contracts.place_events import place_stream
 from harness.contracts.places import Site
 from harness.contracts.ports import EventStore
 from harness.contracts.reasons import because
+from harness.contracts.site_events import site_stream
 from harness.contracts.tasks import Node, TaskTemplate
 from harness.contracts.values import Point, Value, decode, encode
 from harness.gate.places import DECIDER as PLACE
+from harness.gate.site_changes import DECIDER as CHANGES
 from harness.planning.binding import bind_place
 from harness.planning.templates import by_name
 from harness.projections.mission import Mission, NodeState, required_contract

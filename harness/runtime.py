@@ -204,7 +204,12 @@ class Runtime:
         self._configurations = configurations
         self._sites = SiteVersions(store, gate.state, site, beside)
         self._compiler = ContractCompiler(
-            beside=self._sites.missions, reader=reader, sources=sources, rules=rules, vocabulary=vocabulary, predicates=predicates
+            beside=self._sites.missions,
+            reader=reader,
+            sources=sources,
+            rules=rules,
+            vocabulary=vocabulary,
+            predicates=predicates,
         )
         self.vocabulary, self.predicates = vocabulary, predicates
         self._reader = reader

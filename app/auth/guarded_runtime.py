@@ -13,6 +13,7 @@ from harness import erasures
 from harness.contracts import ids
 from harness.contracts.actors import Actor, Command
 from harness.contracts.any_events import AnyEvent
+from harness.contracts.capabilities import Vocabulary
 from harness.contracts.commands import CreateMission, FreeLease, MissionCommand, StopMission
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Decision, Refused
@@ -260,6 +261,11 @@ class GuardedRuntime:
     def head(self) -> LogHead:
         """The end of the log."""
         return self._runtime.head()
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """The capability types that missions may name here."""
+        return self._runtime.vocabulary
 
     @property
     def predicates(self) -> Predicates:
