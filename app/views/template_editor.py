@@ -132,7 +132,7 @@ def read_template(
     file = Path(f"{name or 'mission'}.yaml")
     try:
         template = read_yaml(text, TaskTemplate, where=str(file), foreign=True)
-        _check_name(template.name, name, known=known, taken=taken, where=str(file))
+        _check_name(template.name, name, known=known, taken=taken, where=f"{file}:{Lines(text).of('name')}")
     except HarnessError as error:
         return [Wrong("text", explained(error))]
     problems = mission_problems(template, site, file, Lines(text), vocabulary=vocabulary, predicates=predicates)
