@@ -33,6 +33,9 @@ MOST_BYTES_A_SECOND, MOST_BYTES_AT_ONCE = 32 << 20, 64 << 20
 MOST_RECENT = 50_000
 DRAIN_S = 8.0
 """Wall seconds that one reading may take; what is left is read in the next step, for a motion needs its keepalive."""
+BLOBS_S = 1.0
+"""Wall seconds in which the bytes of sweeps and images are fetched behind one batch: half of what a motion goes on for
+without a keepalive."""
 REST_OF_BLOBS_S = 60.0
 """Wall seconds for the bytes that are left when an execution is over: its body stands and needs no keepalive."""
 AHEAD_S = 60.0
@@ -167,7 +170,7 @@ class ObservationBuffer:
                 self._wanted.clear()
                 return excess
             self._take(batch, spooling)
-            self._fetch_wanted(self._volume, until_s)
+            self._fetch_wanted(self._volume, self._connection.clock.now().wall_s + BLOBS_S)
             self._heard_s = self._connection.clock.now().wall_s
             if not self._full or self._heard_s > until_s:
                 break

@@ -18,7 +18,7 @@ from harness.contracts.ports import Clock, Robot
 from harness.contracts.protocol import Observations
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
-from harness.supervisor.observations import BATCH, DRAIN_S, MOST_BATCHES, RECENT_S, ObservationBuffer
+from harness.supervisor.observations import BATCH, BLOBS_S, DRAIN_S, MOST_BATCHES, RECENT_S, ObservationBuffer
 from harness.supervisor.robot_connection import RobotConnection
 from simulator.in_process import SIMULATOR
 from simulator.robot import SimulatedRobot
@@ -196,12 +196,13 @@ def test_sweeps_that_come_slowly_are_fetched_in_several_readings_and_the_rest_be
     watch.after(0.05)
     bodies = [b"%d" % number for number in range(100)]
     watch.robot.sweeps = tuple(watch.robot.sweep(10_000 + number, body) for number, body in enumerate(bodies))
-    watch.robot.late_s = DRAIN_S / 10
+    watch.robot.late_s = BLOBS_S / 10
     assert watch.observations.collect(OPEN)
-    assert len(watch.robot.asked) <= 10
+    assert 0 < len(watch.robot.asked) <= 12
     assert watch.observations.collect(OPEN)
     first = len(watch.robot.asked)
-    assert 10 < first <= 20
+    assert 12 < first <= 24
+    watch.robot.late_s = 1.0
     watch.observations.fetch_rest(())
     assert first < len(watch.robot.asked) < 100, "and no longer than a minute"
     watch.robot.late_s = 0.0
