@@ -11,6 +11,7 @@ from experiments.campaigns.random_kills import InstantKill, InstantOutcome, inst
 Host = Literal["console", "worker"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("target", "host", "at_s"), [("console", "console", 14.0), ("worker", "worker", 9.0), ("robot", "worker", 21.0)]
 )
