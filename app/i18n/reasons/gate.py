@@ -101,6 +101,7 @@ SENTENCES: Mapping[str, str] = {
     "packet_of_no_invocation": N_("No invocation is open, so this packet belongs to none."),
     "place_heading_invalid": N_("The heading is between -360 and 360 degrees."),
     "place_nowhere": N_("Coordinates are finite and within {limit_km:.0f} km of the map's origin."),
+    "route_size_invalid": N_("A route has 2 to {most} waypoints."),
     "place_region_invalid": N_("A region has 3 to {corners} corners, or none."),
     "plan_unpaid": N_("A plan costs a local_replan: {why}."),
     "plan_without_its_stage": N_("The plan for {node_id} does not hold that stage."),
