@@ -51,6 +51,7 @@ from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 from harness.routing.explanation import explained
 from harness.routing.question import RoutingQuestion
+from harness.workspace.reading import NO_FILES, SiteFiles
 from rsi_reviews.evaluation_jobs import EvaluationCost, EvaluationJob
 
 Cards = Callable[[], Iterable[CapabilityCard]]
@@ -182,6 +183,7 @@ class Console:
     replays: ReplayJobs | None = None
     audits: Audits = no_audits
     shadows: Shadows = field(default_factory=dict)
+    site_files: SiteFiles = NO_FILES
     fresh: Callable[[], str] = no_name
 
     def head(self) -> LogHead:

@@ -66,6 +66,7 @@ from app.routes import (
     api_releases,
     api_robots,
     api_shadow,
+    api_site_changes,
     api_speech,
     api_uploads,
     audit,
@@ -84,6 +85,7 @@ from app.routes import (
     missions,
     openapi,
     overview,
+    own_missions,
     places,
     providers,
     queue,
@@ -94,6 +96,7 @@ from app.routes import (
     scene,
     shadow,
     sign_in,
+    site_routes,
     watch,
 )
 from app.routes import fleet as fleet_page
@@ -116,6 +119,7 @@ from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId, ProviderId, RobotId
 from harness.contracts.reasons import Reason, because
 from harness.runtime import AnswerHandoff, FreeResource, HaltRobot, Runtime, unhalted, unobserved, unsupervised
+from harness.workspace.reading import NO_FILES, SiteFiles
 
 GRACE_S = 3
 PAGES = (
@@ -132,6 +136,8 @@ PAGES = (
     shadow,
     watch,
     places,
+    site_routes,
+    own_missions,
     providers,
     memory,
     handoffs,
@@ -158,6 +164,7 @@ API = (
     api_admissions,
     api_goal_proposals,
     api_places,
+    api_site_changes,
     api_reading,
     api_releases,
     api_robots,
@@ -191,6 +198,7 @@ def create_app(
     clear_way: ClearWay | None = None,
     replays: ReplayJobs | None = None,
     shadows: Shadows = MappingProxyType({}),
+    site_files: SiteFiles = NO_FILES,
 ) -> FastAPI:
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
@@ -202,7 +210,7 @@ def create_app(
 
     `fleet` shows what robots say of themselves, `teleoperation` lets people drive them; both are ended with the
     console. `evaluations` runs what people ask to have evaluated, `replays` the recordings that they upload. `shadows`
-    are the robots that are only observed.
+    are the robots that are only observed. `site_files` are what routes and missions are changed beside.
 
     Sign-in links come from `app.state.sessions`. Its lists are kept in `folder`, or in memory without one, and have
     caught up with the log on return.
@@ -265,6 +273,7 @@ def create_app(
         speech=speech,
         replays=replays,
         shadows=shadows,
+        site_files=site_files,
         fresh=_fresh,
         **_kept_in(folder, settings),
     )

@@ -59,6 +59,7 @@ from harness.gate.leases import DECIDER as LEASE
 from harness.gate.maps import DECIDER as MAP
 from harness.gate.places import DECIDER as PLACE
 from harness.gate.shadow import DECIDER as SHADOW
+from harness.gate.site_changes import DECIDER as SITE
 from harness.goals.model_reader import ModelGoalReader
 from harness.goals.reader import GRAMMAR, GoalReader
 from harness.goals.sources import RobotSources
@@ -76,6 +77,7 @@ from harness.supervisor.supervisor import Supervisor
 from harness.supervisor.teleoperation import Teleoperation
 from harness.verification.verdict import Verifier, verify
 from harness.workspace.capability_types import shipped_vocabulary
+from harness.workspace.reading import NO_FILES, SiteFiles
 
 Deciders = Mapping[str, Decider[Any, Any, Any]]
 """Deciders by family of streams: `release` decides on `release/...`."""
@@ -100,6 +102,7 @@ DECIDERS: dict[str, Decider[Any, Any, Any]] = {
     "goal-proposal": GOAL_PROPOSAL,
     "erasure": ERASURE,
     "shadow": SHADOW,
+    "site": SITE,
 }
 
 
@@ -132,7 +135,7 @@ class Harness:
     Every robot has a mission time of its own: `clock` is the first one's, `clocks` has all of them. `absent`: robots of
     the site that could not be connected, and why; `unused`: providers of connected ones that are not admitted. `parts`
     are the ports it is built on, for what runs beside it on the same log. `shadows` watch robots whose own stacks
-    decide, once `watch` of each was called.
+    decide, once `watch` of each was called. `site_files`: what the site's folder holds.
     """
 
     runtime: Runtime
@@ -147,6 +150,7 @@ class Harness:
     token: str = ""
     parts: "Parts | None" = None
     shadows: Mapping[RobotId, ShadowWatch] = field(default_factory=dict)
+    site_files: SiteFiles = NO_FILES
 
     def starts(self, mission_id: MissionId) -> tuple[PhysicalStart, ...]:
         """Physical starts of one mission, from the robots' own journals."""

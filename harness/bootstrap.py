@@ -180,7 +180,7 @@ def open_harness(
         unused = {RobotId(entry.name): robot.unused for entry, robot in connected if robot.unused}
         harness = replace(joined(stack, settings, parts, members), token=token, unused=unused)
         shadows, unseen = _shadowed(stack, harness.runtime, settings, workspace)
-        harness = replace(harness, shadows=shadows, absent=absent | unseen)
+        harness = replace(harness, shadows=shadows, absent=absent | unseen, site_files=workspace.files)
         finish_erasures(harness.runtime)
         yield harness
 

@@ -37,13 +37,16 @@ from harness.contracts.place_events import place_stream
 from harness.contracts.places import Site
 from harness.contracts.ports import EventStore
 from harness.contracts.reasons import because
+from harness.contracts.site_events import site_stream
 from harness.contracts.tasks import Node, TaskTemplate
 from harness.contracts.values import Point, Value, decode, encode
 from harness.gate.places import DECIDER as PLACE
+from harness.gate.site_changes import DECIDER as CHANGES
 from harness.planning.binding import bind_place
 from harness.planning.templates import by_name
 from harness.projections.mission import Mission, NodeState, required_contract
 from harness.projections.places import changed_site
+from harness.projections.site_changes import with_routes
 from harness.runtime import Runtime, Start
 from harness.settings import HarnessSettings
 from harness.supervisor.supervisor import Supervisor
@@ -253,9 +256,10 @@ def read_whole(request: bytes) -> bytes:
 
 
 def _site(store: EventStore, shipped: Site) -> Site:
-    """The places of the site's folder with the changes that people made in this data folder."""
-    changes = [PLACE.codec.decode(one) for one in store.load(place_stream(shipped.name))]
-    return changed_site(shipped, PLACE.fold(PLACE.initial, changes))
+    """The places and routes of the site's folder with the changes that people made in this data folder."""
+    places = PLACE.fold(PLACE.initial, map(PLACE.codec.decode, store.load(place_stream(shipped.name))))
+    changes = CHANGES.fold(CHANGES.initial, map(CHANGES.codec.decode, store.load(site_stream(shipped.name))))
+    return with_routes(changed_site(shipped, places), changes)
 
 
 def _approach(name: str, site: Site, recording: Recording) -> Point:

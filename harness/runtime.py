@@ -49,7 +49,7 @@ from harness.contracts.ids import (
 from harness.contracts.models import ModelAdvice
 from harness.contracts.observations import AnySample
 from harness.contracts.person_commands import PersonCommand
-from harness.contracts.places import Place, Site
+from harness.contracts.places import Place, Route, Site
 from harness.contracts.predicates import NO_PREDICATES
 from harness.contracts.protocol import InvocationReport, RobotStatus
 from harness.contracts.readings import Reading
@@ -73,6 +73,7 @@ from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission, required_contract
 from harness.projections.places import Places
+from harness.projections.site_changes import SiteChanges
 
 DRAWS = 3
 """How often a name is drawn for a mission before the start is refused because there is a mission of that name."""
@@ -201,14 +202,18 @@ class Runtime:
         self._ids = ids
         self._signals = signals
         self._configurations = configurations
+        self._sites = SiteVersions(store, gate.state, site, beside)
         self._compiler = ContractCompiler(
-            beside=beside, reader=reader, sources=sources, rules=rules, vocabulary=vocabulary, predicates=predicates
+            beside=self._sites.missions,
+            reader=reader,
+            sources=sources,
+            rules=rules,
+            vocabulary=vocabulary,
+            predicates=predicates,
         )
         self.vocabulary, self.predicates = vocabulary, predicates
         self._reader = reader
         self.stage_planner = stage_planner
-        self._sites = SiteVersions(store, gate.state, site)
-        self.beside = tuple(beside)
         self.memory = memory
         self.rules = rules
         self._open_missions = OpenMissions(store)
@@ -230,6 +235,23 @@ class Runtime:
     def places(self) -> Places:
         """The changes to this site's places."""
         return self._sites.changes()
+
+    @property
+    def beside(self) -> tuple[TaskTemplate, ...]:
+        """The site's own missions with people's changes: what may be started although no configuration holds it."""
+        return self._sites.missions()
+
+    def site_changes(self) -> SiteChanges:
+        """The changes to this site's routes and own missions."""
+        return self._sites.definition()
+
+    def shipped_route(self, name: str) -> Route | None:
+        """A route as it shipped, without people's changes."""
+        return self._sites.shipped_route(name)
+
+    def shipped_mission(self, name: str) -> TaskTemplate | None:
+        """One of the site's own missions as its folder has it, without people's changes."""
+        return self._sites.shipped_mission(name)
 
     def shipped_place(self, place_id: PlaceId) -> Place | None:
         """A place as it shipped, without people's changes."""

@@ -17,6 +17,7 @@ from harness.contracts import (
     retreat_events,
     revision_commands,
     shadow,
+    site_events,
 )
 from harness.contracts.actors import Actor, Command
 from harness.contracts.reasons import because
@@ -42,6 +43,10 @@ ASKED: Mapping[type[Command], Permission] = MappingProxyType(
         goal_proposals.AnswerProposedGoal: "drive",
         place_events.SavePlace: "drive",
         place_events.RemovePlace: "drive",
+        site_events.SaveRoute: "drive",
+        site_events.RemoveRoute: "drive",
+        site_events.SaveTemplate: "drive",
+        site_events.RemoveTemplate: "drive",
         handoff_commands.LookAgain: "observe",
         commands.ApproveHandoff: "decide",
         commands.RejectHandoff: "decide",

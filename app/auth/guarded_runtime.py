@@ -13,13 +13,14 @@ from harness import erasures
 from harness.contracts import ids
 from harness.contracts.actors import Actor, Command
 from harness.contracts.any_events import AnyEvent
+from harness.contracts.capabilities import Vocabulary
 from harness.contracts.commands import CreateMission, FreeLease, MissionCommand, StopMission
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.erasure_events import BlobErased, EraseBlob
 from harness.contracts.events import MissionCreated
 from harness.contracts.person_commands import PersonCommand
-from harness.contracts.places import Place, Site
+from harness.contracts.places import Place, Route, Site
 from harness.contracts.ports import LogHead, Predicates, Record, SnapshotFindings, StoredEvent
 from harness.contracts.reasons import because
 from harness.contracts.spoken_goals import Transcription
@@ -31,6 +32,7 @@ from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 from harness.projections.places import Places
+from harness.projections.site_changes import SiteChanges
 from harness.runtime import AnswerHandoff, FreeResource, HaltRobot, Live, Runtime, Start, unhalted, unobserved
 
 PRINCIPAL: ContextVar[Principal] = ContextVar("principal")
@@ -176,6 +178,18 @@ class GuardedRuntime:
         """A place as it shipped, whatever people made of it since."""
         return self._runtime.shipped_place(place_id)
 
+    def site_changes(self) -> SiteChanges:
+        """The changes to this site's routes and own missions."""
+        return self._runtime.site_changes()
+
+    def shipped_route(self, name: str) -> Route | None:
+        """A route as it shipped, whatever people made of it since."""
+        return self._runtime.shipped_route(name)
+
+    def shipped_mission(self, name: str) -> TaskTemplate | None:
+        """One of the site's own missions as its folder has it."""
+        return self._runtime.shipped_mission(name)
+
     def draft(self, start: Start, *, template: TaskTemplate | None = None) -> TaskContract:
         """The contract that `start` would create now; nothing is written."""
         return self._runtime.draft(start, template=template)
@@ -247,6 +261,11 @@ class GuardedRuntime:
     def head(self) -> LogHead:
         """The end of the log."""
         return self._runtime.head()
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """The capability types that missions may name here."""
+        return self._runtime.vocabulary
 
     @property
     def predicates(self) -> Predicates:

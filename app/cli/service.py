@@ -173,6 +173,7 @@ def up(
             clear_way=_clear_way(harness),
             replays=replays,
             shadows=harness.shadows,
+            site_files=harness.site_files,
         )
         app.state.alert_watch.watch()
         evaluations.watch()

@@ -1,5 +1,6 @@
 """regen site: what was changed in the console, written back to the site's folder."""
 
+from collections.abc import Iterator, Mapping
 from difflib import unified_diff
 from pathlib import Path
 from typing import Annotated
@@ -11,7 +12,7 @@ from harness.baseline.load import workspace_in
 from harness.bootstrap import read_harness
 from harness.contracts.errors import HarnessError
 from harness.workspace.reading import SITE
-from harness.workspace.site_export import exported
+from harness.workspace.site_export import exported, exported_missions
 
 app = typer.Typer(no_args_is_help=True, help="The site's own folder.")
 
@@ -30,31 +31,52 @@ def export(
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
 ) -> None:
-    """Show, and with --write make, the changes of places from the console in site.yaml. Comments stay.
+    """Show, and with --write make, the changes from the console in site.yaml (places, routes; comments stay) and in the
+    missions' files.
 
     Nothing is written where the folder would not pass `regen check` then, such as for a route whose end was moved away.
     Exit 1: there are changes that were not written.
     """
     workspace = workspace_in(folder)
     with read_harness(output.settings(data_folder=output.data_of(data, folder), site_folder=folder)) as runtime:
-        now = runtime.site
+        now, missions = runtime.site, runtime.site_changes()
     file = folder / SITE
-    before = file.read_text(encoding="utf-8")
-    after = exported(before, before=workspace.site, now=now)
-    changes = list(unified_diff(before.splitlines(), after.splitlines(), str(file), f"{file} (now)", lineterm=""))
-    if write and changes:
-        _replace(file, after)
-    lines = [*changes, *([f"wrote {file}"] if write and changes else [])] or ["Nothing was changed in the console."]
-    output.show({"changes": changes, "written": bool(write and changes)}, as_json=as_json, lines=lines)
-    raise typer.Exit(1 if changes and not write else 0)
+    places = exported(_text(file) or "", before=workspace.site, now=now)
+    texts = {file: places, **exported_missions(workspace, missions)}
+    changed = {one: text for one, text in texts.items() if text != _text(one)}
+    changes = [line for one, text in changed.items() for line in _difference(one, text or "")]
+    if write and changed:
+        _replace(folder, changed)
+    lines = [*changes, *(f"wrote {one}" for one in changed if write)] or ["Nothing was changed in the console."]
+    output.show({"changes": changes, "written": bool(write and changed)}, as_json=as_json, lines=lines)
+    raise typer.Exit(1 if changed and not write else 0)
 
 
-def _replace(file: Path, text: str) -> None:
-    """Write the file; where the folder cannot be read with it, put back what stood there and raise the problem."""
-    before = file.read_bytes()
-    file.write_text(text, encoding="utf-8")
+def _text(file: Path) -> str | None:
+    return file.read_text(encoding="utf-8") if file.exists() else None
+
+
+def _difference(file: Path, after: str) -> Iterator[str]:
+    before = (_text(file) or "").splitlines()
+    return unified_diff(before, after.splitlines(), str(file), f"{file} (now)", lineterm="")
+
+
+def _replace(folder: Path, texts: Mapping[Path, str | None]) -> None:
+    """Write the files, and delete those without a text; where the folder cannot be read then, put back what stood there
+    and raise the problem."""
+    before = {file: _text(file) for file in texts}
+    _write(texts)
     try:
-        workspace_in(file.parent)
+        workspace_in(folder)
     except HarnessError:
-        file.write_bytes(before)
+        _write(before)
         raise
+
+
+def _write(texts: Mapping[Path, str | None]) -> None:
+    for file, text in texts.items():
+        if text is None:
+            file.unlink(missing_ok=True)
+        else:
+            file.parent.mkdir(exist_ok=True)
+            file.write_text(text, encoding="utf-8")

@@ -8,14 +8,17 @@ from starlette.responses import HTMLResponse
 
 from app.console import ActorDep, Console, ConsoleDep
 from app.i18n.catalogues import N_
+from app.i18n.messages import reasoned
 from app.views import fleet
 from app.views.fleet import OLD_POSE_S, FleetFilter, FleetRegion, FleetRow
 from app.views.overview import overview_mark
-from app.views.robots import robot_word
+from app.views.robots import RobotReportSeen, robot_word
 from app.web.rendering import render
 from harness.contracts.ids import RobotId
+from harness.contracts.shadow import StackCondition, shadow_stream
 from harness.projections.control import SiteControl
 from harness.projections.mission import Mission
+from harness.projections.shadow import ShadowGoals
 
 router = APIRouter(prefix="/fleet")
 Text = Annotated[str, Query(max_length=200)]
@@ -42,9 +45,10 @@ def now(console: ConsoleDep, chosen: FilterDep) -> HTMLResponse:
 
 
 def rows(console: Console) -> tuple[FleetRow, ...]:
-    """Every robot of the site, those of other processes as their workers report them."""
+    """Every robot of the site, those of other processes as their workers report them, then those in shadow mode."""
     missions, control = console.open_missions(), console.control()
-    return tuple(_row(console, name, missions, control) for name in console.fleet.names)
+    driven = [_row(console, name, missions, control) for name in console.fleet.names]
+    return (*driven, *(_observed(console, name) for name in sorted(console.runtime.observed)))
 
 
 def row(console: Console, robot_id: RobotId) -> FleetRow:
@@ -69,6 +73,29 @@ def _row(console: Console, robot_id: RobotId, missions: list[Mission], control: 
         queued=max(len(mine) - 1, 0),
         mark=overview_mark(robot_id, [pose], handoff_id=asks) if pose is not None else None,
         old=age_s > OLD_POSE_S,
+    )
+
+
+def _observed(console: Console, robot_id: RobotId) -> FleetRow:
+    """A robot whose own stack decides, as it was read last."""
+    port = console.shadows.get(robot_id)
+    condition = port.condition if port is not None else StackCondition(robot_id=robot_id)
+    trouble = reasoned(condition.trouble) if condition.trouble is not None else ""
+    seen = RobotReportSeen(robot_id, status=condition.status, heard_s=condition.heard_s, trouble=trouble)
+    shadow: ShadowGoals = console.runtime.fold(shadow_stream(robot_id))
+    word, pose = robot_word(seen, now_s=console.clock()), condition.pose
+    behind_s = condition.status.at_s - pose.at_s if condition.status is not None and pose is not None else 0.0
+    return FleetRow(
+        robot_id=robot_id,
+        worker="",
+        here=port is not None,
+        word=word,
+        mode="observed",
+        mission=None,
+        queued=0,
+        mark=overview_mark(robot_id, [pose], handoff_id="") if pose is not None else None,
+        old=word.link_age_s + behind_s > OLD_POSE_S,
+        stack_goal=next((one.goal.goal_id for one in reversed(shadow.under_way)), ""),
     )
 
 

@@ -14,14 +14,16 @@ from harness.contracts.ids import RobotId
 from harness.contracts.places import Site
 from harness.projections.mission import Mission
 
-OperatingMode = Literal["automatic", "semi_automatic", "intervened", "manual"]
+OperatingMode = Literal["automatic", "semi_automatic", "intervened", "manual", "observed"]
 """As VDA 5050 has them. `semi_automatic`: a person approves some dispatches; `intervened`: a person is asked, or has
-paused or stopped the mission; `manual`: somebody drives by hand."""
+paused or stopped the mission; `manual`: somebody drives by hand. `observed` is no mode of the robot: its own stack
+decides (shadow mode)."""
 MODES: dict[OperatingMode, str] = {
     "automatic": N_("automatic"),
     "semi_automatic": N_("semi-automatic"),
     "intervened": N_("intervened"),
     "manual": N_("manual"),
+    "observed": N_("shadow mode"),
 }
 LINKS = {"good": N_("good"), "old": N_("old"), "lost": N_("lost")}
 INTERVENED = frozenset({"awaiting_human", "awaiting_approval", "paused", "stopping"})
@@ -32,7 +34,8 @@ OLD_POSE_S = 2.0
 class FleetRow:
     """One robot: who drives it, its last report, its mode and mission, and where it is, if it said so.
 
-    `here`: this process drives it. `old`: it may be elsewhere by now.
+    `here`: this process drives or watches it. `old`: it may be elsewhere by now. `stack_goal`: what the own stack of a
+    robot in shadow mode has under way.
     """
 
     robot_id: RobotId
@@ -44,6 +47,12 @@ class FleetRow:
     queued: int
     mark: OverviewMark | None
     old: bool
+    stack_goal: str = ""
+
+    @property
+    def address(self) -> str:
+        """The page about it; a robot in shadow mode has none of its own."""
+        return f"/shadow#shadow-{self.robot_id}" if self.mode == "observed" else f"/robots/{self.robot_id}"
 
     @property
     def mode_title(self) -> str:

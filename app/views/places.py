@@ -14,6 +14,8 @@ from harness.contracts.places import Retreat, Route, Site
 from harness.contracts.values import Point
 
 MARGIN_M = 1.0
+LEAST_M = (20.0, 10.0)
+"""A smaller site is drawn with more around it: names are written in metres, and would fill its map."""
 TONES = {"verified": "good", "disputed": "bad"}
 MEANING = {
     "configured": N_("written down by people, not seen by a robot"),
@@ -64,7 +66,8 @@ def site_map(site: Site) -> SiteMap:
     spots = [(one.name, one.approach_m) for one in site.places]
     every = [point for _, _, points in (*outlines, *lines) for point in points] + [at for _, at in spots]
     xs, ys = [p[0] for p in every] or [0.0], [p[1] for p in every] or [0.0]
-    box, width, height = view_box(xs, ys, margin_m=MARGIN_M)
+    _, width, height = view_box(xs, ys, margin_m=MARGIN_M)
+    box, _, _ = view_box(_widened(xs, LEAST_M[0]), _widened(ys, LEAST_M[1]), margin_m=MARGIN_M)
     return SiteMap(
         box=box,
         width_m=width,
@@ -72,6 +75,13 @@ def site_map(site: Site) -> SiteMap:
         shapes=tuple(_shape(name, kind, points) for name, kind, points in (*outlines, *lines)),
         anchors=tuple(_shape(name, "anchor", (at,)) for name, at in spots),
     )
+
+
+def _widened(values: Sequence[float], least_m: float) -> tuple[float, float]:
+    """The smallest and the largest, at least so far apart, with the same middle."""
+    low, high = min(values), max(values)
+    more_m = max(0.0, least_m - (high - low)) / 2
+    return low - more_m, high + more_m
 
 
 def _shape(name: str, kind: str, points: Sequence[Point]) -> MapShape:

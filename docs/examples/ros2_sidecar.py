@@ -9,7 +9,8 @@ ROBOT_TOKEN=SECRET python3 ros2_sidecar.py --name robot-1 --map-version shop-1 -
 ROBOT_TOKEN=SECRET python3 ros2_sidecar.py --name robot-1 --map-version shop-1 --port 8766 --observe
 
 With --observe it is a second path for evidence: the same topics, read by a process that offers no provider and
-declares nothing.
+declares nothing. For a robot in shadow mode it is all there is: it hands on what the robot's own action server was
+given by others and how that says it ended, and has no way to send it anything.
 """
 
 import argparse
@@ -27,15 +28,16 @@ import secrets
 import sys
 import threading
 import time
+import uuid
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import rclpy
-from action_msgs.msg import GoalStatus
+from action_msgs.msg import GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav2_msgs.action import NavigateToPose
 from nav2_msgs.msg import SpeedLimit
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import Odometry, Path
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -53,8 +55,15 @@ FRESH_S = 1.0  # an older pose, or an older correction by the localiser, is none
 AHEAD_S = 0.5  # a stamp further ahead of the robot's clock is wrong
 ANSWER_S = 5.0  # an action server that takes longer to answer a goal is lost
 SENSE_S, SCAN_S = 0.04, 0.5  # at most so often a sample of each kind
-KEPT_SAMPLES, KEPT_BLOBS = 20_000, 400
+KEPT_SAMPLES, KEPT_BLOBS, KEPT_CHANGES, KEPT_GOALS = 20_000, 400, 1000, 200
+LOOK_S, LOST_S = 0.5, 5.0  # an action server that is out of the ROS graph for so long does not end its goals any more
+TOLD_S, OFF_M = 2.0, 0.5  # a goal follows its pose on a topic within so long, and its plan ends so near to that
 BODY_BYTES = 1 << 20
+SAYS = {
+    GoalStatus.STATUS_SUCCEEDED: "succeeded",
+    GoalStatus.STATUS_CANCELED: "cancelled",
+    GoalStatus.STATUS_ABORTED: "failed",
+}
 ENDS = {GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED}
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, reliability=ReliabilityPolicy.RELIABLE)
 STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL, reliability=ReliabilityPolicy.RELIABLE)
@@ -331,6 +340,144 @@ def jpeg_size(body):
             return int.from_bytes(body[at + 7 : at + 9], "big"), int.from_bytes(body[at + 5 : at + 7], "big")
         at += 2 + int.from_bytes(body[at + 2 : at + 4], "big")
     return None
+
+
+class StackGoals:
+    """What the robot's own action server was given, by whomever, and how it says that ended. It only listens.
+
+    The status topic names goals and says how they end, never where they lead: no topic of an action does. That is read
+    where the planner's newest path ends, or from the topic that a goal was given by; where both contradict each other,
+    or more goals than one are open, a goal has no target.
+    """
+
+    def __init__(self, node, given):
+        self.node, self.given, self.lock = node, given, threading.RLock()
+        self.run = uuid.uuid4().hex  # another one after each start: numbers begin anew
+        self.begun = self.now()
+        self.changes, self.goals, self.seq = [], {}, 0
+        self.plan = self.told = None  # (stamp, frame, x, y)
+        self.alone = 0.0  # since when no other goal is open
+        self.status_topic = f"{given.action}/_action/status"
+        feedback = NavigateToPose.Impl.FeedbackMessage
+        for kind, name, heard, qos in (
+            (GoalStatusArray, self.status_topic, self.on_status, LATCHED),
+            (feedback, f"{given.action}/_action/feedback", self.on_feedback, QoSProfile(depth=10)),
+            (Path, given.plan_topic, self.on_plan, QoSProfile(depth=5)),
+            (PoseStamped, given.goal_topic, self.on_told, QoSProfile(depth=5)),
+        ):
+            if name:
+                node.create_subscription(kind, name, functools.partial(self.locked, heard), qos)
+        node.create_timer(LOOK_S, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def locked(self, heard, message):
+        with self.lock:
+            heard(message)
+
+    def now(self):
+        return self.node.get_clock().now().nanoseconds * 1e-9
+
+    @property
+    def open(self):
+        return [one for one in self.goals.values() if one["status"] == "active"]
+
+    def say(self, goal, status, at, text=""):
+        """One more change. A goal that is over stays over."""
+        goal["status"], self.seq = status, self.seq + 1
+        change = {"seq": self.seq, "goal_id": goal["id"], "at_s": at, "status": status, "text": text}
+        if goal["target"] is not None:
+            frame, x, y = goal["target"]
+            change |= {"target_m": [x, y], "frame": frame, "map_version": self.given.map_version}
+        self.changes.append(change)
+        del self.changes[:-KEPT_CHANGES]
+        if status != "active":
+            self.alone = self.now()
+
+    def on_status(self, message):
+        """Every goal that the server still knows. One that it forgot without a word has no end that anybody knows."""
+        now, named = self.now(), set()
+        for one in message.status_list:
+            key = bytes(one.goal_info.goal_id.uuid).hex()
+            named.add(key)
+            goal, accepted = self.goals.get(key), min(now, seconds(one.goal_info.stamp))
+            if goal is None:
+                if one.status in SAYS and accepted < self.begun:
+                    continue  # it was over before anybody listened
+                goal = self.take(key, accepted)
+            if one.status in SAYS and goal["status"] == "active":
+                left = "" if goal["left"] is None else f", {goal['left']:.2f} m left by its feedback"
+                self.say(goal, SAYS[one.status], now, f"{self.given.action} says {SAYS[one.status]}{left}")
+        for goal in self.open:
+            if goal["id"] not in named:
+                self.say(goal, "unknown", now, f"{self.given.action} names it no more")
+
+    def take(self, key, accepted):
+        goal = {"id": key, "accepted": accepted, "target": None, "told": None, "left": None}
+        goal |= {"status": "active", "servers": self.servers(), "gone": None}
+        self.goals[key] = goal
+        for old in list(self.goals)[:-KEPT_GOALS]:
+            if self.goals[old]["status"] != "active":
+                del self.goals[old]
+        if self.told is not None and accepted - TOLD_S <= self.told[0] <= accepted:
+            goal["told"], self.told = self.told[1:], None
+        self.say(goal, "active", accepted)
+        self.aim()
+        return goal
+
+    def on_feedback(self, message):
+        goal, left = self.goals.get(bytes(message.goal_id.uuid).hex()), message.feedback.distance_remaining
+        if goal is not None and math.isfinite(left):
+            goal["left"] = left
+
+    def on_plan(self, message):
+        if message.poses:
+            last = message.poses[-1]
+            self.plan = self.point(message.header.stamp, message.header.frame_id or last.header.frame_id, last.pose)
+            self.aim()
+
+    def on_told(self, message):
+        self.told = self.point(message.header.stamp, message.header.frame_id, message.pose)
+
+    @staticmethod
+    def point(stamp, frame, pose):
+        x, y = pose.position.x, pose.position.y
+        return (seconds(stamp), frame.lstrip("/"), x, y) if math.isfinite(x) and math.isfinite(y) else None
+
+    def aim(self):
+        """Where the only open goal leads to: a plan counts that was made since it was accepted, and it was alone."""
+        if len(self.open) != 1:
+            return
+        (goal,) = self.open
+        plan = self.plan is not None and self.plan[0] >= max(goal["accepted"], self.alone) and self.plan[1:]
+        target = goal["told"] or plan or goal["target"]
+        if goal["told"] and plan and (plan[0] != target[0] or math.dist(plan[1:], target[1:]) > OFF_M):
+            target = None  # what it was told, and where it goes, are not the same
+        if target != goal["target"]:
+            goal["target"] = target
+            self.say(goal, "active", self.now())
+
+    def servers(self):
+        """Who publishes the status of goals, as the ROS graph names them."""
+        found = self.node.get_publishers_info_by_topic(self.status_topic)
+        return {bytes(one.endpoint_gid) for one in found}
+
+    def look(self):
+        """The goals of an action server that is gone, or was started anew, have no end that anybody will learn."""
+        with self.lock:
+            there, now = self.servers(), time.monotonic()
+            for goal in self.open:
+                if not goal["servers"] or goal["servers"] & there:
+                    goal["servers"], goal["gone"] = goal["servers"] or there, None
+                elif goal["gone"] is None:
+                    goal["gone"] = now
+                elif now - goal["gone"] > LOST_S:
+                    self.say(goal, "unknown", self.now(), f"the server of {self.given.action} is gone")
+
+    def after(self, after, limit):
+        with self.lock:
+            found = [one for one in self.changes if one["seq"] > after][: max(0, limit)]
+            newest = found[-1]["seq"] if found else after
+            own = {"stack": self.given.action.strip("/"), "run": self.run, "at_s": self.now()}
+            return {"changes": found, "next_seq": newest, **own}
 
 
 class Journal:
@@ -652,7 +799,7 @@ class Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     disable_nagle_algorithm = True
     timeout = 30.0
-    senses, navigator, token, given = None, None, "", None
+    senses, goals, navigator, token, given = None, None, None, "", None
 
     def answer(self, method, path, query, body):
         """The whole protocol, one line for each operation. Without a navigator nothing can be started."""
@@ -679,6 +826,8 @@ class Handler(BaseHTTPRequestHandler):
                 return on.act(handle, verb)
             case ["GET", "observations"]:
                 return self.observations(int(query.get("after", 0)), int(query.get("limit", 5000)))
+            case ["GET", "stack", "goals"]:
+                return self.goals.after(int(query.get("after", 0)), int(query.get("limit", 1000)))
             case ["GET", "starts"]:
                 return on.starts()
             case ["GET", "blobs", digest]:
@@ -761,6 +910,8 @@ def options(words):
     add("--journal", type=pathlib.Path, help="default: ~/.regen/NAME.jsonl")
     add("--observe", action="store_true", help="evidence only: no provider, no goal, no journal")
     add("--action", default="navigate_to_pose")
+    add("--plan-topic", default="plan", help="the planner's path: where it ends is where a goal of others leads to")
+    add("--goal-topic", default="goal_pose", help="where others give a goal by a topic and not by the action")
     add("--frame", default="map")
     add("--base-frame", default="base_link")
     add("--pose-topic", default="amcl_pose", help="the localiser's pose with covariance")
@@ -790,6 +941,7 @@ def main():
         sys.exit("No token: set ROBOT_TOKEN, or name a file with --token-file.")
     node = Node("regen_observer" if given.observe else "regen_sidecar")
     Handler.senses, Handler.token, Handler.given = Senses(node, given), token, given
+    Handler.goals = StackGoals(node, given)
     if not given.observe:
         path = given.journal or pathlib.Path.home() / ".regen" / f"{given.name}.jsonl"
         Handler.navigator = Navigator(node, Handler.senses, Journal(path), given)

@@ -3,9 +3,11 @@
 
 ros2_stack.py base docs/examples/hall.yaml
 ros2_stack.py navigation docs/examples/hall.yaml
+ros2_stack.py tour docs/examples/hall.yaml
 
 `base` drives in the map by /cmd_vel and publishes /odom, /tf, /scan, /amcl_pose, /battery_state, /emergency_stop.
 `navigation` is a NavigateToPose action server that plans on the same map. It is no Nav2: it speaks Nav2's interface.
+`tour` stands for whatever gives your robot its goals today: it sends one after the other, round three places.
 The other options make them lie or fail; tests/peers uses them.
 """
 
@@ -22,11 +24,11 @@ import time
 import zlib
 
 import rclpy
-from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, Twist
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TransformStamped, Twist
 from nav2_msgs.action import NavigateToPose
 from nav2_msgs.msg import SpeedLimit
-from nav_msgs.msg import Odometry
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from nav_msgs.msg import Odometry, Path
+from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
@@ -39,6 +41,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 PERIOD_S, BEAMS, REACH_M = 0.05, 120, 8.0
 FASTEST_MPS, TURN_RADPS, BRAKE_MPS2 = 0.5, 1.2, 1.5
 CLEAR_M = 0.3
+PLACES, PAUSE_S = ((1.2, -0.6), (2.4, -1.4), (0.0, 0.0)), 4.0
 
 
 class Map:
@@ -219,6 +222,7 @@ class Navigation(Node):
         self.given, self.map, self.links = given, Map(given.map), {}
         self.cap = FASTEST_MPS
         self.out = self.create_publisher(Twist, "cmd_vel", 5)
+        self.plans, self.goals = self.create_publisher(Path, "plan", 1), 0
         self.create_subscription(TFMessage, "/tf", self.on_transforms, 100)
         self.create_subscription(SpeedLimit, "speed_limit", self.on_limit, 5)
         self.busy = threading.Lock()
@@ -256,7 +260,12 @@ class Navigation(Node):
             result.error_code, result.error_msg = 208, "no way to the goal"
             goal.abort()
             return result
-        while way:
+        self.goals += 1
+        claims, planned = self.given.claims and self.goals % self.given.claims == 0, 0.0
+        while way and not claims:
+            if time.monotonic() - planned > 1.0:
+                planned = time.monotonic()
+                self.publish(way)
             here = self.where()
             if goal.is_cancel_requested:
                 self.drive(0.0, 0.0)
@@ -275,9 +284,22 @@ class Navigation(Node):
             said = NavigateToPose.Feedback(distance_remaining=float(left))
             goal.publish_feedback(said)
             time.sleep(PERIOD_S)
+        if claims:
+            self.publish(way)
+            time.sleep(2.0)
         self.drive(0.0, 0.0)
         goal.succeed()
         return result
+
+    def publish(self, way):
+        """The plan as Nav2's planner gives it, stamped when it was made."""
+        said = Path()
+        said.header.frame_id, said.header.stamp = "map", self.get_clock().now().to_msg()
+        for x, y in way:
+            point = PoseStamped(header=said.header)
+            point.pose.position.x, point.pose.position.y = float(x), float(y)
+            said.poses.append(point)
+        self.plans.publish(said)
 
     def drive(self, v, w):
         order = Twist()
@@ -285,9 +307,38 @@ class Navigation(Node):
         self.out.publish(order)
 
 
+class Tour(Node):
+    """Sends goals to the action server, one after the other: each when the one before is over, however it ended."""
+
+    def __init__(self, given):
+        super().__init__("tour")
+        self.client = ActionClient(self, NavigateToPose, "navigate_to_pose")
+        self.next, self.busy, self.since = 0, False, 0.0
+        self.create_timer(PERIOD_S, self.tick)
+
+    def tick(self):
+        if self.busy or time.monotonic() - self.since < PAUSE_S or not self.client.server_is_ready():
+            return
+        self.busy, goal = True, NavigateToPose.Goal()
+        goal.pose.header.frame_id, goal.pose.header.stamp = "map", self.get_clock().now().to_msg()
+        goal.pose.pose.position.x, goal.pose.pose.position.y = PLACES[self.next % len(PLACES)]
+        self.next += 1
+        self.client.send_goal_async(goal).add_done_callback(self.on_answer)
+
+    def on_answer(self, future):
+        goal = future.result()
+        if goal.accepted:
+            goal.get_result_async().add_done_callback(self.on_end)
+        else:
+            self.on_end(None)
+
+    def on_end(self, future):
+        self.busy, self.since = False, time.monotonic()
+
+
 def main():
     found = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    found.add_argument("part", choices=["base", "navigation"])
+    found.add_argument("part", choices=["base", "navigation", "tour"])
     found.add_argument("map", type=pathlib.Path)
     found.add_argument("--start", type=float, nargs=2, default=(0.0, 0.0))
     found.add_argument("--spread", type=float, default=0.05, help="the localiser's own standard deviation, metres")
@@ -298,10 +349,11 @@ def main():
     found.add_argument("--reject", action="store_true", help="reject every goal")
     found.add_argument("--deaf", action="store_true", help="reject every cancel")
     found.add_argument("--short-of", type=float, default=0.0, help="say SUCCEEDED so many metres before the goal")
+    found.add_argument("--claims", type=int, default=0, help="call every so many goals done without driving")
     found.add_argument("--vanish-after", type=float, default=0.0, help="end the process so far into a goal, seconds")
     rclpy.init()
     given = found.parse_args(rclpy.utilities.remove_ros_args(sys.argv)[1:])
-    node = Base(given) if given.part == "base" else Navigation(given)
+    node = {"base": Base, "navigation": Navigation, "tour": Tour}[given.part](given)
     executor = MultiThreadedExecutor(3)
     executor.add_node(node)
     print(f"{given.part} runs", flush=True)

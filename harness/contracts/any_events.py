@@ -11,6 +11,7 @@ from harness.contracts.lease_events import LeaseEvent
 from harness.contracts.maps import CloudAttached
 from harness.contracts.place_events import PlaceEvent
 from harness.contracts.shadow import ShadowEvent
+from harness.contracts.site_events import SiteEvent
 
 AnyEvent = (
     MissionEvent
@@ -24,4 +25,5 @@ AnyEvent = (
     | GoalProposalEvent
     | BlobErased
     | ShadowEvent
+    | SiteEvent
 )

@@ -26,6 +26,7 @@ from harness.contracts.protocol import InvocationStatus
 from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.rules import FIRST_RULES, RulesVersion
 from harness.contracts.shadow import ShadowCommand
+from harness.contracts.site_events import SiteCommand
 from harness.contracts.spoken_goals import SpokenGoal
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name
@@ -414,4 +415,5 @@ AnyCommand = (
     | GoalProposalCommand
     | ErasureCommand
     | ShadowCommand
+    | SiteCommand
 )

@@ -9,8 +9,8 @@ from typing import Literal
 from harness.contracts.actors import Command, Event
 from harness.contracts.declared_successes import SuccessFinding
 from harness.contracts.ids import Digest, RobotId, StreamId
-from harness.contracts.observations import Trajectory
-from harness.contracts.protocol import GoalId, StackGoal, StackRun
+from harness.contracts.observations import Pose, Trajectory
+from harness.contracts.protocol import GoalId, RobotStatus, StackGoal, StackRun
 from harness.contracts.reasons import Reason
 from harness.contracts.values import Name, Value
 
@@ -97,7 +97,9 @@ ShadowEvent = StackGoalNoted | StackGoalJudged | StackGoalLost
 
 
 class StackCondition(Value):
-    """How an observed robot's stack is read now. Not stored. `trouble` says why it cannot be read."""
+    """How an observed robot's stack is read now. Not stored. `trouble` says why it cannot be read; `pose` is the newest
+    one that was read, by the robot's own time.
+    """
 
     robot_id: RobotId
     stack: str = ""
@@ -105,6 +107,8 @@ class StackCondition(Value):
     heard_s: float | None = None
     localised: bool | None = None
     trouble: Reason | None = None
+    status: RobotStatus | None = None
+    pose: Pose | None = None
 
 
 def shadow_stream(robot_id: RobotId) -> StreamId:

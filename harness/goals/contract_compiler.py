@@ -1,6 +1,6 @@
 """Compiles a person's request to the task contract of a mission; equal requests are compiled once."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from threading import Lock
 
 from cachetools import LRUCache
@@ -25,7 +25,7 @@ CACHED = 16
 
 
 class ContractCompiler:
-    """`beside`: templates that may be started although no configuration holds them.
+    """`beside`: the templates that may be started now although no configuration holds them.
 
     `sources`: what each connected robot can be judged by; nothing is known of a robot without a connection.
     """
@@ -33,7 +33,7 @@ class ContractCompiler:
     def __init__(
         self,
         *,
-        beside: Sequence[TaskTemplate],
+        beside: Callable[[], Sequence[TaskTemplate]],
         reader: GoalReader,
         sources: Mapping[RobotId, RobotSources],
         rules: RulesVersion,
@@ -91,7 +91,7 @@ class ContractCompiler:
         """What may be started: the configuration's own, then those beside it."""
         own = configuration.templates
         names = {one.name for one in own}
-        every = (*own, *(one for one in self._beside if one.name not in names))
+        every = (*own, *(one for one in self._beside() if one.name not in names))
         if instead is None:
             return every
         templates = tuple(instead if one.name == instead.name else one for one in every)

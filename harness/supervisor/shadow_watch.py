@@ -104,8 +104,15 @@ class ShadowWatch:
         stack, at_s = self._read_goals()
         self._read_samples()
         self._answered_s = self._wall_s
+        poses = [one for one in self._samples if isinstance(one, Pose)]
         self.condition = StackCondition(
-            robot_id=self.robot_id, stack=stack, at_s=at_s, heard_s=self._wall_s, localised=status.localised
+            robot_id=self.robot_id,
+            stack=stack,
+            at_s=at_s,
+            heard_s=self._wall_s,
+            localised=status.localised,
+            status=status,
+            pose=max(poses, key=_order, default=None),
         )
 
     def _read_goals(self) -> tuple[str, float]:

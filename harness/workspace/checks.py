@@ -93,30 +93,8 @@ def site_problems(
         if floor is not None and floor_at(floor, place.approach_m) != FREE:
             yield problem(because("place_not_on_floor", place_id=place.place_id), "places", index, "approach_m")
     for index, route in enumerate(site.routes):
-        if len(route.waypoints_m) < 2:
-            yield problem(because("route_too_short", route=route.name), "routes", index, "waypoints_m")
-            continue
-        for end, point, key in (
-            (route.start, route.waypoints_m[0], "start"),
-            (route.end, route.waypoints_m[-1], "end"),
-        ):
-            if end not in places:
-                yield problem(because("route_end_unknown", route=route.name, place_id=end), "routes", index, key)
-            elif (beside_m := dist(point, places[end].approach_m)) > ARRIVED_M:
-                yield problem(
-                    because("route_end_elsewhere", route=route.name, place_id=end, beside_m=beside_m),
-                    "routes",
-                    index,
-                    key,
-                )
-        wall = _wall(floor, route.waypoints_m) if floor else None
-        if wall is not None:
-            yield problem(
-                because("route_through_wall", route=route.name, x_m=wall[0], y_m=wall[1]),
-                "routes",
-                index,
-                "waypoints_m",
-            )
+        for reason, key in route_problems(route, site, floor):
+            yield problem(reason, "routes", index, key)
     for index, zone in enumerate(site.zones):
         if zone.retreat is not None or zone.no_answer == "retreat":
             try:
@@ -131,6 +109,22 @@ def site_problems(
     for index, name in enumerate(site.vouched):
         if name not in known:
             yield problem(because("vouched_unknown", name=name, names=tuple(sorted(known))), "vouched", index)
+
+
+def route_problems(route: Route, site: Site, floor: GridMap | None) -> Iterator[tuple[Reason, str]]:
+    """What is wrong with a route at this site, and the field that it stands in."""
+    if len(route.waypoints_m) < 2:
+        yield because("route_too_short", route=route.name), "waypoints_m"
+        return
+    places = {one.place_id: one for one in site.places}
+    for end, point, key in ((route.start, route.waypoints_m[0], "start"), (route.end, route.waypoints_m[-1], "end")):
+        if end not in places:
+            yield because("route_end_unknown", route=route.name, place_id=end), key
+        elif (beside_m := dist(point, places[end].approach_m)) > ARRIVED_M:
+            yield because("route_end_elsewhere", route=route.name, place_id=end, beside_m=beside_m), key
+    wall = _wall(floor, route.waypoints_m) if floor else None
+    if wall is not None:
+        yield because("route_through_wall", route=route.name, x_m=wall[0], y_m=wall[1]), "waypoints_m"
 
 
 def robot_problems(robots: RobotsFile, file: Path, lines: Lines) -> Iterator[HarnessError]:

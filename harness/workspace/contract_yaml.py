@@ -36,12 +36,12 @@ class Lines:
     """Where the parts of a YAML text stand: `of("places", 0, "name")` is the line of that value, from 1."""
 
     def __init__(self, text: str) -> None:
-        self._text = text
+        self.text = text
 
     @cached_property
     def _root(self) -> yaml.Node | None:
         try:
-            return yaml.compose(self._text, Loader=yaml.CSafeLoader)
+            return yaml.compose(self.text, Loader=yaml.CSafeLoader)
         except yaml.YAMLError:
             return None
 

@@ -8,7 +8,7 @@ missions/*.yaml  task templates of this site, one a file; the folder may be miss
 capabilities.yaml  capability types of this site, beside those that ship; the file may be missing
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
@@ -50,8 +50,22 @@ MISSIONS, CONFORMANCE = "missions", "conformance"
 
 
 @dataclass(frozen=True)
+class SiteFiles:
+    """What people's changes to a site are checked against and written beside: its floor map, and its missions' YAML."""
+
+    floor: GridMap | None = None
+    missions: Mapping[str, str] = field(default_factory=dict)
+
+
+NO_FILES = SiteFiles()
+
+
+@dataclass(frozen=True)
 class Workspace:
-    """A site's folder as it was read. `notes` say what is allowed and will be in the way."""
+    """A site's folder as it was read. `notes` say what is allowed and will be in the way.
+
+    `mission_files`: where each of its missions stands.
+    """
 
     folder: Path
     site: Site
@@ -62,6 +76,8 @@ class Workspace:
     channels: ChannelsFile = field(default_factory=ChannelsFile)
     models: ModelsFile = field(default_factory=ModelsFile)
     notes: tuple[ContractInvalid, ...] = ()
+    files: SiteFiles = NO_FILES
+    mission_files: Mapping[str, Path] = field(default_factory=dict)
 
     @property
     def vocabulary(self) -> Vocabulary:
@@ -138,6 +154,8 @@ class Reader:
             channels=channels,
             models=models,
             notes=tuple(self.notes),
+            files=SiteFiles(floor=floor, missions={one.name: lines.text for one, _, lines in missions}),
+            mission_files={one.name: file for one, file, _ in missions},
         )
 
     def _strangers(self) -> None:

@@ -1,12 +1,17 @@
-"""Writes the places and routes of a site back to the YAML of its folder; the rest keeps its text and comments."""
+"""Writes the places, routes and own missions of a site back to the YAML of its folder; the rest keeps its text and
+comments.
+"""
 
 from collections.abc import Mapping, Sequence
 from io import StringIO
+from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from harness.contracts.places import Place, Route, Site
+from harness.projections.site_changes import SiteChanges
+from harness.workspace.reading import MISSIONS, Workspace
 
 LISTS: Mapping[str, str] = {"places": "place_id", "routes": "name"}
 """The lists of site.yaml that are written back, and the key that names their items."""
@@ -33,6 +38,19 @@ def exported(text: str, *, before: Site, now: Site) -> str:
     out = StringIO()
     yaml.dump(document, out)
     return out.getvalue()
+
+
+def exported_missions(workspace: Workspace, changes: SiteChanges) -> dict[Path, str | None]:
+    """The files of missions that people changed, as they shall be; None for one to be deleted. Files that say so
+    already are left out."""
+    found: dict[Path, str | None] = {}
+    for name, change in changes.templates.items():
+        file = workspace.mission_files.get(name)
+        if change.template is None:
+            found |= {file: None} if file is not None else {}
+        elif change.text != workspace.files.missions.get(name):
+            found[file or workspace.folder / MISSIONS / f"{name}.yaml"] = change.text
+    return found
 
 
 def _update(items: Any, old: Mapping[str, Place | Route], new: Mapping[str, Place | Route], name: str) -> None:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from threading import Thread
 
 import uvicorn
@@ -82,10 +83,15 @@ class Serving:
 
 @contextmanager
 def serving(
-    *, finished: bool = False, waits: bool = True, wire: Wire | None = None, rules: RulesVersion = CURRENT_RULES
+    *,
+    finished: bool = False,
+    waits: bool = True,
+    wire: Wire | None = None,
+    rules: RulesVersion = CURRENT_RULES,
+    folder: Path | None = None,
 ) -> Iterator[Serving]:
     """`finished`: a mission has ended before; `waits`: another one asks a person. Browsers connect through the
-    `wire`. `rules` are those that new missions are judged by.
+    `wire`. `rules` are those that new missions are judged by. With a `folder` it takes uploads.
     """
     broker = SignalBroker()
     with waiting(signals=broker, rules=rules) as made:
@@ -109,6 +115,7 @@ def serving(
             free=made.supervisor.free,
             halt=made.supervisor.halt,
             starts=made.harness.starts,
+            folder=folder,
             fleet=fleet,
             teleoperation=made.harness.teleoperation,
             clear_way=lambda robot_id: made.robot.clear_way(),

@@ -222,6 +222,29 @@ def test_another_robot_at_the_address_is_not_watched(site: ShadowSite) -> None:
     assert not site.goals.goals
 
 
+def test_it_stands_on_the_fleet_page_with_the_goal_of_its_own_stack(site: ShadowSite) -> None:
+    client = site.operator()
+    (row,) = client.get("/api/v1/fleet").json()
+    assert (row["mode"], row["charge"], row["x_m"]) == ("observed", None, None), "nothing is known before it was read"
+    assert "never answered" in client.get("/fleet").text
+    site.stack.stands(1.0)
+    site.reads()
+    site.stack.given("g1", 4.0, 0.0)
+    site.stack.goes(2.0, 0.0, 2.0)
+    site.reads()
+    (row,) = client.get("/api/v1/fleet").json()
+    assert (row["robot_id"], row["mode"], row["charge"]) == ("robot-1", "observed", 0.8)
+    assert (row["x_m"], row["y_m"]) == (pytest.approx(2.0), pytest.approx(0.0)) and row["mission_id"] is None
+    page = client.get("/fleet?mode=observed").text
+    assert "g1" in page and "a goal of its own stack" in page and "/shadow#shadow-robot-1" in page
+    assert "/robots/robot-1" not in page
+    assert "No robot is as chosen here" in client.get("/fleet?mode=automatic").text
+    site.stack.away = True
+    site.reads()
+    (row,) = client.get("/api/v1/fleet").json()
+    assert row["link"] == "lost" and "answer" in row["trouble"]
+
+
 def test_nothing_but_readings_is_ever_sent(site: ShadowSite) -> None:
     site.reads()
     drives(site, "g1", 4.0)

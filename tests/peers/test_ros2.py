@@ -6,8 +6,10 @@ ros2_sidecar.py) beside them, and the harness here. Time is real. The stack is n
 
 import json
 import os
+import signal
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
@@ -100,6 +102,18 @@ class Ros:
     def observer(self) -> None:
         words = ("--name", "robot-1", "--map-version", MAP, "--port", str(self.observer_port), "--observe")
         self.start("observer", "ros2_sidecar.py", *words)
+
+    def tour(self) -> None:
+        """What gives the robot its goals, other than the harness."""
+        self.start("tour", "ros2_stack.py", "tour", str(EXAMPLES / "hall.yaml"))
+
+    def console(self, folder: Path) -> None:
+        """`regen up` of a site, as a process."""
+        words = [sys.executable, "-m", "app.cli.main", "up", "--site", str(folder), "--port", str(free_port())]
+        output = self._stack.enter_context((self.folder / "console.log").open("w"))
+        one = subprocess.Popen(words, cwd=ROOT, env=os.environ | {"ROBOT_TOKEN": TOKEN}, stdout=output, stderr=output)
+        self._stack.callback(one.wait, 30.0)
+        self._stack.callback(one.send_signal, signal.SIGTERM)
 
     def client(self) -> HttpRobot:
         found = HttpRobot(f"http://127.0.0.1:{self.port}", TOKEN)
@@ -393,3 +407,82 @@ def test_the_process_that_observes_offers_no_provider_and_starts_nothing(ros: Ro
         for path in ("/providers/navigate_to_pose/invocations", "/invocations/goal-1/stop"):
             with pytest.raises(UnknownName, match="only observes"):
                 observer.write(path, InvocationReport, request(), own=(UnknownName,))
+
+
+def shadow_hall(ros: Ros) -> Path:
+    """A site whose robot is the process that only observes, in shadow mode."""
+    folder = ros.folder / "hall"
+    address = f"http://127.0.0.1:{ros.observer_port}"
+    write_folder(folder, name="hall", map_file=EXAMPLES / "hall.yaml", address=address)
+    robots = yaml.safe_load((folder / "robots.yaml").read_text())
+    robots["robots"][0]["authority"] = "observe"
+    (folder / "robots.yaml").write_text(yaml.safe_dump(robots))
+    return folder
+
+
+def shadow_goals(folder: Path) -> list[Any]:
+    """What `regen shadow` lists, oldest first."""
+    _, found, _ = regen("shadow", "--site", str(folder))
+    return [one for robot in found["robots"] for one in reversed(robot["goals"])]
+
+
+def test_goals_that_others_give_an_action_server_are_compared_with_what_the_robot_did(ros: Ros) -> None:
+    """navigation2#3257, in shadow mode: SUCCEEDED beside where the robot was; nothing is ever sent to the server."""
+    ros.base()
+    ros.navigation("--claims", "2")
+    ros.observer()
+    with closing(HttpRobot(f"http://127.0.0.1:{ros.observer_port}", TOKEN)) as observer:
+        eventually(lambda: observer.status().localised, "a fresh pose")
+    folder = shadow_hall(ros)
+    ros.console(folder)
+    eventually(lambda: regen("shadow", "--site", str(folder))[1] is not None, "a console that watches")
+    ros.tour()
+    eventually(lambda: len([one for one in shadow_goals(folder) if one["declared"]]) >= 2, "two goals", within_s=90.0)
+    driven, claimed = shadow_goals(folder)[:2]
+    assert driven["stack"] == "navigate_to_pose" and driven["goal"]["frame"] == "map"
+    assert driven["goal"]["target_m"] == pytest.approx(NEAR, abs=0.02)
+    assert (driven["declared"], driven["accepted"]) == ("succeeded", "accepted"), driven["finding"]
+    assert driven["finding"]["distance_m"] < 0.4
+    assert (claimed["declared"], claimed["accepted"]) == ("succeeded", "refused"), claimed["finding"]
+    assert claimed["goal"]["target_m"] == pytest.approx(FAR, abs=0.02) and claimed["finding"]["distance_m"] > 1.0
+    code, rows, _ = regen("provider", "check", "robot-1", "--site", str(folder))
+    assert (code, rows["ok"]) == (0, True), rows
+
+    ros.kill("tour")
+    ros.kill("navigation")
+    ros.navigation("--vanish-after", "1.0")
+    known = {one["goal"]["goal_id"] for one in shadow_goals(folder)}
+    ros.tour()
+
+    def abandoned() -> list[Any]:
+        """Goals of the server that vanished under way, which nobody waits for any more."""
+        fresh = [one for one in shadow_goals(folder) if one["goal"]["goal_id"] not in known]
+        return [one for one in fresh if one["lost_code"]]
+
+    eventually(lambda: bool(abandoned()), "the goal of a dead server", within_s=90.0)
+    assert abandoned()[0]["lost_code"] == "stack_outcome_unknown" and abandoned()[0]["declared"] is None
+
+
+def test_what_an_action_server_says_is_handed_on_once_and_in_order(ros: Ros) -> None:
+    """Goals that overlap have no target; a goal that is aborted or cancelled by somebody else says so."""
+    robot = ros.whole()
+    ros.observer()
+    with closing(HttpRobot(f"http://127.0.0.1:{ros.observer_port}", TOKEN)) as observer:
+        eventually(lambda: observer.status().localised, "a fresh pose")
+        run = observer.stack_goals(0).run
+        provider, report = started(robot, request())
+        followed(provider, report.handle, lambda one: driving(robot))
+        eventually(lambda: any(one.target_m for one in observer.stack_goals(0).changes), "where the plan ends")
+        provider.stop(report.handle)
+        assert followed(provider, report.handle, over).status == "cancelled"
+        eventually(lambda: any(one.ended for one in observer.stack_goals(0).changes), "its end")
+        found = observer.stack_goals(0)
+        assert found.run == run and [one.seq for one in found.changes] == [1, 2, 3]
+        assert len({one.goal_id for one in found.changes}) == 1
+        assert [one.status for one in found.changes] == ["active", "active", "cancelled"]
+        assert found.changes[0].target_m is None and found.changes[-1].target_m == pytest.approx(FAR, abs=0.02)
+        assert observer.stack_goals(2).changes == found.changes[2:]
+        nowhere = started(robot, request("2", (-1.9, 40.0), token=2))
+        assert followed(nowhere[0], nowhere[1].handle, over).failure == "aborted"
+        eventually(lambda: observer.stack_goals(0).changes[-1].status == "failed", "the aborted goal")
+        assert observer.stack_goals(0).changes[-1].target_m is None, "nothing was planned"

@@ -1,0 +1,173 @@
+"""/templates: the missions of the site's own folder; add, change and remove them by their YAML. Every version is kept.
+
+The missions of the configuration are not among them: they are changed by candidates.
+"""
+
+from collections.abc import Sequence
+
+from fastapi import APIRouter
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+
+from app.acts.site_changes import RemoveTemplateAct, SaveTemplateAct
+from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, reasoned
+from app.routes.site_routes import changed, site_history
+from app.views import template_editor
+from app.views.forms import Wrong
+from app.views.place_editor import Version
+from app.views.template_editor import OwnMissionsPage, TemplateForm, own_missions
+from app.web.rendering import render
+from harness.baseline.load import shipped_missions
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import UnknownName
+from harness.contracts.reasons import because
+from harness.contracts.site_events import TemplateRemoved, TemplateSaved
+from harness.contracts.tasks import TaskTemplate
+
+router = APIRouter(prefix="/templates")
+FIRST = """\
+name: there
+version: "1"
+title: There
+goal: Go to the place
+phrases: []
+parameters: []
+constraints: {resources: [mobile_base]}
+recovery_total: 4
+nodes: []
+completion_conditions: []
+"""
+"""What a new mission begins with; docs/how-to/my-own-mission.md has a whole one."""
+
+
+@router.get("")
+def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
+    runtime = console.runtime
+    found = own_missions(runtime.beside, runtime.site_changes(), console.site_files.missions)
+    shell = console.shell(template_editor.TITLE, "places", actor)
+    return render("templates/index.html", OwnMissionsPage(shell=shell, missions=found))
+
+
+@router.get("/new")
+def new(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
+    return render("templates/edit.html", _form(console, actor, {"text": FIRST}, new=True))
+
+
+@router.post("/new")
+def add(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
+    return _save(console, actor, typed, new=True)
+
+
+@router.get("/{name}/edit")
+def edit(console: ConsoleDep, actor: ActorDep, name: str) -> HTMLResponse:
+    return render("templates/edit.html", _form(console, actor, _as_it_is(console, name)))
+
+
+@router.post("/{name}/edit")
+def save(console: ConsoleDep, actor: ActorDep, name: str, typed: FormDep) -> Response:
+    _as_it_is(console, name)
+    return _save(console, actor, {**typed, "name": name})
+
+
+@router.post("/{name}/remove")
+def remove(console: ConsoleDep, actor: ActorDep, name: str, typed: FormDep) -> Response:
+    wrong_removal(console, name)
+    now = _as_it_is(console, name)
+    act = RemoveTemplateAct.from_form(typed)
+    if isinstance(act, tuple):
+        return render("templates/edit.html", _form(console, actor, now, act), status=422)
+    decision = changed(console, act.to_command(actor, name=name))
+    if isinstance(decision, Refused):
+        page = _form(console, actor, now, [Wrong("", reasoned(decision.reason))])
+        return render("templates/edit.html", page, status=409)
+    return RedirectResponse("/templates", status_code=303)
+
+
+def reading(console: Console, text: str, name: str) -> TaskTemplate | list[Wrong]:
+    """The mission as it may be saved under this name, or what is wrong with it. A name that is new may not be taken."""
+    runtime = console.runtime
+    names = [one.name for one in runtime.beside]
+    return template_editor.read_template(
+        text,
+        name=name,
+        known=name in names or name in runtime.site_changes().templates,
+        taken=(*shipped_missions(), *names),
+        site=runtime.site,
+        vocabulary=runtime.vocabulary,
+        predicates=runtime.predicates,
+    )
+
+
+def wrong_removal(console: Console, name: str) -> None:
+    """Raises UnknownName for what is no mission of the site's own."""
+    if all(one.name != name for one in console.runtime.beside):
+        raise UnknownName(because("unknown_own_mission", name=name[:40]))
+
+
+def _save(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> Response:
+    act = SaveTemplateAct.from_form(typed)
+    if isinstance(act, tuple):
+        return render("templates/edit.html", _form(console, actor, typed, act, new=new), status=422)
+    read = reading(console, act.text, typed.get("name", ""))
+    if isinstance(read, list):
+        return render("templates/edit.html", _form(console, actor, typed, read, new=new), status=422)
+    if new:
+        act = act.model_copy(update={"basis": console.runtime.site_changes().template_revision(read.name)})
+    decision = changed(console, act.to_command(actor, template=read))
+    if isinstance(decision, Refused):
+        page = _form(console, actor, typed, [Wrong("", reasoned(decision.reason))], new=new)
+        return render("templates/edit.html", page, status=409)
+    return RedirectResponse(f"/templates#{read.name}", status_code=303)
+
+
+def _form(
+    console: Console, actor: Actor, typed: dict[str, str], wrong: Sequence[Wrong] = (), *, new: bool = False
+) -> TemplateForm:
+    name = typed.get("name", "")
+    title = N_("Add a mission") if new else lazy_gettext("Mission {name}", name=name)
+    return template_editor.template_form(
+        console.shell(title, "places", actor),
+        typed,
+        basis=console.runtime.site_changes().template_revision(name),
+        wrong=wrong,
+        versions=_versions(console, name),
+        new=new,
+        removed=not new and all(one.name != name for one in console.runtime.beside),
+    )
+
+
+def _as_it_is(console: Console, name: str) -> dict[str, str]:
+    """The YAML of a mission as it stands, or as it was before it was removed. Raises UnknownName."""
+    changes = console.runtime.site_changes()
+    now = next((one for one in console.runtime.beside if one.name == name), None)
+    if now is not None:
+        return {"name": name, "text": template_editor.text_of(now, changes, console.site_files.missions)}
+    saved = [one for one in site_history(console) if isinstance(one, TemplateSaved) and one.template.name == name]
+    shipped = console.runtime.shipped_mission(name)
+    if saved:
+        return {"name": name, "text": saved[-1].text}
+    if shipped is None:
+        raise UnknownName(because("unknown_own_mission", name=name[:40]))
+    return {"name": name, "text": console.site_files.missions.get(name, "")}
+
+
+def _versions(console: Console, name: str) -> tuple[Version, ...]:
+    """Every change to this mission, newest first."""
+    found = []
+    for one in reversed(site_history(console)):
+        match one:
+            case TemplateSaved() if one.template.name == name:
+                text = lazy_gettext(
+                    "{title}, version {version}, {count} stages",
+                    title=one.template.title,
+                    version=one.template.version,
+                    count=len(one.template.nodes),
+                )
+            case TemplateRemoved() if one.name == name:
+                text = N_("removed")
+            case _:
+                continue
+        found.append(Version(revision=one.revision, text=text, who=one.actor.name, reason=one.reason, at_s=one.at_s))
+    return tuple(found)

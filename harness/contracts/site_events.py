@@ -1,0 +1,99 @@
+"""Changes that people make to the reference routes and the own missions of a site: every version is stored.
+
+Missions under way keep what they were compiled with.
+"""
+
+from typing import Annotated
+
+import msgspec
+
+from harness.contracts.actors import Actor, Command, Event
+from harness.contracts.ids import StreamId
+from harness.contracts.places import Route
+from harness.contracts.tasks import TaskTemplate
+from harness.contracts.values import Count, Name
+
+TemplateText = Annotated[str, msgspec.Meta(min_length=1, max_length=200_000)]
+"""A mission's YAML as a person wrote it, with its comments."""
+
+
+class RouteSaved(Event, tag=True):
+    """A person added or changed a route. `revision` counts the changes to this route from 1."""
+
+    route: Route
+    revision: Count
+    actor: Actor
+    reason: Name
+    at_s: float
+
+
+class RouteRemoved(Event, tag=True):
+    """New missions can no longer be planned along it."""
+
+    name: Name
+    revision: Count
+    actor: Actor
+    reason: Name
+    at_s: float
+
+
+class TemplateSaved(Event, tag=True):
+    """A person added or changed a mission of the site's own. `template` is what counts, `text` how it was written."""
+
+    template: TaskTemplate
+    text: TemplateText
+    revision: Count
+    actor: Actor
+    reason: Name
+    at_s: float
+
+
+class TemplateRemoved(Event, tag=True):
+    """It can no longer be started."""
+
+    name: Name
+    revision: Count
+    actor: Actor
+    reason: Name
+    at_s: float
+
+
+class SaveRoute(Command, tag=True):
+    """Save a route. `basis`: the revision that the person saw, 0 for a new route or one as shipped."""
+
+    route: Route
+    basis: Count
+    actor: Actor
+    reason: Name
+
+
+class RemoveRoute(Command, tag=True):
+    name: Name
+    basis: Count
+    actor: Actor
+    reason: Name
+
+
+class SaveTemplate(Command, tag=True):
+    """Save a mission of the site's own, as its YAML says it."""
+
+    template: TaskTemplate
+    text: TemplateText
+    basis: Count
+    actor: Actor
+    reason: Name
+
+
+class RemoveTemplate(Command, tag=True):
+    name: Name
+    basis: Count
+    actor: Actor
+    reason: Name
+
+
+SiteEvent = RouteSaved | RouteRemoved | TemplateSaved | TemplateRemoved
+SiteCommand = SaveRoute | RemoveRoute | SaveTemplate | RemoveTemplate
+
+
+def site_stream(site: str) -> StreamId:
+    return StreamId(f"site/{site}")

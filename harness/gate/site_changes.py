@@ -1,0 +1,95 @@
+"""Decides whether a route or an own mission of a site may be saved or removed; the person must have seen its current
+revision. Pure.
+
+What a route or a mission must be at this site is checked before, where its map and its places are known.
+"""
+
+from itertools import chain
+from math import isfinite
+from typing import assert_never
+
+from harness.contracts import site_events
+from harness.contracts.decider import Codec, Decider
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
+from harness.contracts.places import Route
+from harness.contracts.reasons import because
+from harness.contracts.values import Moment
+from harness.gate.places import FARTHEST_M
+from harness.projections.site_changes import SiteChanges, apply
+
+MOST_WAYPOINTS = 1000
+
+
+def decide(changes: SiteChanges, command: site_events.SiteCommand, now: Moment) -> Decision[site_events.SiteEvent]:
+    """Refuse a change based on an older revision, and a route with impossible positions."""
+    match command:
+        case site_events.SaveRoute(route=route):
+            revision = changes.route_revision(route.name)
+            return (
+                _stale(revision, command.basis, route.name)
+                or _nowhere(route)
+                or Accepted(
+                    (
+                        site_events.RouteSaved(
+                            route=route,
+                            revision=revision + 1,
+                            actor=command.actor,
+                            reason=command.reason,
+                            at_s=now.wall_s,
+                        ),
+                    )
+                )
+            )
+        case site_events.RemoveRoute(name=name):
+            revision = changes.route_revision(name)
+            return _stale(revision, command.basis, name) or Accepted(
+                (
+                    site_events.RouteRemoved(
+                        name=name, revision=revision + 1, actor=command.actor, reason=command.reason, at_s=now.wall_s
+                    ),
+                )
+            )
+        case site_events.SaveTemplate(template=template):
+            revision = changes.template_revision(template.name)
+            return _stale(revision, command.basis, template.name) or Accepted(
+                (
+                    site_events.TemplateSaved(
+                        template=template,
+                        text=command.text,
+                        revision=revision + 1,
+                        actor=command.actor,
+                        reason=command.reason,
+                        at_s=now.wall_s,
+                    ),
+                )
+            )
+        case site_events.RemoveTemplate(name=name):
+            revision = changes.template_revision(name)
+            return _stale(revision, command.basis, name) or Accepted(
+                (
+                    site_events.TemplateRemoved(
+                        name=name, revision=revision + 1, actor=command.actor, reason=command.reason, at_s=now.wall_s
+                    ),
+                )
+            )
+        case _:
+            assert_never(command)
+
+
+def _stale(revision: int, basis: int, name: str) -> Refused | None:
+    if revision == basis:
+        return None
+    return refused("changed_meanwhile", place_id=name, revision=revision)
+
+
+def _nowhere(route: Route) -> Refused | None:
+    if not 2 <= len(route.waypoints_m) <= MOST_WAYPOINTS:
+        return refused("route_size", because("route_size_invalid", most=MOST_WAYPOINTS))
+    if not all(isfinite(value) and abs(value) <= FARTHEST_M for value in chain.from_iterable(route.waypoints_m)):
+        return refused("nowhere", because("place_nowhere", limit_km=FARTHEST_M / 1000))
+    return None
+
+
+DECIDER: Decider[SiteChanges, site_events.SiteCommand, site_events.SiteEvent] = Decider(
+    initial=SiteChanges(), apply=apply, decide=decide, codec=Codec(site_events.SiteEvent)
+)

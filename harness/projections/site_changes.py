@@ -1,0 +1,86 @@
+"""Folds people's changes to the routes and own missions of a site; they apply to what its folder holds. Pure."""
+
+from collections.abc import Sequence
+from typing import assert_never
+
+import msgspec
+from msgspec.structs import replace
+
+from harness.contracts.places import Route, Site
+from harness.contracts.site_events import RouteRemoved, RouteSaved, SiteEvent, TemplateRemoved, TemplateSaved
+from harness.contracts.tasks import TaskTemplate
+from harness.contracts.values import Count, Value
+
+
+class ChangedRoute(Value):
+    """The newest change to a route: `route` is None where it was removed."""
+
+    route: Route | None
+    revision: Count
+
+
+class ChangedTemplate(Value):
+    """The newest change to a mission: `template` is None, and `text` empty, where it was removed."""
+
+    template: TaskTemplate | None
+    text: str
+    revision: Count
+
+
+class SiteChanges(Value):
+    """The fold of a site's changes, by the names of routes and missions."""
+
+    version: Count = 0
+    routes: dict[str, ChangedRoute] = msgspec.field(default_factory=dict)
+    templates: dict[str, ChangedTemplate] = msgspec.field(default_factory=dict)
+
+    def route_revision(self, name: str) -> int:
+        """0 for a route that nobody changed."""
+        change = self.routes.get(name)
+        return change.revision if change is not None else 0
+
+    def template_revision(self, name: str) -> int:
+        """0 for a mission that nobody changed."""
+        change = self.templates.get(name)
+        return change.revision if change is not None else 0
+
+
+def apply(changes: SiteChanges, event: SiteEvent) -> SiteChanges:
+    """The changes after one more event."""
+    match event:
+        case RouteSaved(route=route):
+            return _with_route(changes, route.name, ChangedRoute(route=route, revision=event.revision))
+        case RouteRemoved():
+            return _with_route(changes, event.name, ChangedRoute(route=None, revision=event.revision))
+        case TemplateSaved(template=template):
+            change = ChangedTemplate(template=template, text=event.text, revision=event.revision)
+            return _with_template(changes, template.name, change)
+        case TemplateRemoved():
+            change = ChangedTemplate(template=None, text="", revision=event.revision)
+            return _with_template(changes, event.name, change)
+        case _:
+            assert_never(event)
+
+
+def with_routes(site: Site, changes: SiteChanges) -> Site:
+    """The site with its changed routes in their order, new ones after them, removed ones left out."""
+    known = [one.name for one in site.routes]
+    now = [changes.routes[one.name].route if one.name in changes.routes else one for one in site.routes]
+    new = [change.route for name, change in changes.routes.items() if name not in known]
+    return replace(site, routes=tuple(one for one in (*now, *new) if one is not None))
+
+
+def with_templates(shipped: Sequence[TaskTemplate], changes: SiteChanges) -> tuple[TaskTemplate, ...]:
+    """The missions with their changes in their order, new ones after them, removed ones left out."""
+    known = [one.name for one in shipped]
+    now = [changes.templates[one.name].template if one.name in changes.templates else one for one in shipped]
+    new = [change.template for name, change in changes.templates.items() if name not in known]
+    return tuple(one for one in (*now, *new) if one is not None)
+
+
+def _with_route(changes: SiteChanges, name: str, change: ChangedRoute) -> SiteChanges:
+    return replace(changes, version=changes.version + 1, routes=changes.routes | {name: change})
+
+
+def _with_template(changes: SiteChanges, name: str, change: ChangedTemplate) -> SiteChanges:
+    return replace(changes, version=changes.version + 1, templates=changes.templates | {name: change})
