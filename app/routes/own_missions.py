@@ -21,10 +21,11 @@ from app.web.rendering import render
 from harness.baseline.load import shipped_missions
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import UnknownName
+from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.reasons import because
 from harness.contracts.site_events import TemplateRemoved, TemplateSaved
 from harness.contracts.tasks import TaskTemplate
+from harness.workspace.proposed_changes import read_mission
 
 router = APIRouter(prefix="/templates")
 FIRST = """\
@@ -85,11 +86,11 @@ def remove(console: ConsoleDep, actor: ActorDep, name: str, typed: FormDep) -> R
     return RedirectResponse("/templates", status_code=303)
 
 
-def reading(console: Console, text: str, name: str) -> TaskTemplate | list[Wrong]:
+def reading(console: Console, text: str, name: str) -> tuple[TaskTemplate | None, tuple[HarnessError, ...]]:
     """The mission as it may be saved under this name, or what is wrong with it. A name that is new may not be taken."""
     runtime = console.runtime
     names = [one.name for one in runtime.beside]
-    return template_editor.read_template(
+    return read_mission(
         text,
         name=name,
         known=name in names or name in runtime.site_changes().templates,
@@ -110,9 +111,10 @@ def _save(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = 
     act = SaveTemplateAct.from_form(typed)
     if isinstance(act, tuple):
         return render("templates/edit.html", _form(console, actor, typed, act, new=new), status=422)
-    read = reading(console, act.text, typed.get("name", ""))
-    if isinstance(read, list):
-        return render("templates/edit.html", _form(console, actor, typed, read, new=new), status=422)
+    read, errors = reading(console, act.text, typed.get("name", ""))
+    if read is None:
+        wrong = template_editor.wrong_text(errors)
+        return render("templates/edit.html", _form(console, actor, typed, wrong, new=new), status=422)
     if new:
         act = act.model_copy(update={"basis": console.runtime.site_changes().template_revision(read.name)})
     decision = changed(console, act.to_command(actor, template=read))
