@@ -56,7 +56,8 @@ SENTENCES: Mapping[str, str] = {
         "The route {route} passes a wall at ({x_m:.2f}, {y_m:.2f}) nearer than {half_m:.2f} m, half the width of {name}"
     ),
     "route_authorised": N_(
-        "Zone {zone} sends its robot to safety by this route, as {who} authorised it on {day}: only site.yaml changes it"
+        "Zone {zone} sends its robot to safety by this route, as {who} authorised it on {day}: "
+        "only site.yaml changes it"
     ),
     "route_name_unusable": N_("A name is letters, digits, - and _, and begins with a letter."),
     "route_too_short": N_("The route {route} has fewer than two waypoints"),
