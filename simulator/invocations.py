@@ -61,6 +61,10 @@ class RunningSkill:
         """Whether the heartbeat watchdog has brought it to a standstill."""
         return self._hold == "keepalive" and self._status == "blocked"
 
+    def silent_s(self, at_s: float) -> float:
+        """Mission time since it was last kept alive."""
+        return at_s - self._kept_s
+
     def keepalive(self, at_s: float) -> None:
         self._kept_s = at_s
 

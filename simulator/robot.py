@@ -25,6 +25,9 @@ from simulator.world import World, WorldSettings
 
 HAND = ProviderId("hand")
 """Whose invocations are a person's driving; nobody can be routed to it."""
+FORSAKEN_S = 2.5
+"""Mission time without a keepalive after which nobody is thought to come back to a motion: it was stopped long before.
+"""
 
 
 class SimulatedRobot:
@@ -58,8 +61,17 @@ class SimulatedRobot:
 
     @property
     def unattended_s(self) -> float:
-        """Mission time since somebody last read the sensors or kept an invocation alive."""
-        return self.world.at_s - self._attended_s
+        """Mission time since somebody last read the sensors or kept an invocation alive.
+
+        Where a motion is under way, time since it was kept alive: another thread may read the sensors while its
+        supervisor is far behind, and its deadline would pass meanwhile. A motion that nobody comes back to counts no
+        more after FORSAKEN_S.
+        """
+        mover = self._mover()
+        if mover is None or mover.card.provider_id == HAND:
+            return self.world.at_s - self._attended_s
+        silent_s = mover.silent_s(self.world.at_s)
+        return max(self.world.at_s - self._attended_s, silent_s if silent_s < FORSAKEN_S else 0.0)
 
     @property
     def moving(self) -> bool:

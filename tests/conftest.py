@@ -1,14 +1,18 @@
-"""What every test shares: markers that are checked, cheap tests first, one seed or many."""
+"""What every test shares: markers that are checked, the order of running, one seed or many."""
 
+import gc
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import suppress
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import hypothesis
 import pytest
 from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
+from xdist.workermanage import WorkerController
 
 from tools.marks import complaint
 
@@ -17,6 +21,8 @@ hypothesis.settings.load_profile("regenharness")
 ROOT = Path(__file__).resolve().parent.parent
 MUJOCO_MISSIONS = 6
 COST = {"architecture": 0, "unit": 1, "contract": 2, "replay": 3, "integration": 4, "faults": 5, "browser": 6}
+WAITING = ("tests/browser/", "tests/faults/", "tests/integration/")
+"""Where tests start processes and wait for them; those of the other folders compute."""
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -44,11 +50,22 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 class SharedOnOneWorker(LoadScopeScheduling):
-    """Gives one worker all browser tests, and a module whose tests share a fixture; the rest goes test by test."""
+    """Gives one worker all browser tests, and a module whose tests share a fixture; the rest goes test by test.
+
+    One worker takes the tests that compute first: the processors are never left to tests that wait.
+    """
+
+    def _assign_work_unit(self, node: WorkerController) -> None:
+        waiting = node is not self.nodes[-1]
+        for scope in self.workqueue:
+            if scope.startswith(WAITING) is waiting:
+                self.workqueue.move_to_end(scope, last=False)
+                break
+        super()._assign_work_unit(node)
 
     def _split_scope(self, nodeid: str) -> str:
         if nodeid.startswith("tests/browser/"):
-            return "browser"
+            return "tests/browser/"
         file, _, _ = nodeid.partition("::")
         return file if shares(file) else nodeid
 
@@ -60,13 +77,38 @@ def shares(file: str) -> bool:
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> SharedOnOneWorker:
-    """Chromium takes more than one processor where two workers drive it at once."""
+    """Chromium takes more than one processor where two workers drive it at once. The order is that of
+    `begins`, not the number of tests in a module.
+    """
+    config.option.loadscopereorder = False
     return SharedOnOneWorker(config, log)
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection(session: pytest.Session) -> Generator[None, object, object]:
+    """What collecting makes stays to the end: garbage is neither looked for meanwhile nor ever in it afterwards."""
+    gc.disable()
+    share = getattr(session.config, "workerinput", None)
+    if share is not None and session.config.args == ["tests"]:
+        load_share(int(share["workerid"].removeprefix("gw")), int(share["workercount"]))
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+def load_share(number: int, workers: int) -> None:
+    """Load one part of the modules, which compiles them where nothing is compiled: each process another part first."""
+    files = sorted(file.relative_to(ROOT) for file in ROOT.glob("tests/**/test_*.py"))
+    for file in files[number::workers]:
+        with suppress(Exception):  # collecting tells what does not load
+            import_module(".".join(file.with_suffix("").parts))
+
+
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark campaigns and browser tests, count the missions on real physics, put cheap tests first."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark campaigns and browser tests, count the missions on real physics, order the tests."""
     for item in items:
         if "campaign_seed" in getattr(item, "fixturenames", ()):
             item.add_marker("campaign")
@@ -76,7 +118,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     if missions > MUJOCO_MISSIONS:
         tests = "\n  ".join(item.nodeid for item in items if mujoco_missions(item))
         raise pytest.UsageError(f"{missions} full MuJoCo missions, {MUJOCO_MISSIONS} are allowed:\n  {tests}")
-    items.sort(key=cost)
+    items.sort(key=begins if hasattr(config, "workerinput") else cost)
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
@@ -93,11 +135,15 @@ def room(item: pytest.Item) -> str:
     return [*parts, ""][1]
 
 
-def cost(item: pytest.Item) -> tuple[int, int]:
-    """The order of running: folders from the cheapest on, in each the missions on physics first: none is left to
-    the end, for one worker alone.
-    """
-    return (COST.get(room(item), 3), -mujoco_missions(item))
+def cost(item: pytest.Item) -> int:
+    """The order of running in one process: folders from the cheapest on."""
+    return COST.get(room(item), 3)
+
+
+def begins(item: pytest.Item) -> tuple[int, int, int]:
+    """The order of running in several processes: what takes longest first, so that no worker is left alone with it."""
+    long = item.get_closest_marker("long") is not None
+    return (0 if room(item) == "browser" else 1 if long else 2, -cost(item), -mujoco_missions(item))
 
 
 def mujoco_missions(item: pytest.Item) -> int:

@@ -122,7 +122,7 @@ def _plot(quantity: Quantity, series: Series, cursor: TimeCursor, *, limit: tupl
             )
             for value in bounds
         ),
-        value=f"{now:.2f} {unit}".strip() if now is not None else "",
+        value=f"{now:z.2f} {unit}".strip() if now is not None else "",
         blank="" if series else lazy_gettext("no {source} reading yet", source=quantity.source),
     )
 

@@ -23,6 +23,7 @@ BUSY = frozenset({"dispatched", "executed", "verifying"})
 TELLING = ("distance_m", "frames", "images", "findings", "displacement_m")
 NOT_BEGUN, NOT_REACHED = ("pending", "eligible"), N_("not reached")
 """A stage that had not begun when its mission ended stays so."""
+NOT_FINISHED = N_("not finished")
 GOAL_STATE = {"satisfied": "committed", "pending": "pending", "violated": "failed", "unsafe": "failed"}
 NEEDS_EYES = frozenset({"recovering", "escalated", "rejected"})
 
@@ -167,7 +168,7 @@ def _stage(
         node_id=node.node_id,
         title=task_text(node.subgoal, mission.contract),
         state=_colour(state),
-        status=NOT_REACHED if state.status in NOT_BEGUN and mission.ended else _status(state, now),
+        status=_last_status(state) if mission.ended else _status(state, now),
         verdict=verdict,
         progress=now.report.progress.share if now.report else None,
         declared=_declared(state, now),
@@ -193,6 +194,13 @@ def _status(state: NodeState, now: Observed) -> str:
     if now.report and now.report.status == "running" and state.status == "dispatched":
         return lazy_gettext("running, {share}", share=f"{now.report.progress.share:.0%}")
     return "running" if state.status == "dispatched" else word(state.status)
+
+
+def _last_status(state: NodeState) -> str:
+    """What is true of a stage for ever once its mission has ended: nothing is under way any more."""
+    if state.status in NOT_BEGUN:
+        return NOT_REACHED
+    return NOT_FINISHED if state.status in BUSY | NEEDS_EYES else word(state.status)
 
 
 def _declared(state: NodeState, now: Observed) -> tuple[Measure, ...]:

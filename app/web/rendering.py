@@ -15,6 +15,7 @@ from app.i18n.messages import Message
 from app.i18n.visible_text import visible
 from app.settings import ROOT
 from app.views.canary import FINDINGS
+from app.views.candidate_editor import UNNAMED
 from app.views.forms import STOP_REASONS
 from app.web import filters
 from app.web.regions import REGIONS
@@ -52,6 +53,7 @@ def environment(folder: Path, language: str = ENGLISH) -> Environment:
     jinja.globals["regions"] = REGIONS
     jinja.globals["findings"] = FINDINGS
     jinja.globals["components"] = NAMES
+    jinja.globals["unnamed_units"] = UNNAMED
     jinja.globals["languages"] = ways
     jinja.globals["stop_reasons"] = STOP_REASONS
     jinja.globals["script_messages"] = script_messages(language)

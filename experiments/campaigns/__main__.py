@@ -26,9 +26,9 @@ from experiments.campaigns.kills import KillReport, kill_campaign
 from experiments.campaigns.mission import played
 from experiments.campaigns.plan import mission_plan
 from experiments.campaigns.planted_bugs import RED, Check, PlantedReport, planted_bugs
-from experiments.campaigns.publish import publish
+from experiments.campaigns.publish import publish, published
 from experiments.campaigns.races import RaceReport, races
-from experiments.campaigns.random_kills import RandomKillReport, random_kills
+from experiments.campaigns.random_kills import RandomKillReport, joined, random_kills
 from experiments.campaigns.release_races import release_races
 from experiments.campaigns.rivals import rival_rounds
 from experiments.campaigns.simulate import one_mission, seeds_of, simulated_campaign
@@ -104,6 +104,9 @@ def main() -> None:
     whole.add_argument("--minutes", type=float, default=None, help="simulate, or work, no longer than this")
     whole.add_argument("--processes", type=int, default=PROCESSES)
     whole.add_argument("--only", default="", choices=("", *PARTS), help="one campaign; what is published else, stays")
+    whole.add_argument(
+        "--first", type=int, default=0, help="of `instants`: add those from this one on to what is published"
+    )
     whole.add_argument("--keep", type=Path, default=None, help="folder for missions that a kill kept from succeeding")
     whole.add_argument("--publish", action="store_true", help="write docs/ although the run is smaller")
     steps = commands.add_parser("recovery", help="how often each recovery step helped")
@@ -197,7 +200,8 @@ def _run(arguments: argparse.Namespace) -> None:
     result: dict[str, Any] = {"seed": arguments.seed, "command": made["command"]}
     for figures, _ in found.values():
         result |= figures
-    result["made_by"] = dict.fromkeys(found, made)
+    more = f" from {arguments.first} on" if arguments.first else ""
+    result["made_by"] = {f"{name}{more}": made for name in found}
     print(msgspec.json.format(msgspec.json.encode(result), indent=2).decode())
     offences = [offence for _, offences in found.values() for offence in offences]
     for offence in offences:
@@ -222,16 +226,7 @@ def _found(arguments: argparse.Namespace, *, share: float) -> dict[str, tuple[di
         "suspended": lambda: _plain("suspended_holders", suspensions(sizes["suspensions"])),
         "damage": lambda: _plain("damage", damages()),
         "kills": lambda: _kill_report(kill_campaign(most=points, seed=arguments.seed)),
-        "instants": lambda: _plain(
-            "random_kills",
-            random_kills(
-                sizes["instants"],
-                seed=arguments.seed,
-                minutes=arguments.minutes,
-                missions_at_once=arguments.processes,
-                keep=arguments.keep,
-            ),
-        ),
+        "instants": lambda: _plain("random_kills", _instants(arguments, sizes["instants"])),
         "hard": lambda: _plain("hard_faults", hard_faults(sizes["hard"], seed=arguments.seed)),
         "hammer": lambda: _plain("hammer", hammer(sizes["hammer"], seed=arguments.seed)),
         "workers": lambda: _plain(
@@ -240,6 +235,24 @@ def _found(arguments: argparse.Namespace, *, share: float) -> dict[str, tuple[di
         "simulation": lambda: _simulated(arguments),
     }
     return {name: part() for name, part in parts.items() if arguments.only in ("", name)}
+
+
+def _instants(arguments: argparse.Namespace, instants: int) -> RandomKillReport:
+    """All kills, or those from one on, together with the published ones before it."""
+    made = random_kills(
+        instants - arguments.first,
+        first=arguments.first,
+        seed=arguments.seed,
+        minutes=arguments.minutes,
+        missions_at_once=arguments.processes,
+        keep=arguments.keep,
+    )
+    if not arguments.first:
+        return made
+    before = msgspec.convert(published()["random_kills"], RandomKillReport)
+    if before.instants != arguments.first:
+        raise SystemExit(f"{before.instants} instants are published: go on with --first {before.instants}")
+    return joined(before, made)
 
 
 def _planted(bugs: PlantedReport) -> tuple[dict[str, Any], list[str]]:
@@ -277,6 +290,7 @@ def _command(arguments: argparse.Namespace) -> str:
     ]
     words += ["--processes", str(arguments.processes)]
     words += ["--only", arguments.only] if arguments.only else []
+    words += ["--first", str(arguments.first)] if arguments.first else []
     words += ["--minutes", f"{arguments.minutes:g}"] if arguments.minutes is not None else []
     return shlex.join([*words, *(["--publish"] if arguments.publish else [])])
 

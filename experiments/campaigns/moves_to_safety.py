@@ -106,7 +106,7 @@ def summary(cells: list[dict[str, Any]]) -> dict[str, Any]:
 def cells_at(load: int, *, speeds: Sequence[float], moves: int, robots: int) -> list[dict[str, Any]]:
     """`moves` moves to safety at each speed, beside so many busy processes and each other."""
     shares = [range(first, moves, robots) for first in range(robots)]
-    with _busy(load), ProcessPoolExecutor(max_workers=len(speeds) * robots) as pool:
+    with busy(load), ProcessPoolExecutor(max_workers=len(speeds) * robots) as pool:
         running = [(speed, [pool.submit(_share, speed, tuple(share)) for share in shares]) for speed in speeds]
         done = [(speed, [move for one in found for move in one.result()]) for speed, found in running]
         average = os.getloadavg()[0]
@@ -240,7 +240,7 @@ def _until(condition: Any) -> None:
 
 
 @contextmanager
-def _busy(processes: int) -> Iterator[None]:
+def busy(processes: int) -> Iterator[None]:
     """So many processes that compute without a pause."""
     running = [multiprocessing.Process(target=_spin, daemon=True) for _ in range(processes)]
     for one in running:

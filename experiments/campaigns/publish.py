@@ -28,13 +28,19 @@ def publish(result: dict[str, Any], *, page: Path = PAGE, results: Path = RESULT
     `command` is the command that reproduces the simulation's figures.
     """
     results.parent.mkdir(parents=True, exist_ok=True)
-    before = msgspec.json.decode(results.read_bytes()) if results.exists() else {}
+    before = published(results)
     made_by = {**before.get("made_by", {}), **result["made_by"]}
     result = {**before, **result, "made_by": made_by}
     if "simulation" in made_by:
         result["command"] = made_by["simulation"]["command"]
     results.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2) + b"\n")
     page.write_text(with_figures(page.read_text(encoding="utf-8"), result), encoding="utf-8")
+
+
+def published(results: Path = RESULTS) -> dict[str, Any]:
+    """The figures that stand; none without the file."""
+    found: dict[str, Any] = msgspec.json.decode(results.read_bytes()) if results.exists() else {}
+    return found
 
 
 def with_figures(page: str, result: dict[str, Any]) -> str:

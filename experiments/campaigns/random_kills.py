@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -91,12 +91,14 @@ class RandomKillReport(Value):
 def random_kills(
     instants: int,
     *,
+    first: int = 0,
     seed: int = 1,
     minutes: float | None = None,
     missions_at_once: int = 1,
     keep: Path | None = None,
 ) -> RandomKillReport:
-    """That many kills, the targets in turn, or as many as were begun within `minutes`.
+    """That many kills from the one with the number `first` on, the targets in turn, or as many as were begun within
+    `minutes`.
 
     The folders of missions that did not succeed are copied to `keep`.
     """
@@ -116,7 +118,7 @@ def random_kills(
         return outcome, read
 
     with ThreadPoolExecutor(missions_at_once) as pool:
-        done = [found for found in pool.map(one, range(instants)) if found is not None]
+        done = [found for found in pool.map(one, range(first, first + instants)) if found is not None]
     return reported([outcome for outcome, _ in done], read_events=sum(read for _, read in done))
 
 
@@ -142,11 +144,7 @@ def reported(done: Sequence[InstantOutcome], *, read_events: int) -> RandomKillR
     offences = [f"{_title(one.kill)}: {sentence}" for one in done for sentence in one.wrong]
     offences += [f"{_title(one.kill)}: false: {why}" for one in done for why in one.false_completions]
     offences += [f"{_title(one.kill)}: {one.lost_events} events lost" for one in done if one.lost_events]
-    offences += [
-        f"of {count.struck} missions after a kill of the {name}, {count.succeeded} succeeded without a person"
-        for name, count in targets.items()
-        if count.succeeded < LEAST_SHARE * count.struck
-    ]
+    offences += _helped_too_often(targets)
     return RandomKillReport(
         instants=len(done),
         missed=len(done) - len(struck),
@@ -157,6 +155,43 @@ def reported(done: Sequence[InstantOutcome], *, read_events: int) -> RandomKillR
         duplicate_starts=sum(one.duplicate_starts for one in done),
         upper_bound=upper_bound(0, len(struck)) if struck else 1.0,
         offences=tuple(offences),
+    )
+
+
+def _helped_too_often(targets: Mapping[str, TargetCount]) -> list[str]:
+    return [
+        f"of {count.struck} missions after a kill of the {name}, {count.succeeded} succeeded without a person"
+        for name, count in targets.items()
+        if count.succeeded < LEAST_SHARE * count.struck
+    ]
+
+
+def joined(before: RandomKillReport, more: RandomKillReport) -> RandomKillReport:
+    """The counts of two runs over different instants."""
+    targets = {
+        name: TargetCount(
+            struck=one.struck + other.struck,
+            succeeded=one.succeeded + other.succeeded,
+            ends=dict(Counter(one.ends) + Counter(other.ends)),
+            questions=dict(Counter(one.questions) + Counter(other.questions)),
+        )
+        for name, one in before.targets.items()
+        for other in (more.targets[name],)
+    }
+    struck = sum(one.struck for one in targets.values())
+    single = [
+        offence for run in (before, more) for offence in run.offences if offence not in _helped_too_often(run.targets)
+    ]
+    return RandomKillReport(
+        instants=before.instants + more.instants,
+        missed=before.missed + more.missed,
+        targets=targets,
+        false_completions=before.false_completions + more.false_completions,
+        lost_events=before.lost_events + more.lost_events,
+        read_events=before.read_events + more.read_events,
+        duplicate_starts=before.duplicate_starts + more.duplicate_starts,
+        upper_bound=upper_bound(0, struck) if struck else 1.0,
+        offences=(*single, *_helped_too_often(targets)),
     )
 
 

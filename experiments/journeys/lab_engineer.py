@@ -42,7 +42,7 @@ def walk(way: JourneyWalk, link: str) -> dict[str, float]:
         way.click(page.locator('main a[href$="/edit"]').first)
         names = page.locator('[name="aliases"]')
         names.fill(f"{names.input_value()}, the garage")
-        page.locator('main [name="reason"]').fill("people call it so")
+        page.locator('main form.panel [name="reason"]').fill("people call it so")
         way.click(page.locator("main button.primary").first)
         expect(page.locator("main")).to_contain_text("the garage")
     return {}

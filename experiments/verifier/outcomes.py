@@ -31,7 +31,7 @@ from harness.contracts.values import decode, encode
 
 OUTCOMES = (
     "I walked the circuit from {place} and came back.", "I came to {place}.",
-    "I came to {place} and waited there for {time}.", "I explored the site.", "I explored {place}.",
+    "I came to {place} and waited there for {time}.", "I looked around the site.", "I looked around {place}.",
     "I came to {place}. I took a picture and kept it.", "I came to {place}. I came to {other}.",
 )  # fmt: skip
 TIMES = ("1 minute", "30 seconds", "2 minutes", "1 minute and 20 seconds", "45 seconds")

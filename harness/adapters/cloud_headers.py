@@ -24,6 +24,10 @@ _PCD_LINES = 10
 """Lines of a PCD header, comments left out: its reader looks at no more."""
 _LAS_OLD, _LAS_NEW = 227, 375
 """Bytes of the public header block of LAS 1.0 to 1.2, and of LAS 1.4 with its wider counts."""
+_LAS_RECORDS, _RECORD_BYTES, _MOST_RECORDS = 94, 54, 10_000
+"""Where LAS says where its records begin, its points, and how many records there are; bytes of the head of each."""
+_COMPRESSOR, _LAZ_ANY = b"laszip encoded", 0xFFFFFFFF
+"""The name of LAZ's own record, and what it says where each chunk has a number of points of its own."""
 _PLY_COMMENT = re.compile(rb"(comment|obj_info)\b")
 
 
@@ -148,10 +152,36 @@ def _las(opened: BinaryIO, file: Path, size: int) -> CloudHead:
         raise _invalid(
             because("cloud_promises_too_much", points=points, unpacked_bytes=points * stride, size_bytes=size), file
         )
-    chunks = _las_chunks(opened, first, size) if packed else 0
-    if chunks > points + 1:
-        raise _invalid(because("cloud_header_unreadable", line=f"{chunks} chunks of {points} points"), file)
+    if packed:
+        _check_chunks(opened, file, size, points=points, stride=stride)
     return CloudHead(points=points, unpacked_bytes=points * max(stride, 1), packed=packed)
+
+
+def _check_chunks(opened: BinaryIO, file: Path, size: int, *, points: int, stride: int) -> None:
+    """Raises CloudInvalid for a LAZ file with more chunks than points, or with chunks that cannot be unpacked.
+
+    Its reader makes room for one whole chunk, however few points are left, and divides by the points of a chunk.
+    """
+    opened.seek(_LAS_RECORDS)
+    at, first, records = struct.unpack("<HII", opened.read(10))
+    chunks, each = _las_chunks(opened, first, size), _points_of_a_chunk(opened, at, first, records)
+    unpackable = each is None or each == _LAZ_ANY or 0 < each * max(stride, 1) <= FREE_BYTES + MOST_RATIO * size
+    if chunks > points + 1 or not unpackable:
+        line = f"{chunks} chunks of {points} points, {each} in each"
+        raise _invalid(because("cloud_header_unreadable", line=line), file)
+
+
+def _points_of_a_chunk(opened: BinaryIO, at: int, first: int, records: int) -> int | None:
+    """What the record of the compressor says, among those before the points; None where it stands in none of them."""
+    for _ in range(min(records, _MOST_RECORDS)):
+        opened.seek(at)
+        record = opened.read(_RECORD_BYTES + 16)
+        if at + len(record) > first or len(record) < _RECORD_BYTES + 16:
+            return None
+        if record[2:18].rstrip(b"\0") == _COMPRESSOR:
+            return int.from_bytes(record[_RECORD_BYTES + 12 :], "little")
+        at += _RECORD_BYTES + int.from_bytes(record[20:22], "little")
+    return None
 
 
 def _las_chunks(opened: BinaryIO, first: int, size: int) -> int:

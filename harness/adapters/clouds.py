@@ -28,6 +28,8 @@ _BROKEN = (
     ValueError,
 )
 """What the libraries raise on bytes that they do not expect."""
+_PANIC = "PanicException"
+"""What the unpacker of LAZ, made in Rust, raises on some bytes: no Exception, and nothing that can be imported."""
 _AT_ONCE = 250_000
 """Points of a LAS file that are unpacked at a time: its header decides nothing about memory."""
 
@@ -96,6 +98,10 @@ def _las(file: Path, head: CloudHead) -> NDArray[np.float64]:
                     np.stack([np.asarray(axis, dtype=np.float64) for axis in (part.x, part.y, part.z)], axis=1)
                 )
     except laspy.errors.LaspyException as error:
+        raise ValueError(str(error)) from error
+    except BaseException as error:
+        if type(error).__name__ != _PANIC:
+            raise
         raise ValueError(str(error)) from error
     return np.concatenate(parts)
 

@@ -81,7 +81,7 @@ class RecoveryPolicy(values.Value):
 
     ladders: Annotated[
         dict[FailureClass, tuple[RecoveryAction, ...]],
-        Meta(description="What is tried after a failure of this class, in order", extra={"unit": "rungs"}),
+        Meta(description="What is tried after a failure of this class, in order", extra={"unit": "steps"}),
     ]
     approval_share: Annotated[
         values.Share,

@@ -137,8 +137,11 @@ class _Planning:
     def _do(self, clause: Clause, *, last: bool) -> UnreadWhy | None:
         """Add the parts of a clause; why not, if there are none."""
         if clause.act in ("report", "deliver") or (clause.act in LOOKING and self._same_subject(clause)):
+            before = [*self._parts]
             if self._answered(clause):
-                return None
+                why = self._tell_beside(clause) if clause.act == "report" else None
+                self._parts = self._parts if why is None else before
+                return why
             if clause.act not in LOOKING:
                 return self._tell(clause) if clause.act == "report" else "no_template"
         if clause.act == "return":
@@ -177,28 +180,42 @@ class _Planning:
 
         What is found there is no outcome of a way: it is asked. A return before it is a way then, not the end.
         """
-        if clause.count > 1:
-            return "count"
-        reporter = next((one for one in self._templates if any(_tells(serve) for serve in one.serves or ())), None)
-        if reporter is None or (clause.object is not None and clause.object.kind == "finding"):
-            return "no_template"
-        returning = self._returning
+        if clause.count > 1 or _of_findings(clause):
+            return "count" if clause.count > 1 else "no_template"
+        returning, ways = self._returning, self._parts
         if returning is not None:
             way = self._serving(returning, ClauseObject(kind="place", id=self._profile.home if self._profile else ""))
             if way is None:
                 return "no_template"
-            self._parts.append(way)
+            self._parts = [*ways, way]
+        parts = self._unreported()
+        why = self._speak(clause, parts) if parts else "no_template"
+        if why is None:
+            self._returning = None
+        else:
+            self._parts = ways
+        return why
+
+    def _tell_beside(self, clause: Clause) -> UnreadWhy | None:
+        """A report that an earlier part has a stage for speaks of that part alone: the others are told beside it."""
+        parts = () if _of_findings(clause) else self._unreported()
+        return self._speak(clause, parts) if parts else None
+
+    def _unreported(self) -> tuple[Part, ...]:
+        """The parts since the last spoken report that have no report of their own."""
         reports = [number for number, one in enumerate(self._parts) if one.clause.act == "report"]
-        parts = self._parts[reports[-1] + 1 if reports else 0 :]
-        parts = [one for one in parts if "report" not in (one.template.stages or {})]
-        outcomes = tuple(_outcome(one.template, reporter) for one in parts)
-        if not parts or not all(outcomes):
-            self._parts = self._parts[: len(self._parts) - (returning is not None)]
+        since = self._parts[reports[-1] + 1 if reports else 0 :]
+        return tuple(one for one in since if "report" not in (one.template.stages or {}))
+
+    def _speak(self, clause: Clause, parts: tuple[Part, ...]) -> UnreadWhy | None:
+        """Add the part that says what these achieved, if each of them has a sentence for it."""
+        reporter = next((one for one in self._templates if any(_tells(serve) for serve in one.serves or ())), None)
+        outcomes = tuple(_outcome(one.template, reporter) for one in parts) if reporter else ()
+        if reporter is None or not all(outcomes):
             return "no_template"
         if len(self._parts) >= MOST_PARTS:
             return "count"
-        self._returning = None
-        self._parts.append(Part(template=reporter, clause=clause, tells=tuple(parts), outcomes=outcomes))
+        self._parts.append(Part(template=reporter, clause=clause, tells=parts, outcomes=outcomes))
         return None
 
     def _answered(self, clause: Clause) -> bool:
@@ -316,6 +333,11 @@ class _Planning:
                 requested = self._returning is not None or ways[-1].clause.act in ("go", "return")
             if parts and not requested and default not in self._declined:
                 yield default
+
+
+def _of_findings(clause: Clause) -> bool:
+    """Whether a report is to be of what was found, not of what was done."""
+    return clause.object is not None and clause.object.kind == "finding"
 
 
 def _tells(serves: Serves) -> bool:

@@ -349,7 +349,7 @@ class InvocationMonitor:
         until_s = report.at_s if mission.replay else now_s
         samples = [one for one in self._connection.spool.samples(intent.invocation_id) if one.at_s <= until_s]
         card = self._connection.provider(intent.provider_id).card
-        self._roles.observations.keep_receipts(report.receipts)
+        self._roles.observations.fetch_rest(report.receipts)
         images = [image_reference(one) for one in samples if isinstance(one, Image)]
         packet = build_packet(
             mission,

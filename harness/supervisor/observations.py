@@ -2,6 +2,8 @@
 
 from collections import deque
 from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
 from operator import attrgetter
 from statistics import median
 from typing import assert_never
@@ -11,7 +13,7 @@ from msgspec import UNSET
 from harness.contracts import observations
 from harness.contracts.errors import BlobDamaged, ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.evidence import EvidenceReference
-from harness.contracts.ids import InvocationId, sha256
+from harness.contracts.ids import Digest, InvocationId, sha256
 from harness.contracts.protocol import Observations, Receipt, RobotStatus
 from harness.contracts.reasons import Reason, because
 from harness.contracts.values import encode
@@ -22,10 +24,17 @@ from harness.supervisor.standstill import Rest, at_rest
 RECENT_S = 12.0
 BATCH = 5000
 MOST_BATCHES = 24
-"""A reading of samples ends with a batch that is not full; after this many full ones the robot sends nonsense."""
+"""The robot's samples end with a batch that is not full; after this many full ones in a row it sends nonsense."""
+MOST_A_SECOND = 2000
+"""Samples of one execution for each second of the robot's own time, beside MOST_BATCHES full batches that waited: more
+than a body has whose every sensor speaks 200 times a second."""
+MOST_BYTES_A_SECOND, MOST_BYTES_AT_ONCE = 32 << 20, 64 << 20
+"""Bytes of sweeps and images of one execution for each second of the robot's own time, and beside that."""
 MOST_RECENT = 50_000
 DRAIN_S = 8.0
 """Wall seconds that one reading may take; what is left is read in the next step, for a motion needs its keepalive."""
+REST_OF_BLOBS_S = 60.0
+"""Wall seconds for the bytes that are left when an execution is over: its body stands and needs no keepalive."""
 AHEAD_S = 60.0
 """Samples with a stamp this far ahead of the robot's own clock are of no instant; they are dropped."""
 LINK_S = 3.0
@@ -40,8 +49,36 @@ _WITH_BLOB = (observations.Scan, observations.Image)
 _seq, _order = attrgetter("seq"), attrgetter("at_s", "seq")
 
 
+@dataclass
+class _Volume:
+    """What came since an execution began, or since the last one ended; `begun_s` is the robot's own time then."""
+
+    execution: InvocationId | None
+    begun_s: float
+    samples: int = 0
+    bytes: int = 0
+    excess: Reason | None = None
+
+    def check(self, at_s: float) -> Reason | None:
+        """Why it is more than a robot can make until then, if it is; of an execution that was once too much, for good.
+
+        Between executions samples are not counted: what a robot holds from before may be much.
+        """
+        lasts_s = max(at_s - self.begun_s, 0.0)
+        found = self.excess if self.execution is not None else None
+        if self.execution is not None and self.samples > MOST_BATCHES * BATCH + MOST_A_SECOND * lasts_s:
+            found = found or because("samples_too_many", limit=MOST_A_SECOND)
+        if self.bytes > MOST_BYTES_AT_ONCE + MOST_BYTES_A_SECOND * lasts_s:
+            found = found or because("sweeps_too_large", limit_mib=MOST_BYTES_A_SECOND >> 20)
+        self.excess = found
+        return found
+
+
 class ObservationBuffer:
-    """Reads the robot's samples in order of `seq`, keeps the last seconds, spools those of an open invocation."""
+    """Reads the robot's samples in order of `seq`, keeps the last seconds, spools those of an open invocation.
+
+    How much of them, and for how long in each reading, is bounded here, whatever the robot sends.
+    """
 
     def __init__(self, *, runtime: Runtime, connection: RobotConnection) -> None:
         self._runtime = runtime
@@ -53,6 +90,9 @@ class ObservationBuffer:
         self.unheard: Reason | None = None
         self._heard_s: float | None = None
         self._answered = False
+        self._full = 0
+        self._volume: _Volume | None = None
+        self._wanted: deque[Digest] = deque(maxlen=MOST_RECENT)
 
     @property
     def linked(self) -> bool:
@@ -88,7 +128,6 @@ class ObservationBuffer:
         `trouble` says why an answer cannot be used: nothing of it is kept then, and nothing may rest on it. `unheard`
         says why no answer came.
         """
-        endless = self.trouble is not None and self.trouble.code == "observations_endless"
         self.trouble = self.unheard = None
         self._forget_old()
         try:
@@ -100,7 +139,7 @@ class ObservationBuffer:
                 return True
             self.status, self._answered = status, True
             self._heard_s = self._connection.clock.now().wall_s
-            self.trouble = self._drained(spooling, batches=1 if endless else MOST_BATCHES)
+            self.trouble = self._drained(spooling)
         except ProviderUnreachable as error:
             self._answered, self.unheard = False, error.reason
             return False
@@ -108,20 +147,30 @@ class ObservationBuffer:
             self.trouble = because("observations_unusable", reason=error.reason)
         return True
 
-    def _drained(self, spooling: InvocationId | None, *, batches: int) -> Reason | None:
-        """Read at most so many batches; None, or why the robot's samples cannot be used."""
-        began_s = self._connection.clock.now().wall_s
-        for _ in range(batches):
+    def _drained(self, spooling: InvocationId | None) -> Reason | None:
+        """Read until a batch is not full, or DRAIN_S is over; None, or why the robot's samples cannot be used.
+
+        Full batches count from one reading to the next: a slow robot may give out only a few of them in each.
+        """
+        until_s = self._connection.clock.now().wall_s + DRAIN_S
+        if self._volume is None or self._volume.execution != spooling:
+            self._volume = _Volume(spooling, self.robot_s)
+        while True:
             batch = self._connection.robot.observations(self._after, BATCH)
-            if batches == 1 and len(batch.samples) >= BATCH:
-                self._after = max(self._after, *(sample.seq for sample in batch.samples))
-                return because("observations_endless", batches=MOST_BATCHES)
+            self._full = self._full + 1 if len(batch.samples) >= BATCH else 0
+            self._volume.samples += len(batch.samples)
+            excess = self._volume.check(self.robot_s)
+            if self._full > MOST_BATCHES:
+                excess = because("observations_endless", batches=MOST_BATCHES)
+            if excess is not None:
+                self._after = max(map(_seq, batch.samples), default=self._after)
+                self._wanted.clear()
+                return excess
             self._take(batch, spooling)
+            self._fetch_wanted(self._volume, until_s)
             self._heard_s = self._connection.clock.now().wall_s
-            if len(batch.samples) < BATCH or self._connection.clock.now().wall_s > began_s + DRAIN_S:
+            if not self._full or self._heard_s > until_s:
                 break
-        else:
-            return because("observations_endless", batches=MOST_BATCHES)
         self._forget_old()
         return None
 
@@ -144,7 +193,7 @@ class ObservationBuffer:
         fresh = [sample for sample in fresh if sample.at_s <= until_s]
         if spooling is None:
             fresh = [sample for sample in fresh if sample.at_s >= self._horizon_s]
-        self._keep_blobs(fresh)
+        self._wanted.extend(sample.blob for sample in fresh if isinstance(sample, _WITH_BLOB))
         if spooling is not None and fresh:
             self._connection.spool.add(spooling, fresh)
         self._recent.extend(fresh)
@@ -178,30 +227,42 @@ class ObservationBuffer:
         )
         return reference, trajectory
 
-    def keep_receipts(self, receipts: Iterable[Receipt]) -> None:
-        """Fetch the bytes that receipts name. What the provider no longer holds, or holds otherwise, stays missing."""
+    def fetch_rest(self, receipts: Iterable[Receipt]) -> None:
+        """Fetch what is still wanted, and the bytes that receipts name, for at most REST_OF_BLOBS_S. What the provider
+        no longer holds, or holds otherwise, stays missing."""
+        until_s = self._connection.clock.now().wall_s + REST_OF_BLOBS_S
+        with suppress(ProviderUnreachable):
+            if self._volume is not None:
+                self._fetch_wanted(self._volume, until_s)
         for receipt in receipts:
-            if receipt.blob is None or self._runtime.has_blob(receipt.blob):
-                continue
-            try:
-                body = self._connection.robot.blob(receipt.blob)
-            except (BlobDamaged, UnknownName, ProviderFailed):
-                continue
-            if sha256(body) == receipt.blob:
-                self._runtime.keep(body)
+            if receipt.blob is not None and self._connection.clock.now().wall_s <= until_s:
+                with suppress(*ROBOT_ERRORS):
+                    self._fetch(receipt.blob)
 
-    def _keep_blobs(self, samples: list[observations.AnySample]) -> None:
-        """Fetch the bytes of sweeps and images. What the robot does not give out, or not as it says, stays missing."""
-        for sample in samples:
-            if isinstance(sample, _WITH_BLOB) and not self._runtime.has_blob(sample.blob):
-                try:
-                    body = self._connection.robot.blob(sample.blob)
-                except ProviderUnreachable:
-                    raise
-                except ROBOT_ERRORS:
-                    continue
-                if sha256(body) == sample.blob:
-                    self._runtime.keep(body)
+    def _fetch_wanted(self, volume: _Volume, until_s: float) -> None:
+        """Fetch the bytes of sweeps and images, the oldest first; what is left at that wall time, in the next reading.
+
+        What the robot does not give out, or not as it says, stays missing, and is not asked for again.
+        """
+        while self._wanted and volume.check(self.robot_s) is None:
+            digest = self._wanted.popleft()
+            try:
+                volume.bytes += self._fetch(digest)
+            except ProviderUnreachable:
+                raise
+            except ROBOT_ERRORS:
+                pass
+            if self._connection.clock.now().wall_s > until_s:
+                return
+
+    def _fetch(self, digest: Digest) -> int:
+        """Keep the bytes with this digest; how many were fetched, none where they are known."""
+        if self._runtime.has_blob(digest):
+            return 0
+        body = self._connection.robot.blob(digest)
+        if sha256(body) == digest:
+            self._runtime.keep(body)
+        return len(body)
 
 
 def looked(runtime: Runtime, connection: RobotConnection) -> ObservationBuffer:

@@ -1,12 +1,11 @@
-"""Checks how tests are collected: missions on real physics are counted, cheap folders run first, campaigns are
-marked.
-"""
+"""Checks how tests are collected: missions on real physics are counted, tests run in order, campaigns are marked."""
 
 import os
 import subprocess
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import cast
 
 import pytest
@@ -40,19 +39,33 @@ def in_folder(folder: str, *marks: pytest.MarkDecorator, fixtures: tuple[str, ..
     return cast(pytest.Item, Collected(ROOT / "tests" / folder / "test_x.py", found, fixtures))
 
 
-def test_cheap_folders_run_first_and_in_a_folder_missions_on_physics() -> None:
+ALONE = cast(pytest.Config, SimpleNamespace())
+WORKER = cast(pytest.Config, SimpleNamespace(workerinput={}))
+"""One of several processes, as xdist starts them."""
+
+
+def test_in_one_process_cheap_folders_run_first() -> None:
+    browser, unit, architecture = in_folder("browser"), in_folder("unit"), in_folder("architecture")
+    plain = in_folder("integration")
+    items = [browser, plain, unit, architecture]
+    pytest_collection_modifyitems(ALONE, items)
+    assert items == [architecture, unit, plain, browser]
+
+
+def test_in_several_processes_what_takes_longest_begins_first() -> None:
     browser, unit, architecture = in_folder("browser"), in_folder("unit"), in_folder("architecture")
     plain, mission = in_folder("integration"), in_folder("integration", pytest.mark.mujoco)
-    items = [browser, plain, mission, unit, architecture]
-    pytest_collection_modifyitems(items)
-    assert items == [architecture, unit, mission, plain, browser]
+    long = in_folder("unit", pytest.mark.long)
+    items = [unit, architecture, plain, long, mission, browser]
+    pytest_collection_modifyitems(WORKER, items)
+    assert items == [browser, long, mission, plain, unit, architecture]
 
 
 def test_a_seventh_mission_on_real_physics_is_refused() -> None:
     allowed = [in_folder("integration", pytest.mark.mujoco) for _ in range(MUJOCO_MISSIONS)]
-    pytest_collection_modifyitems(allowed)
+    pytest_collection_modifyitems(ALONE, allowed)
     with pytest.raises(pytest.UsageError, match="7 full MuJoCo missions, 6 are allowed"):
-        pytest_collection_modifyitems([*allowed, in_folder("faults", pytest.mark.mujoco)])
+        pytest_collection_modifyitems(ALONE, [*allowed, in_folder("faults", pytest.mark.mujoco)])
 
 
 def test_a_test_says_how_many_missions_it_runs() -> None:
@@ -63,7 +76,7 @@ def test_a_test_says_how_many_missions_it_runs() -> None:
 
 def test_browser_tests_and_campaigns_are_marked() -> None:
     browser, fault = in_folder("browser"), in_folder("faults", fixtures=("campaign_seed",))
-    pytest_collection_modifyitems([browser, fault])
+    pytest_collection_modifyitems(ALONE, [browser, fault])
     assert cast(Collected, browser).added == ["browser"]
     assert cast(Collected, fault).added == ["campaign"]
 
@@ -92,3 +105,5 @@ def test_browser_tests_and_a_module_that_shares_a_fixture_each_go_to_one_worker(
     assert len(passed) == 18
     for folder in ("browser", "faults"):
         assert len({line.split()[0] for line in passed if f"tests/{folder}/" in line}) == 1
+    begun = {line.split()[0]: line for line in reversed(passed)}
+    assert sum("tests/unit/" in line for line in begun.values()) == 1, "one computes while the other waits"

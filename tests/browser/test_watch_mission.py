@@ -247,6 +247,8 @@ def test_the_pages_work_without_scripts(console: Console, open_page: OpenPage) -
     expect(page.locator("h1")).to_be_visible()
     page.get_by_role("button", name="Stop vbot-1").click()
     expect(page.get_by_text("The stop of vbot-1 was sent.")).to_be_visible()
+    expect(page.locator("[data-reason]").first).to_be_attached()
+    expect(page.locator("[data-reason]").filter(visible=True)).to_have_count(0)
     page.get_by_role("textbox", name="Reason").fill("person in the way")
     page.get_by_role("button", name="Save the reason").click()
     expect(page).to_have_url(re.compile("/robots/vbot-1$"))

@@ -173,6 +173,7 @@ def test_a_killed_robot_remembers_its_starts_and_starts_none_of_them_again(start
     assert after.watch(after.start("route-follower", along("A-B"), attempt=2)).status == "succeeded"
 
 
+@pytest.mark.long
 def test_a_robot_that_died_between_two_missions_is_started_again_for_the_next(tmp_path: Path) -> None:
     folder = tmp_path / "vbot-1"
     kept = SupervisedProcess(

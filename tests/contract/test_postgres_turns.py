@@ -53,18 +53,18 @@ def test_a_turn_asks_the_server_once_for_all_streams_whoever_wrote(opened: Calla
     one, other = opened(), opened()
     for number in range(5):
         added(one, stream(number))
-    statements: list[str] = []
-    listen(one._readers, "before_cursor_execute", lambda *call: statements.append(call[2]))
+    questions: list[object] = []
+    listen(one._readers, "checkout", lambda *lent: questions.append(lent))
     with one.turn():
         assert [one.load(stream(number), 1) for number in range(5)] == [[]] * 5
         assert one.head().position == 5
-    assert len(statements) == 1
+    assert len(questions) == 1
     added(other, stream(3))
-    statements.clear()
+    questions.clear()
     with one.turn():
         assert [len(one.load(stream(number), 1)) for number in range(5)] == [0, 0, 0, 1, 0]
         assert one.head() == other.head()
-    assert len(statements) == 2  # the look, and the one stream that moved
+    assert len(questions) == 2  # the look, and the one stream that moved
 
 
 @pytest.mark.parametrize("others", [1, HELD_EVENTS - 2, HELD_EVENTS, 3 * HELD_EVENTS])

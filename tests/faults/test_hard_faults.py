@@ -15,6 +15,7 @@ READ_ONLY = "disk read-only" if possible("disk read-only") else "nothing writabl
 SLICE = ("locked store", READ_ONLY, "64 file descriptors", "link drops")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SLICE)
 def test_under_a_fault_of_the_machine_nothing_false_is_accepted_nothing_is_lost_and_nothing_starts_twice(
     name: str,

@@ -23,7 +23,8 @@ from simulator.in_process import SIMULATOR, InProcessSimulator
 from tests.saying import raises_saying
 
 UNKNOWN = {
-    "samples-nan", "samples-sixty-megabytes", "batches-always-full", "report-forgotten", "another-robot",
+    "samples-nan", "samples-sixty-megabytes", "batches-always-full", "batches-nearly-full", "report-forgotten",
+    "another-robot",
     "start-504-and-denied", "start-refused-done-and-hidden",
 }  # fmt: skip
 """Lies that leave the outcome of a motion unknown: nobody goes on until a person has looked."""

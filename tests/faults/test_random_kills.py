@@ -6,11 +6,12 @@ import msgspec
 import pytest
 
 from experiments.campaigns.publish import figures
-from experiments.campaigns.random_kills import InstantKill, InstantOutcome, instant, killed_at, reported
+from experiments.campaigns.random_kills import InstantKill, InstantOutcome, instant, joined, killed_at, reported
 
 Host = Literal["console", "worker"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("target", "host", "at_s"), [("console", "console", 14.0), ("worker", "worker", 9.0), ("robot", "worker", 21.0)]
 )
@@ -24,7 +25,7 @@ def test_after_a_kill_the_mission_ends_or_asks_and_nothing_is_false_lost_or_doub
 
 
 def outcome(number: int, **changes: object) -> InstantOutcome:
-    return InstantOutcome(kill=instant(number, 1), struck=True, **{"end": "succeeded", **changes})  # type: ignore[arg-type]
+    return InstantOutcome(kill=instant(number, 1), **{"struck": True, "end": "succeeded", **changes})  # type: ignore[arg-type]
 
 
 def test_targets_take_turns_and_a_robot_is_killed_under_both_hosts() -> None:
@@ -42,6 +43,14 @@ def test_a_target_after_which_people_had_to_help_too_often_is_an_offence() -> No
     assert found.targets["console"].questions == {"outcome_unknown": 2}
     assert found.offences == ("of 3 missions after a kill of the console, 1 succeeded without a person",)
     assert "1 of 3 succeeded without a person" in figures({"random_kills": _built(found)})
+
+
+def test_a_run_that_goes_on_where_another_ended_counts_as_one_run() -> None:
+    first = [outcome(0), outcome(1), outcome(2, end="awaiting_human", asked="timeout"), outcome(3, struck=False)]
+    more = [outcome(4, lost_events=1), outcome(5, end="awaiting_human", asked="timeout"), outcome(6)]
+    found = joined(reported(first, read_events=7), reported(more, read_events=5))
+    assert found == reported([*first, *more], read_events=12)
+    assert found.targets["robot"].questions == {"timeout": 2} and len(found.offences) == 2
 
 
 @pytest.mark.parametrize(

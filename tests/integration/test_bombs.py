@@ -1,18 +1,20 @@
 """Small foreign files that unpack to gigabytes are refused by their commands, with a reason, little memory and time."""
 
+import json
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from tests.builders import bombs
-from tests.integration.runs import ROOT, command, environment
+from tests.integration.runs import ROOT, environment
 
 MOST_MIB, MOST_CPU_S = 400, 30.0
+Run = Callable[..., "Ended"]
 
 
 @dataclass(frozen=True)
@@ -26,20 +28,45 @@ class Ended:
 
 
 MEASURED = """
-import resource, subprocess, sys
-code = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode
-used = resource.getrusage(resource.RUSAGE_CHILDREN)
-print(code, used.ru_maxrss, used.ru_utime + used.ru_stime)
+import json, os, sys
+import app.cli.dossiers, app.cli.local_api, app.cli.maps
+from app.cli.main import main
+for line in sys.stdin:
+    asked = json.loads(line)
+    child = os.fork()
+    if child == 0:
+        os.dup2(os.open(os.devnull, os.O_RDWR), 0)
+        os.dup2(0, 1)
+        os.dup2(os.open(asked["stderr"], os.O_WRONLY | os.O_CREAT), 2)
+        sys.argv = ["regen", *asked["words"]]
+        main()
+        os._exit(0)
+    _, status, used = os.wait4(child, 0)
+    print(os.waitstatus_to_exitcode(status), used.ru_maxrss, used.ru_utime + used.ru_stime, flush=True)
 """
-"""Runs a command from a small process: a child's peak counts what the process held that it was started from."""
+"""Has loaded what these commands load, nothing else, and becomes one command after the other: a command's peak counts
+what was loaded before, as in a process of its own.
+"""
 
 
-def ended(*words: object, folder: Path) -> Ended:
-    with (folder / "stderr").open("wb") as errors:
-        asked = [sys.executable, "-c", MEASURED, *command(*words)]
-        done = subprocess.run(asked, cwd=ROOT, env=environment(), stdout=subprocess.PIPE, stderr=errors, check=True)
-    code, peak_kib, cpu_s = done.stdout.split()[-3:]
-    return Ended(int(code), (folder / "stderr").read_text(), int(peak_kib) / 1024, float(cpu_s))
+@pytest.fixture(scope="module")
+def ended() -> Iterator[Run]:
+    """Runs a command to its end and measures it; what it says is written to the folder."""
+    words = [sys.executable, "-c", MEASURED]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(words, cwd=ROOT, env=environment(), stdin=pipe, stdout=pipe, text=True) as measuring:
+        into, out = measuring.stdin, measuring.stdout
+        assert into is not None and out is not None
+
+        def run(*asked: object, folder: Path) -> Ended:
+            errors = folder / "stderr"
+            into.write(json.dumps({"words": [str(word) for word in asked], "stderr": str(errors)}) + "\n")
+            into.flush()
+            code, peak_kib, cpu_s = out.readline().split()
+            return Ended(int(code), errors.read_text(), int(peak_kib) / 1024, float(cpu_s))
+
+        yield run
+        into.close()
 
 
 def refused(found: Ended, says: str) -> None:
@@ -61,7 +88,7 @@ def refused(found: Ended, says: str) -> None:
     ],
     ids=["contents of 1.9 GB", "signed blob of 1 GB", "lying sizes", "lzma", "60,000 files", "empty", "text"],
 )
-def test_regen_verify_refuses_a_bomb(bomb: Callable[[], bytes], says: str, tmp_path: Path) -> None:
+def test_regen_verify_refuses_a_bomb(bomb: Callable[[], bytes], says: str, ended: Run, tmp_path: Path) -> None:
     (tmp_path / "bomb.zip").write_bytes(bomb())
     refused(ended("verify", tmp_path / "bomb.zip", folder=tmp_path), says)
 
@@ -79,7 +106,9 @@ def test_regen_verify_refuses_a_bomb(bomb: Callable[[], bytes], says: str, tmp_p
         ("packed.laz", lambda: bombs.counting_las(1_000_000, packed=True), "does not hold together"),
     ],
 )
-def test_regen_map_import_refuses_a_bomb(name: str, bomb: Callable[[], bytes], says: str, tmp_path: Path) -> None:
+def test_regen_map_import_refuses_a_bomb(
+    name: str, bomb: Callable[[], bytes], says: str, ended: Run, tmp_path: Path
+) -> None:
     (tmp_path / name).write_bytes(bomb())
     said = ("--frame", "map", "--metres-per-unit", "1")
     refused(ended("map", "import", tmp_path / name, *said, "--data", tmp_path / "data", folder=tmp_path), says)

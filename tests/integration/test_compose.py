@@ -123,6 +123,7 @@ def objects(monkeypatch: pytest.MonkeyPatch) -> Iterator[ObjectStore]:
         yield service
 
 
+@pytest.mark.long
 @pytest.mark.xdist_group("postgres")
 def test_console_worker_and_simulator_run_by_the_commands_of_the_file(objects: ObjectStore, tmp_path: Path) -> None:
     objects.make("evidence")

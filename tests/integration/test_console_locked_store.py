@@ -71,6 +71,7 @@ def here(tmp_path: Path) -> Iterator[OnDisk]:
         accounts.store.close()
 
 
+@pytest.mark.long
 def test_a_key_whose_first_request_found_the_log_held_is_executed_once_afterwards(here: OnDisk) -> None:
     client, under = here.client(), {"Idempotency-Key": "k"}
     head = here.runtime.head()

@@ -63,6 +63,7 @@ def test_killed_again_inside_the_recovery_the_mission_still_goes_on(tmp_path: Pa
     assert_audited(tmp_path, mission_id)
 
 
+@pytest.mark.long
 @pytest.mark.mujoco(missions=1)
 def test_the_harness_killed_in_mid_leg_leaves_a_robot_that_stands_within_two_seconds(tmp_path: Path) -> None:
     harness = start("mission", "run", "circuit", "--data", tmp_path, "--speed", "2", "--json")
@@ -100,6 +101,7 @@ def stands_for(data: Path, least_s: float) -> bool:
     return bool(poses[-1]["at_s"] >= moved_s + least_s)
 
 
+@pytest.mark.long
 def test_the_robot_killed_in_mid_leg_comes_back_and_nothing_starts_twice(tmp_path: Path) -> None:
     harness = start(
         "mission", "run", "circuit", "--data", tmp_path, "--speed", "4", "--fidelity", "kinematic", "--json"

@@ -22,7 +22,7 @@ from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.adapters.stores.chain import event_digest
 from harness.adapters.stores.snapshots import fingerprint
-from harness.adapters.stores.sql_log import event_of
+from harness.adapters.stores.sql_statements import event_of
 from harness.bootstrap import read_harness
 from harness.contracts.ids import mission_stream, sha256
 from harness.contracts.ports import StoredEvent

@@ -20,7 +20,7 @@ from tests.integration.runs import regen
 
 GOAL = "Walk the circuit and report"
 CONTRARY = "Mission report. I did not walk the circuit."
-ELSEWHERE = "Mission report. I explored the site."
+ELSEWHERE = "Mission report. I looked around the site."
 
 
 def run(goal: str, data: Path) -> Result:
@@ -66,6 +66,16 @@ def test_a_circuit_is_walked_and_reported_and_an_older_playback_does_not_count_f
     again = run(GOAL, tmp_path)
     assert again.exit_code not in (0, 4) and json.loads(again.stdout)["status"] != "succeeded"
     assert len(recordings) > 1
+
+
+def test_a_report_after_an_inspection_and_a_circuit_speaks_of_both(tmp_path: Path) -> None:
+    answer = run("Check the storage area, walk the circuit and report", tmp_path)
+    assert answer.exit_code == 0, answer.output
+    outcome = json.loads(answer.stdout)
+    assert [one["node_id"] for one in outcome["stages"]][-3:] == ["3.circuit", "4.report", "1.report"]
+    (clause,) = [one for one in outcome["clauses"] if one["told"].startswith("report")]
+    spoken = {one["condition_id"] for one in clause["conditions"]}
+    assert {"1.goal.reported", "4.goal.reported"} <= spoken, clause
 
 
 @pytest.mark.parametrize("text", [CONTRARY, ELSEWHERE], ids=["the contrary", "another mission's outcome"])

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from threading import Event, Thread
 
+import pytest
+
 from tests.integration.runs import start, starts, until
 
 STOPPED_S, RUNS_S = 0.12, 0.06
@@ -37,6 +39,7 @@ def slowed(pid: int) -> Iterator[None]:
         thread.join()
 
 
+@pytest.mark.long
 def test_a_mission_at_four_times_real_time_succeeds_on_a_robot_that_cannot_reach_it(tmp_path: Path) -> None:
     fast = ("--speed", "4", "--fidelity", "kinematic", "--json")
     harness = start("mission", "run", "circuit", "--data", tmp_path, *fast)

@@ -62,6 +62,7 @@ def test_what_was_heard_is_read_back_and_nothing_starts(refused: tuple[Told, Pat
     "R204", entry="command line", symbol="harness.verification.predicates.recorded_request:_written_down"
 )
 @pytest.mark.ledger("R206", entry="command line", symbol="harness.auditing.dossier:_spoken_differences")
+@pytest.mark.long
 def test_recording_transcript_session_log_and_evidence_are_linked_by_digest(
     refused: tuple[Told, Path], spoken: Path, tmp_path: Path
 ) -> None:

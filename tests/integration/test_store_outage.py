@@ -35,6 +35,7 @@ def begun(harness: Harness) -> MissionId:
     return MissionId(decision.events[0].mission_id)  # type: ignore[union-attr]
 
 
+@pytest.mark.long
 def test_a_mission_outlives_its_database(tmp_path: Path, server: PostgresServer) -> None:
     settings = HarnessSettings(data_folder=tmp_path, speed=2.0, fidelity="kinematic", database=server.database())
     with open_harness(settings) as harness:

@@ -15,7 +15,7 @@ SENTENCES: Mapping[str, str] = {
     "clause_cited_unknown": N_("A completion condition cites {clause}, which is no clause of the reading"),
     "clause_untested": N_("Clause {number} of the goal ({act:word}) has no completion condition"),
     "clause_without_words": N_("A clause rests on no word of the text"),
-    "declared_unknown": N_("Node {node_id} declares {declared}, which is no condition of it"),
+    "declared_unknown": N_("Stage {node_id} declares {declared}, which is no condition of it"),
     "evidence_unmade": N_("No stage can make the evidence that {condition_id} needs: {capabilities}"),
     "explores_nothing": N_("The contract explores nothing"),
     "facts_no_better": N_("it rests on accepted facts of other stages, which are no better"),
@@ -41,7 +41,7 @@ SENTENCES: Mapping[str, str] = {
     "no_passage_within": N_("No passage lies within {place_id}"),
     "no_route_between": N_("No route leads from {start} to {end}"),
     "no_route_to": N_("No route leads to {place_id}"),
-    "no_spanning_condition": N_("No completion condition spans several nodes"),
+    "no_spanning_condition": N_("No completion condition spans several stages"),
     "no_template_leads": N_("No template leads to {place_id}"),
     "no_zone_around": N_("No zone holds {place_id}"),
     "no_transcriber": N_("Nothing here can write a recording down"),
@@ -126,7 +126,7 @@ REMEDIES: Mapping[str, str] = {
     ),
     "no_route_between": N_("survey one, or choose places that a route connects: {routes}"),
     "no_route_to": N_("survey one that ends there"),
-    "no_spanning_condition": N_("add one that no node tests by itself, such as in_order or linked"),
+    "no_spanning_condition": N_("add one that no stage tests by itself, such as in_order or linked"),
     "no_template_leads": N_("add a template that serves `go`, or ask for one thing at a time"),
     "no_zone_around": N_("add the outline of the walls around it as a zone: a turn is checked against them"),
     "no_transcriber": N_("type the goal"),
@@ -141,7 +141,7 @@ REMEDIES: Mapping[str, str] = {
     "place_ambiguous": N_("use an id: {ids}"),
     "place_disputed": N_("verify the place again before a mission goes there"),
     "predicate_retired": N_(
-        "name the predicate that replaces it, or declare the condition in the node's evidence policy"
+        "name the predicate that replaces it, or declare the condition in the stage's evidence policy"
     ),
     "recording_unknown": N_("upload it first"),
     "recording_before_microphone": N_("send both instants by the clock of one machine"),

@@ -6,7 +6,7 @@ from app.i18n.catalogues import N_
 
 SENTENCES: Mapping[str, str] = {
     "about_other_stages": N_("about {stages}"),
-    "attestation_not_in_policy": N_("the node's evidence policy names no attestation by a person"),
+    "attestation_not_in_policy": N_("the stage's evidence policy names no attestation by a person"),
     "beyond_budget": N_("oldest beyond {budget} items"),
     "beyond_limit_of_kind": N_("at most {limit} of its kind"),
     "confidence_too_low": N_("{confidence:.2f} < {least:.2f}"),

@@ -24,7 +24,7 @@ SENTENCES: Mapping[str, str] = {
     "action_by_provider": N_("{action:word} by {provider_id}"),
     "action_impossible": N_("{action:word}: {why}"),
     "beyond_unattended_share": N_(
-        "Recovery step {step} of node {stage} goes beyond the {allowed:g} of {total} that may be taken "
+        "Recovery step {step} of stage {stage} goes beyond the {allowed:g} of {total} that may be taken "
         "without a person."
     ),
     "configuration_in_canary": N_("Configuration {configuration} is in canary: a person approves each of its motions."),
@@ -51,9 +51,9 @@ SENTENCES: Mapping[str, str] = {
     "repeats_without_news": N_("{action:word} answered {failure:word} before, and no sensor has spoken since"),
     "required_stage_failed": N_("A required stage failed. {reasons}"),
     "risky_motion_approved": N_(
-        "The mission asks for approval of risky motion, and node {stage} is of {risk:word} risk."
+        "The mission asks for approval of risky motion, and stage {stage} is of {risk:word} risk."
     ),
-    "stage_of_high_risk": N_("Node {stage} is of high risk."),
+    "stage_of_high_risk": N_("Stage {stage} is of high risk."),
     "revision_refused": N_("the other way that was planned is refused: {why}"),
     "step_not_applicable": N_("{action:capital} does not apply here: {why}"),
     "step_applies": N_("{action:word} is carried out, not passed over."),

@@ -5,6 +5,7 @@ vocabulary, `{x:words}` several of them, `{x:or}` the same with "or" before the 
 `{x:instant}` is an instant with its date and `{x:clock}` its time of day.
 """
 
+import re
 import warnings
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -124,6 +125,8 @@ NONE = "none"
 """The fact that stands for an empty list; every other name is a name, whatever the catalogue holds."""
 WORDS = frozenset({"word", "words", "or", "capital"})
 """Format specifications that are ours."""
+TWO_STOPS = re.compile(r"(?<!\.)\.\.(?=\s|$)|。。")
+"""A reason that ends as a sentence, in a message that goes on after it with a stop of its own."""
 
 
 def sentence(reason: Explanation, language: str = ENGLISH) -> str:
@@ -135,10 +138,11 @@ def sentence(reason: Explanation, language: str = ENGLISH) -> str:
         warnings.warn(f"the reason {reason.code!r} has no sentence", stacklevel=2)
         return plain(reason)
     try:
-        return _Formatter(language).vformat(translated(message, language), (), reason.facts).strip()
+        text = _Formatter(language).vformat(translated(message, language), (), reason.facts).strip()
     except (KeyError, ValueError, TypeError) as wrong:
         warnings.warn(f"the facts of {reason!r} do not fill its sentence: {wrong!r}", stacklevel=2)
         return plain(reason)
+    return TWO_STOPS.sub(lambda found: found[0][0], text)
 
 
 def _message(reason: Reason) -> str | None:

@@ -6,7 +6,7 @@ from app.i18n.catalogues import N_
 
 SENTENCES: Mapping[str, str] = {
     "charge_too_low": N_("charge {charge:.2f} is below {bound:.2f}"),
-    "given_up_for_stage": N_("given up for this node"),
+    "given_up_for_stage": N_("given up for this stage"),
     "made_for_other_embodiments": N_("made for {embodiments}, not for {embodiment}"),
     "not_localised_now": N_("the robot is not localised"),
     "offers_another_capability": N_("offers {capability:word}, not {wanted:words}"),
@@ -18,7 +18,7 @@ SENTENCES: Mapping[str, str] = {
     "precondition_untestable": N_("precondition {precondition} cannot be tested"),
     "precondition_without_condition": N_("precondition {precondition}: the robot's condition is unknown"),
     "provider_filtered": N_("{provider_id}: {filter:word}, {reason}"),
-    "risk_too_high": N_("risk {risk:word} exceeds the node's {stage_risk:word}"),
+    "risk_too_high": N_("risk {risk:word} exceeds the stage's {stage_risk:word}"),
     "robot_condition_old": N_("the robot's condition is {age_s:.1f} s old, at most {bound_s:.1f} s"),
     "robot_condition_unknown": N_("the robot's condition is unknown"),
     "robot_fell": N_("the robot has fallen"),

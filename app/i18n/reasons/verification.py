@@ -29,7 +29,7 @@ SENTENCES: Mapping[str, str] = {
     "condition_without_image_count": N_("the condition does not say how many images: {error}"),
     "context_lacks": N_("the context holds no {kind:word}"),
     "effect_not_testable": N_("{predicate} cannot test such an effect"),
-    "facts_of_unaccepted_nodes": N_("facts of nodes that were not accepted: {nodes}"),
+    "facts_of_unaccepted_nodes": N_("facts of stages that were not accepted: {nodes}"),
     "finding_reported": N_("the finding was delivered in words, and a report was spoken after it"),
     "findings_in_pictures": N_("{findings} findings in {pictures} pictures, {wanted} wanted"),
     "findings_in_unaccepted_pictures": N_("{findings} findings are in pictures that were not accepted"),
@@ -63,7 +63,7 @@ SENTENCES: Mapping[str, str] = {
     "images_whole": N_("{images} whole images, the body at rest"),
     "imu_accounts_for_motion": N_("the IMU alone accounts for {moved_m:.3f} m in {window_s:g} s"),
     "imu_cannot_tell_rest": N_("an IMU alone cannot tell standing still from steady motion"),
-    "in_their_order": N_("{nodes} nodes ended in their order"),
+    "in_their_order": N_("{nodes} stages ended in their order"),
     "inertia_shows_no_speed": N_(
         "odometry gained or lost {claimed_mps:.2f} m/s where the IMU shows {shown_mps:.2f} m/s"
     ),
@@ -122,7 +122,7 @@ SENTENCES: Mapping[str, str] = {
     "place_belies_fact": N_("{away}; the accepted fact {condition} no longer holds"),
     "planner_declares_too_little": N_("the planner itself declares {share:.1%} of the route"),
     "playback_after_receipt": N_("the playback ended after its receipt was collected"),
-    "playback_of_another_node": N_("the playback does not belong to the reporting node"),
+    "playback_of_another_node": N_("the playback does not belong to the reporting stage"),
     "png_cut_short": N_("the PNG is cut short"),
     "pose_and_status_on_different_maps": N_("pose and status name different maps"),
     "poses_at_edge": N_("{inside} of {poses} poses lie inside {region}: the body is at its edge"),

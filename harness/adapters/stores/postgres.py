@@ -4,24 +4,31 @@ Appends of all processes queue at one advisory lock, so that there is one order 
 The log needs a database of its own. Its owner can still switch the triggers off; the chain then shows changes.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from functools import partial
+from typing import Any, TypeVar
 
+import psycopg
 from sqlalchemy import Connection
-from sqlalchemy.exc import DBAPIError, SQLAlchemyError
+from sqlalchemy.exc import SQLAlchemyError
 
-from harness.adapters.stores import postgres_engine
-from harness.adapters.stores.sql_log import SqlLog
+from harness.adapters.stores import postgres_driver, postgres_engine
+from harness.adapters.stores.sql_log import AnyRow, Arguments, LogEnds, SqlLog
 from harness.adapters.stores.sql_schema import migrate, needs_migration
 from harness.adapters.stores.sql_statements import statements
 from harness.adapters.stores.version_cache import ServerVersionCache
 from harness.contracts.errors import LogDamaged, StoreUnavailable
+from harness.contracts.ids import StreamId
 from harness.contracts.ports import LogHead, Record, StoredEvent
 from harness.contracts.reasons import because
 
+T = TypeVar("T")
+
 _POSTGRESQL = statements("%s")
 _WRITERS = 0x726567656E  # "regen": the advisory lock at which writers queue
-_BEGIN_ALONE = f"BEGIN ISOLATION LEVEL READ COMMITTED READ WRITE; SELECT pg_advisory_xact_lock({_WRITERS})"
+_BEGIN = "BEGIN ISOLATION LEVEL READ COMMITTED READ WRITE"
+_LOCK = f"SELECT pg_advisory_xact_lock({_WRITERS})"
 _BEGIN_FROZEN = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"
 _BY_ROWS = "SET LOCAL enable_indexscan = off; SET LOCAL enable_indexonlyscan = off; SET LOCAL enable_bitmapscan = off"
 _IN_FORCE = ("synchronous_commit", "fsync", "full_page_writes", "wal_level")
@@ -43,7 +50,9 @@ class PostgresEventStore(SqlLog):
             readers=postgres_engine.reader_engine(self._url),
             aside=postgres_engine.aside_engine(self._url),
         )
+        self._quick = postgres_driver.Readers(self._readers)
         self._unchanged = ServerVersionCache(self._rows, self._sql)
+        self._pipeline = ExitStack()
         self._writers = postgres_engine.writer_engine(self._url, busy_s=busy_s)
         self._writer: Connection | None = None
         with postgres_engine.translated(self._url):
@@ -78,24 +87,61 @@ class PostgresEventStore(SqlLog):
 
     @contextmanager
     def _alone(self) -> Iterator[Connection]:
-        writer = self._begin_or_reconnect()
-        try:
+        writer = self._begun(_lock)
+        with self._undone(writer):
             yield writer
+
+    @contextmanager
+    def _appending(self, streams: Collection[StreamId]) -> Iterator[tuple[Connection, LogEnds]]:
+        """The lock is held for two messages to the server: the first question, sent with the lock, and rows with the
+        commit."""
+        writer, ends = self._begun(partial(self._lock_and_look, streams))
+        with self._undone(writer):
+            yield writer, ends
+
+    def _lock_and_look(self, streams: Collection[StreamId], writer: Connection) -> tuple[Connection, LogEnds]:
+        driver = postgres_driver.driver_of(writer)
+        self._pipeline.enter_context(driver.pipeline())
+        driver.execute(_BEGIN)
+        driver.execute(_LOCK)
+        return writer, LogEnds(*self._unchanged.ends(streams, partial(self._query, writer)))
+
+    @contextmanager
+    def _undone(self, writer: Connection) -> Iterator[None]:
+        """Rolled back on any exception."""
+        try:
+            yield
         except BaseException:
+            self._leave_pipeline()
             try:
                 writer.exec_driver_sql("ROLLBACK")
             except SQLAlchemyError:
                 self._drop()
             raise
 
+    def _leave_pipeline(self) -> None:
+        with suppress(psycopg.Error):
+            self._pipeline.close()
+
+    def _query(self, writer: Connection, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
+        return postgres_driver.queried(postgres_driver.driver_of(writer), statement, arguments)
+
+    def _put(self, writer: Connection, statement: str, rows: Sequence[tuple[Any, ...]]) -> None:
+        postgres_driver.put(postgres_driver.driver_of(writer), statement, rows)
+
+    def _read(self, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
+        return self._quick.rows(statement, arguments)
+
     def _commit(self, writer: Connection, events: Sequence[StoredEvent], records: Sequence[Record]) -> None:
+        driver = postgres_driver.driver_of(writer)
         try:
-            writer.exec_driver_sql("COMMIT")
-        except DBAPIError as error:
-            if not error.connection_invalidated or not self._was_stored(error, events, records):
+            driver.execute("COMMIT")
+            self._pipeline.close()
+        except psycopg.Error as error:
+            if not driver.closed or not self._was_stored(error, events, records):
                 raise
 
-    def _was_stored(self, error: DBAPIError, events: Sequence[StoredEvent], records: Sequence[Record]) -> bool:
+    def _was_stored(self, error: psycopg.Error, events: Sequence[StoredEvent], records: Sequence[Record]) -> bool:
         """Behind the lock, where the lost transaction is over: are its rows there?"""
         self._drop()
         try:
@@ -108,7 +154,7 @@ class PostgresEventStore(SqlLog):
                 writer.exec_driver_sql("ROLLBACK")
         except SQLAlchemyError:
             raise StoreUnavailable(
-                because("append_unknown", why=postgres_engine.unavailable(self._url, error.orig).what), where=self.where
+                because("append_unknown", why=postgres_engine.unavailable(self._url, error).what), where=self.where
             ) from error
         return found
 
@@ -129,23 +175,19 @@ class PostgresEventStore(SqlLog):
         if held != head.position:
             raise LogDamaged(because("database_index_damaged", held=held, found=head.position), where=self.where)
 
-    def _begin_or_reconnect(self) -> Connection:
-        """The writer inside its transaction; opened again, once, if the connection was lost while it was idle."""
-        try:
-            return self._begin()
-        except DBAPIError as error:
-            if not error.connection_invalidated:
-                raise
-        return self._begin()
-
-    def _begin(self) -> Connection:
+    def _begun(self, begin: Callable[[Connection], T], *, again: bool = True) -> T:
+        """The writer's transaction, begun; opened again, once, if the connection was lost while it was idle."""
         writer = self._connected()
+        driver = postgres_driver.driver_of(writer)
         try:
-            writer.exec_driver_sql(_BEGIN_ALONE)
-        except SQLAlchemyError:
+            return begin(writer)
+        except (SQLAlchemyError, psycopg.Error):
+            lost = driver.closed
+            self._leave_pipeline()
             self._drop()
-            raise
-        return writer
+            if not (lost and again):
+                raise
+        return self._begun(begin, again=False)
 
     def _connected(self) -> Connection:
         if self._writer is None:
@@ -162,3 +204,9 @@ class PostgresEventStore(SqlLog):
     def _release(self) -> None:
         self._drop()
         self._writers.dispose()
+
+
+def _lock(writer: Connection) -> Connection:
+    writer.exec_driver_sql(_BEGIN)
+    writer.exec_driver_sql(_LOCK)
+    return writer

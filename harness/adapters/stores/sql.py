@@ -13,9 +13,9 @@ from sqlalchemy.exc import DBAPIError
 
 from harness.adapters.stores import sql_engine
 from harness.adapters.stores.chain import damaged
-from harness.adapters.stores.sql_log import AnyRow, Arguments, SqlLog, event_of
+from harness.adapters.stores.sql_log import AnyRow, Arguments, SqlLog
 from harness.adapters.stores.sql_schema import migrate, needs_migration
-from harness.adapters.stores.sql_statements import statements
+from harness.adapters.stores.sql_statements import event_of, statements
 from harness.adapters.stores.sqlite_driver import ReaderPool, driver_of, immediately
 from harness.adapters.stores.version_cache import FileVersionCache
 from harness.contracts.errors import LogDamaged, StoreUnavailable

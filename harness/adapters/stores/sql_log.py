@@ -6,8 +6,8 @@ read, so processes queue there. Readers have separate connections that cannot wr
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from threading import Lock
@@ -15,10 +15,9 @@ from typing import Any, TypeVar
 
 import msgspec
 from sqlalchemy import Connection, Engine, Row
-from sqlalchemy.exc import DBAPIError
 
 from harness.adapters.stores import chain
-from harness.adapters.stores.sql_statements import Statements
+from harness.adapters.stores.sql_statements import Statements, event_of
 from harness.adapters.stores.version_cache import VersionCache
 from harness.contracts import ports
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, StoreUnavailable, UnknownName
@@ -263,6 +262,24 @@ class SqlLog(ABC):
     def _alone(self) -> AbstractContextManager[Connection]:
         """The one write transaction of the database, rolled back on any exception; `_commit` ends it."""
 
+    @contextmanager
+    def _appending(self, streams: Collection[StreamId]) -> Iterator[tuple[Connection, LogEnds]]:
+        """The write transaction, with the ends of the log and of these streams as far as they are known."""
+        with self._alone() as writer:
+            yield writer, LogEnds(*self._unchanged.ends(streams, partial(self._query, writer)))
+
+    @abstractmethod
+    def _query(self, writer: Connection, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
+        """Rows that the appending connection reads."""
+
+    @abstractmethod
+    def _put(self, writer: Connection, statement: str, rows: Sequence[tuple[Any, ...]]) -> None:
+        """Rows that the appending connection inserts; a failure may be raised by `_commit`."""
+
+    @abstractmethod
+    def _read(self, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
+        """Rows that a reader's connection sees, which is opened again, once, if it was lost since it was last used."""
+
     @abstractmethod
     def _commit(self, writer: Connection, events: Sequence[ports.StoredEvent], records: Sequence[ports.Record]) -> None:
         """Make durable what was inserted, which is what is given."""
@@ -303,9 +320,7 @@ class SqlLog(ABC):
         records: list[ports.Record] = []
         try:
             self._check_open()
-            with self._alone() as writer:
-                streams = {batch.stream for one in group for batch in one.batches}
-                ends = LogEnds(*self._unchanged.ends(streams, partial(self._query, writer)))
+            with self._appending({batch.stream for one in group for batch in one.batches}) as (writer, ends):
                 for one in group:
                     linked = self._linked(writer, one, ends)
                     self._insert(writer, linked, one.records if one.error is None else ())
@@ -354,14 +369,6 @@ class SqlLog(ABC):
         if records:
             self._put(writer, self._sql.insert_record, [msgspec.structs.astuple(record) for record in records])
 
-    def _query(self, writer: Connection, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
-        """Rows that the appending connection reads."""
-        return writer.exec_driver_sql(statement, arguments).all()
-
-    def _put(self, writer: Connection, statement: str, rows: Sequence[tuple[Any, ...]]) -> None:
-        """Rows that the appending connection inserts."""
-        writer.exec_driver_sql(statement, list(rows))
-
     def _copied(self, writer: Connection, events: Iterable[ports.StoredEvent]) -> Iterator[ports.StoredEvent]:
         for page in _pages(events):
             self._insert(writer, page, ())
@@ -372,19 +379,9 @@ class SqlLog(ABC):
             raise StoreUnavailable(because("log_not_empty"), where=self.where)
 
     def _rows(self, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
-        """Reads again, once, if the connection turns out to have been lost since it was last used."""
         self._check_open()
         with self._translated():
-            try:
-                return self._read(statement, arguments)
-            except DBAPIError as error:
-                if not error.connection_invalidated:
-                    raise
             return self._read(statement, arguments)
-
-    def _read(self, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
-        with self._readers.connect() as reader:
-            return reader.exec_driver_sql(statement, arguments).all()
 
     def _page(self, connection: Connection, statement: str, after: str | int) -> Sequence[AnyRow]:
         with self._examined():
@@ -393,22 +390,6 @@ class SqlLog(ABC):
     def _check_open(self) -> None:
         if self._closed:
             raise StoreUnavailable(because("log_closed"), where=self.where)
-
-
-def event_of(row: AnyRow) -> ports.StoredEvent:
-    """The event that a row of `load` or `read` holds."""
-    position, stream, version, kind, body, mission_s, recorded_s, previous, digest = row
-    return ports.StoredEvent(
-        position=position,
-        stream=stream,
-        version=version,
-        kind=kind,
-        body=body,
-        mission_s=mission_s,
-        recorded_s=recorded_s,
-        previous=previous,
-        digest=digest,
-    )
 
 
 def _snapshot(row: AnyRow) -> ports.StateSnapshot:

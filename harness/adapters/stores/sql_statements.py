@@ -1,12 +1,15 @@
 """SQL statements of the event log for all databases, which differ only in the parameter marker. Runs nothing."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
-from harness.contracts.ports import MISSION_ENDED
+from harness.contracts.ports import MISSION_ENDED, StoredEvent
 
 _EVENT = "position, stream, version, kind, body, mission_s, recorded_s, previous, digest"
 _RECORD = "digest, kind, body"
+_BEHIND = _EVENT.replace("body", "CASE WHEN position > ? THEN body ELSE '' END")
 _KEPT = "stream, version, event, fingerprint, digest, body"
 
 
@@ -14,8 +17,8 @@ _KEPT = "stream, version, event, fingerprint, digest, body"
 class Statements:
     """SQL text. Events come as the fields of `StoredEvent`, records as those of `Record`, in their order.
 
-    `behind` takes (from this position, limit) and gives position, stream, version and digest; `load` takes (stream,
-    after), `read` (after, limit), `streams` (first name, name behind the last), `ended`
+    `behind` takes (the known position twice, limit) and gives the event there without its body, and those behind it;
+    `load` takes (stream, after), `read` (after, limit), `streams` (first name, name behind the last), `ended`
     nothing, `ended_between` (after, up to), `record` and `snapshot` one name, `records` (after this digest, limit),
     `holds` (position, digest), `event_digest` (stream, version), `snapshots` (after this stream, limit), `keep`
     (version, fingerprint, seal, body, stream, version, digest of the event).
@@ -54,7 +57,7 @@ def statements(mark: str) -> Statements:
         "insert": f"INSERT INTO event ({_EVENT}) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
         "insert_record": f"INSERT INTO record ({_RECORD}) VALUES (?, ?, ?) ON CONFLICT (digest) DO NOTHING",
         "head": "SELECT position, digest FROM event ORDER BY position DESC LIMIT 1",
-        "behind": "SELECT position, stream, version, digest FROM event WHERE position >= ? ORDER BY position LIMIT ?",
+        "behind": f"SELECT {_BEHIND} FROM event WHERE position >= ? ORDER BY position LIMIT ?",
         "load": f"SELECT {_EVENT} FROM event WHERE stream = ? AND version > ? ORDER BY version",
         "read": f"SELECT {_EVENT} FROM event WHERE position > ? ORDER BY position LIMIT ?",
         "streams": "SELECT stream FROM event WHERE version = 1 AND stream >= ? AND stream < ? ORDER BY position",
@@ -72,6 +75,30 @@ def statements(mark: str) -> Statements:
         "keep": _KEEP,
     }
     return Statements(mark=mark, **{name: text.replace("?", mark) for name, text in texts.items()})
+
+
+@lru_cache(maxsize=256)
+def several(insert: str, count: int) -> str:
+    """The INSERT of one row, for so many rows."""
+    front, values, rest = insert.partition(" VALUES ")
+    row, close, end = rest.partition(")")
+    return front + values + ", ".join([row + close] * count) + end
+
+
+def event_of(row: Sequence[Any]) -> StoredEvent:
+    """The event that a row of `load`, `read` or `behind` holds."""
+    position, stream, version, kind, body, mission_s, recorded_s, previous, digest = row
+    return StoredEvent(
+        position=position,
+        stream=stream,
+        version=version,
+        kind=kind,
+        body=body,
+        mission_s=mission_s,
+        recorded_s=recorded_s,
+        previous=previous,
+        digest=digest,
+    )
 
 
 # A snapshot counts only where its stream's event at that version is the very event it was folded up to.

@@ -1,6 +1,6 @@
 """Remembers the last version of each stream and the newest events of a log until another connection writes.
 
-It reads no event: it holds those that this process appended, for whoever follows the log. Within a turn, a thread asks
+It holds those that this process appended or was told of, for whoever follows the log. Within a turn, a thread asks
 the database at its beginning only; a write transaction asks once, and knows the ends of streams then.
 """
 
@@ -13,7 +13,7 @@ from threading import Lock, local
 from typing import Any
 
 from harness.adapters.stores.chain import GENESIS
-from harness.adapters.stores.sql_statements import Statements
+from harness.adapters.stores.sql_statements import Statements, event_of
 from harness.contracts.ids import StreamId
 from harness.contracts.ports import LogHead, StoredEvent
 
@@ -121,11 +121,14 @@ class VersionCache(ABC):
             self._round += 1
             self._versions.update((event.stream, event.version) for event in events)
             if events:
-                if self._newest and self._newest[-1].position + 1 != events[0].position:
-                    self._newest.clear()
-                self._newest.extend(events)
-                self._last = LogHead(position=events[-1].position, digest=events[-1].digest)
+                self._hold(events)
+                self._last = _end(events[-1])
         self._committed()
+
+    def _hold(self, events: Sequence[StoredEvent]) -> None:
+        if self._newest and self._newest[-1].position + 1 != events[0].position:
+            self._newest.clear()
+        self._newest.extend(events)
 
     @abstractmethod
     def close(self) -> None:
@@ -238,28 +241,34 @@ class ServerVersionCache(VersionCache):
         """Take over what others appended; True where that was too much, or the end was not known."""
         last = self._last
         if last is not None:
-            rows = query(self._sql.behind, (last.position, HELD_EVENTS))
-            ours = not last.position or (bool(rows) and (rows[0][0], rows[0][3]) == (last.position, last.digest))
-            if ours and len(rows) < HELD_EVENTS:
-                self._take(rows)
+            rows = query(self._sql.behind, (last.position, last.position, HELD_EVENTS))
+            events = [event_of(row) for row in rows]
+            ours = not last.position or (bool(events) and _end(events[0]) == last)
+            if ours and len(events) < HELD_EVENTS:
+                self._take(events)
                 return False
         ends = query(self._sql.head, ())
+        end = LogHead(position=ends[0][0], digest=ends[0][1]) if ends else GENESIS
         with self._knowing:
-            if self._last is last:  # else another thread knows more by now
-                self._void(LogHead(position=ends[0][0], digest=ends[0][1]) if ends else GENESIS)
+            if self._last is last or self._last is None or self._last.position < end.position:
+                self._void(end)  # else another thread, which may have asked before this one, knows as much by now
         return True
 
-    def _take(self, rows: Sequence[Any]) -> None:
-        """Rows of events, in order; those that are known by now, since another thread took or appended them, are not
-        taken again."""
+    def _take(self, events: Sequence[StoredEvent]) -> None:
+        """Events that others appended, in order; those that are known by now, since another thread took or appended
+        them, are not taken again."""
         with self._knowing:
-            for position, stream, version, digest in rows:
-                if self._last is None or position <= self._last.position:
+            for event in events:
+                if self._last is None or event.position <= self._last.position:
                     continue
                 self._round += 1
-                self._versions[stream] = version
-                self._newest.clear()
-                self._last = LogHead(position=position, digest=digest)
+                self._versions[event.stream] = event.version
+                self._hold((event,))
+                self._last = _end(event)
+
+
+def _end(event: StoredEvent) -> LogHead:
+    return LogHead(position=event.position, digest=event.digest)
 
 
 def _version(connection: sqlite3.Connection) -> int:

@@ -1,9 +1,10 @@
 """The lies of the kit about exchanges, requests and identities; those about evidence stand in `evidence_lies`."""
 
-import gzip
 import json
-from collections.abc import Callable, Iterator
+import zlib
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from typing import Any, Literal
 
 from harness.conformance.hostile.proxy import Answer, Ask, Forward, Lie, ProxyState
@@ -114,17 +115,58 @@ def _long() -> Iterator[bytes]:
     yield from (PART for _ in range(MANY_BYTES // len(PART)))
 
 
-def _full(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
-    """Every batch of samples is full, for ever."""
-    if ask.kind != "observations" or not seen.in_motion:
-        return forward(ask)
-    after, limit = int(ask.query.get("after", "0")), int(ask.query.get("limit", "5000"))
-    at_s = json.loads(forward(Ask("GET", "/robot", {}, b"")).body)["at_s"]
-    text = ",".join(
-        f'{{"kind":"battery","seq":{seq},"at_s":{at_s!r},"source":"battery","charge":0.5}}'
-        for seq in range(after + 1, after + 1 + limit)
-    )
-    return Answer(body=f'{{"samples":[{text}],"next_seq":{after + limit},"at_s":{at_s!r}}}'.encode())
+def _batches(*, short_by: int = 0, silent_s: float = 0.0) -> Lie:
+    """Batches of charges in place of samples, for ever: full ones, or those that lack a few; each after a while."""
+
+    def lie(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
+        if ask.kind != "observations" or not seen.in_motion:
+            return forward(ask)
+        after = int(ask.query.get("after", "0"))
+        newest = after + int(ask.query.get("limit", "5000")) - short_by
+        at_s = json.loads(forward(Ask("GET", "/robot", {}, b"")).body)["at_s"]
+        text = ",".join(
+            f'{{"kind":"battery","seq":{seq},"at_s":{at_s!r},"source":"battery","charge":0.5}}'
+            for seq in range(after + 1, newest + 1)
+        )
+        body = f'{{"samples":[{text}],"next_seq":{newest},"at_s":{at_s!r}}}'.encode()
+        return Answer(body=body, silent_s=silent_s)
+
+    return lie
+
+
+def _padded(answer: Any, seen: ProxyState) -> Any:
+    """The last sample so often that the batch is nearly full."""
+    last = answer["samples"][-1:]
+    return {**answer, "samples": [*answer["samples"], *last * (4999 - len(answer["samples"]))]}
+
+
+def _sweeps(count: int, answer: Callable[[int], Answer]) -> Lie:
+    """So many sweeps more in every batch, each with bytes of its own that `answer` gives out."""
+
+    def lie(ask: Ask, forward: Forward, seen: ProxyState) -> Answer:
+        bodies: dict[str, int] = seen.kept.setdefault("sweeps", {})
+        if ask.kind == "blob" and ask.path.rpartition("/")[2] in bodies:
+            return answer(bodies[ask.path.rpartition("/")[2]])
+        honest = forward(ask)
+        if ask.kind != "observations" or not honest.ok or not seen.in_motion or not honest.json()["samples"]:
+            return honest
+        batch, numbers = honest.json(), range(len(bodies), len(bodies) + count)
+        digests = {sha256(answer(number).body).hexdigest(): number for number in numbers}
+        bodies |= digests
+        last = batch["samples"][-1]
+        sweep = {"kind": "scan", "seq": last["seq"], "at_s": last["at_s"], "source": "lidar", "frame": "body"}
+        more = [{**sweep, "blob": digest, "points": 1} for digest in digests]
+        return replace(honest, body=json.dumps({**batch, "samples": [*batch["samples"], *more]}).encode())
+
+    return lie
+
+
+def _late(number: int) -> Answer:
+    return Answer(status=404, body=b"%d" % number, silent_s=0.3)
+
+
+def _large(number: int) -> Answer:
+    return Answer(body=b"%08d" % number * (1 << 20), content_type="application/octet-stream")
 
 
 def _figure(name: bytes, value: bytes) -> Callable[[bytes], bytes]:
@@ -236,7 +278,15 @@ LATER = 253_402_300_799.0
 """The last second of the year 9999."""
 LOOKALIKES = str.maketrans("aceopx_", "\u0430\u0441\u0435\u043e\u0440\u0445\uff3f")
 """Latin letters and what looks like them."""
-BOMB = gzip.compress(b" " * MANY_BYTES, mtime=0)
+
+
+def _packed(parts: Iterable[bytes]) -> bytes:
+    """In the format of gzip, without all parts in memory at once."""
+    packer = zlib.compressobj(9, zlib.DEFLATED, zlib.MAX_WBITS | 16)
+    return b"".join([*map(packer.compress, parts), packer.flush()])
+
+
+BOMB = _packed(_long())
 
 
 def _informed() -> Iterator[bytes]:
@@ -336,7 +386,15 @@ BOUNDS = (
     Mode("report-sixty-megabytes", "bounds", "A report of 60 MB", instead("report", Answer(parts=_long)),
          may_succeed=True),
     Mode("samples-without-end", "bounds", "A body without an end", instead("observations", Answer(parts=_endless))),
-    Mode("batches-always-full", "bounds", "Every batch of samples is full", _full),
+    Mode("batches-always-full", "bounds", "Every batch of samples is full", _batches()),
+    Mode("batches-full-and-slow", "bounds", "Every batch of samples is full, and each comes half a second late",
+         _batches(silent_s=0.5)),
+    Mode("batches-nearly-full", "bounds", "4,999 samples in every batch", _batches(short_by=1)),
+    Mode("samples-repeated", "bounds", "The last sample of every batch thousands of times",
+         rewritten("observations", _padded), may_succeed=True),
+    Mode("sweeps-each-late", "bounds", "200 sweeps in every batch, none of which comes in less than 0.3 s",
+         _sweeps(200, _late)),
+    Mode("sweeps-of-eight-megabytes", "bounds", "Eight sweeps of 8 MiB in every batch", _sweeps(8, _large)),
     Mode("batch-over-its-limit", "bounds", "More samples than were asked for", rewritten("observations", _over)),
     Mode("samples-nan", "bounds", "NaN among the samples", garbled("observations", _figure(b"at_s", b"NaN"))),
     Mode("samples-infinite", "bounds", "Infinity among the samples",

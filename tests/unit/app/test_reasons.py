@@ -24,6 +24,14 @@ def test_reasons_within_a_reason_are_said_in_turn(monkeypatch: pytest.MonkeyPatc
     assert "；the lamp is off" in rendering.sentence(both, "zh-Hans")
 
 
+def test_a_sentence_within_a_message_keeps_one_stop() -> None:
+    why = because("no_node_eligible")
+    shown = because("alert_with_goal", text=why, goal="check the storage area")
+    assert rendering.sentence(why).endswith(".")
+    assert rendering.sentence(shown) == f"{rendering.sentence(why)} Goal: check the storage area"
+    assert "。。" not in rendering.sentence(shown, "zh-Hans")
+
+
 def test_a_code_without_a_sentence_warns_and_is_shown_with_its_facts() -> None:
     with pytest.warns(UserWarning, match="no sentence"):
         assert rendering.sentence(because("of_tomorrow", limit_m=2.0)) == "of_tomorrow (limit_m 2.0)"

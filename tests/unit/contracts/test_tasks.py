@@ -47,20 +47,20 @@ def test_a_cycle_is_refused_and_named(depends_on: dict[str, str]) -> None:
 
 @pytest.mark.ledger("R3", symbol="harness.contracts.tasks:check")
 def test_a_dependency_on_an_unknown_node_is_refused_with_the_names_that_exist() -> None:
-    with raises_saying(ContractInvalid, match="Node b depends on z, which the graph does not have") as error:
+    with raises_saying(ContractInvalid, match="Stage b depends on z, which the graph does not have") as error:
         check(graph(a="", b="z"))
     assert (error.value.where, remedy(error.value)) == ("nodes.b.depends_on", "name one of a, b")
 
 
 def test_two_nodes_of_one_name_are_refused() -> None:
     task = graph(a="")
-    with raises_saying(ContractInvalid, match="Two nodes are called a"):
+    with raises_saying(ContractInvalid, match="Two stages are called a"):
         check(replace(task, nodes=task.nodes * 2))
 
 
 def test_a_graph_in_which_nothing_is_required_is_refused() -> None:
     task = contract()
-    with raises_saying(ContractInvalid, match="No node is required"):
+    with raises_saying(ContractInvalid, match="No stage is required"):
         check(replace(task, nodes=tuple(replace(node, required=False) for node in task.nodes)))
 
 
@@ -81,7 +81,7 @@ def test_an_order_over_unknown_nodes_is_refused() -> None:
     task = contract()
     conditions = [c for c in task.completion_conditions if c.condition_id == "goal.in_order"]
     strange = replace(conditions[0], effect=replace(conditions[0].effect, nodes=("request", "lunch")))
-    with raises_saying(ContractInvalid, match="names unknown nodes"):
+    with raises_saying(ContractInvalid, match="names unknown stages"):
         check(replace(task, completion_conditions=(strange,)))
 
 

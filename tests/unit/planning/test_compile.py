@@ -124,11 +124,11 @@ def test_every_segment_has_the_trial_settings_and_the_arrival_radius(name: str, 
 def test_a_goal_of_several_nodes_needs_a_condition_that_no_node_tests_by_itself() -> None:
     whole = template()
     own = [condition for condition in whole.completion_conditions if condition["condition_id"] == "goal.home"]
-    with raises_saying(ContractInvalid, match="No completion condition spans several nodes"):
+    with raises_saying(ContractInvalid, match="No completion condition spans several stages"):
         compiled(replace(whole, completion_conditions=tuple(own)))
     analysis = msgspec.to_builtins(contract().node(NodeId("analysis")).success_conditions[0].effect)
     borrowed = {"condition_id": "goal.same", "text": "As the node says", "effect": analysis}
-    with raises_saying(ContractInvalid, match="No completion condition spans several nodes"):
+    with raises_saying(ContractInvalid, match="No completion condition spans several stages"):
         compiled(replace(whole, completion_conditions=(*own, borrowed)))
 
 

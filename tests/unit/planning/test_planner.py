@@ -32,7 +32,7 @@ def test_a_node_is_eligible_only_once_all_it_depends_on_is_committed() -> None:
 def test_the_plan_is_the_first_eligible_node_and_says_why() -> None:
     proposal = plan(planner_context(view(after("request"))))
     assert proposal.node_id == "go"
-    assert "go is the first eligible node in the graph" in sentence(proposal.reason)
+    assert "go is the first eligible stage in the graph" in sentence(proposal.reason)
     assert proposal.reason.facts["subgoal"] == "Go to Office storage area"
 
 

@@ -198,5 +198,5 @@ def test_with_a_stage_begins_anew_what_builds_on_it_and_who_must_bring_the_body_
 
 @pytest.mark.ledger("R12", symbol="harness.contracts.tasks:_check_required")
 def test_a_required_stage_cannot_wait_for_an_optional_one() -> None:
-    with raises_saying(ContractInvalid, match="Required node panorama depends on the optional go"):
+    with raises_saying(ContractInvalid, match="Required stage panorama depends on the optional go"):
         check(with_stage(contract(), GO, required=False))

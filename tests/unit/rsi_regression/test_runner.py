@@ -4,6 +4,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from importlib import import_module
 from multiprocessing import active_children
 from pathlib import Path
 
@@ -13,8 +14,7 @@ from harness.contracts.ids import Digest
 from rsi_reviews.contracts import CaseResult
 from rsi_reviews.regression.cases import Case, Situation, cases_of, spread
 from rsi_reviews.regression.errors import ResultsDamaged, WorkersLost
-from rsi_reviews.regression.executors import Here, Job, Processes, Running, failed, run_job
-from rsi_reviews.regression.ray_cluster import RayCluster
+from rsi_reviews.regression.executors import Executor, Here, Job, Processes, Running, failed, run_job
 from rsi_reviews.regression.results import ResultsFile, evaluator_version
 from rsi_reviews.regression.runner import RunProgress, measured
 from rsi_reviews.regression.suite import shipped
@@ -70,13 +70,20 @@ def test_local_processes_give_the_same_results(here: tuple[CaseResult, ...]) -> 
     assert measured(CASES, (BASELINE,), executor=Processes(1, SIMULATOR)) == here
 
 
+def ray_cluster(*, address: str = "local") -> Executor:
+    """On Ray, which is loaded where it is used: by one of the processes that collect this file."""
+    cluster: Executor = import_module("rsi_reviews.regression.ray_cluster").RayCluster(address, SIMULATOR, cpus=1)
+    return cluster
+
+
+@pytest.mark.long
 def test_ray_gives_the_same_results(here: tuple[CaseResult, ...]) -> None:
-    assert measured(CASES, (BASELINE,), executor=RayCluster("local", SIMULATOR, cpus=1)) == here
+    assert measured(CASES, (BASELINE,), executor=ray_cluster()) == here
 
 
 def test_a_cluster_that_is_not_there_is_a_sentence() -> None:
     with raises_saying(WorkersLost, match="Ray could not be reached"):
-        measured(CASES[:1], (BASELINE,), executor=RayCluster("127.0.0.1:1", SIMULATOR))
+        measured(CASES[:1], (BASELINE,), executor=ray_cluster(address="127.0.0.1:1"))
 
 
 def test_a_run_that_is_cut_short_goes_on_where_it_ended(tmp_path: Path, here: tuple[CaseResult, ...]) -> None:

@@ -5,9 +5,10 @@ import time
 import pytest
 
 from harness.contracts.errors import ProviderUnreachable
-from simulator.robot import SimulatedRobot
+from simulator.robot import FORSAKEN_S, SimulatedRobot
 from simulator.service import LEAD_S, Pace
 from simulator.world import WorldSettings
+from tests.unit.simulation.builders import Bench, bench
 
 
 def standing() -> Pace:
@@ -62,6 +63,32 @@ def test_a_robot_whose_supervisor_is_behind_slows_down_and_comes_back_to_its_spe
     assert 0.0 < pace.speed_now() < 1.0
     robot.observations(0)
     assert pace.speed_now() == 4.0
+
+
+def read(robot: Bench, *, until_s: float) -> None:
+    """Another thread reads the sensors all the while, and keeps nothing alive."""
+    while robot.at_s < until_s:
+        robot.wait(0.25)
+        robot.robot.observations(0)
+
+
+def test_a_motion_slows_down_while_only_its_sensors_are_read_and_goes_on_when_it_is_kept_alive() -> None:
+    robot = bench()
+    pace = Pace(robot.robot, speed=4.0)
+    report = robot.start("panorama-camera", {"frames": 8}, node="panorama")
+    robot.robot.observations(0)
+    assert pace.speed_now() == 4.0
+    read(robot, until_s=robot.at_s + LEAD_S + 0.1)
+    assert 0.0 < pace.speed_now() < 1.0
+    robot.provider("panorama-camera").keepalive(report.handle)
+    assert pace.speed_now() == 4.0
+
+
+def test_a_motion_that_nobody_comes_back_to_holds_no_time_up() -> None:
+    robot = bench()
+    robot.start("panorama-camera", {"frames": 8}, node="panorama")
+    read(robot, until_s=robot.at_s + FORSAKEN_S + 0.25)
+    assert Pace(robot.robot, speed=4.0).speed_now() == 4.0
 
 
 @pytest.mark.parametrize("speed", [0.5, 1.0])

@@ -19,6 +19,10 @@ from tests.saying import raises_saying
 UTM = np.array([512_700.125, 5_403_547.25, 295.5])
 
 
+LASZIP_RECORD = 54
+"""Bytes of the head of a record of variable length in LAS."""
+
+
 def scatter(count: int, *, reach_m: float = 8.0, seed: int = 1) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-reach_m, reach_m, size=(count, 3))
 
@@ -87,6 +91,24 @@ def test_las_and_laz_keep_coordinates_far_from_the_origin(tmp_path: Path, name: 
     read, dropped = read_cloud(las(tmp_path / name, points, version=version))
     assert dropped == 0
     assert np.abs(read - points).max() <= 0.0005001
+
+
+@pytest.mark.parametrize(
+    ("at", "number", "why"),
+    [(12, 0, "300 points, 0 in each"), (12, 2**31 - 1, "2147483647 in each"), (32, 0, "does not hold together")],
+    ids=["chunks-without-points", "chunks-beyond-memory", "points-of-nothing"],
+)
+def test_a_laz_file_whose_record_would_end_its_unpacker_is_refused(
+    tmp_path: Path, at: int, number: int, why: str
+) -> None:
+    file = las(tmp_path / "record.laz", scatter(300))
+    body = bytearray(file.read_bytes())
+    record = body.index(b"laszip encoded") - 2 + LASZIP_RECORD
+    assert struct.unpack_from("<I", body, record + 12)[0] == 50_000, "the points of a chunk stand there"
+    struct.pack_into("<I" if at == 12 else "<H", body, record + at, number)
+    file.write_bytes(body)
+    with raises_saying(CloudInvalid, match=why):
+        read_cloud(file)
 
 
 @pytest.mark.parametrize("name", ["cut.las", "cut.laz"])

@@ -12,12 +12,13 @@ from harness.adapters.pictures import PICTURES
 from harness.adapters.stores.memory import MemorySpool
 from harness.bootstrap import simulated
 from harness.contracts.errors import ProviderUnreachable
-from harness.contracts.ids import Digest, InvocationId, RobotId
-from harness.contracts.observations import AnySample, Pose, Scan
+from harness.contracts.ids import Digest, InvocationId, RobotId, sha256
+from harness.contracts.observations import AnySample, Battery, Pose, Scan
 from harness.contracts.ports import Clock, Robot
 from harness.contracts.protocol import Observations
+from harness.runtime import Runtime
 from harness.settings import HarnessSettings
-from harness.supervisor.observations import RECENT_S, ObservationBuffer
+from harness.supervisor.observations import BATCH, DRAIN_S, MOST_BATCHES, RECENT_S, ObservationBuffer
 from harness.supervisor.robot_connection import RobotConnection
 from simulator.in_process import SIMULATOR
 from simulator.robot import SimulatedRobot
@@ -40,24 +41,45 @@ class RecordingSpool(MemorySpool):
 
 
 class Gone(SimulatedRobot):
-    """A robot that answers until it is switched off."""
+    """A robot that answers until it is switched off, and that may flood whoever reads its samples."""
 
     off = False
+    flood = 0
+    """How many samples of its battery every batch holds, if any."""
+    late_s = 0.0
+    """How much wall time each of its batches takes."""
+    wall_s = 0.0
 
     def __init__(self, world: WorldSettings) -> None:
         super().__init__(world)
         self.asked: list[Digest] = []
+        self.blobs: dict[Digest, bytes] = {}
+        self.sweeps: tuple[Scan, ...] = ()
+        """What the next batch holds beside the robot's own samples."""
 
     def observations(self, after: int, limit: int = 5000) -> Observations:
         """The robot's observations."""
         if self.off:
             raise ProviderUnreachable("The robot is off", where="vbot-1", do="switch it on")
-        return super().observations(after, limit)
+        self.wall_s += self.late_s
+        if self.flood:
+            numbers = range(after + 1, after + 1 + self.flood)
+            charges = [Battery(seq=number, at_s=self.at_s, source="battery", charge=0.5) for number in numbers]
+            return Observations(samples=tuple(charges), next_seq=numbers[-1], at_s=self.at_s)
+        batch, more = super().observations(after, limit), self.sweeps
+        self.sweeps = ()
+        return replace(batch, samples=(*batch.samples, *more))
 
     def blob(self, digest: Digest) -> bytes:
         """The robot's blob."""
         self.asked.append(digest)
-        return super().blob(digest)
+        self.wall_s += self.late_s
+        return self.blobs.get(digest) or super().blob(digest)
+
+    def sweep(self, seq: int, body: bytes) -> Scan:
+        """A sweep of these bytes, which the robot gives out."""
+        self.blobs[sha256(body)] = body
+        return Scan(seq=seq, at_s=self.at_s, source="lidar", frame="body", blob=sha256(body), points=1)
 
 
 @dataclass
@@ -68,6 +90,7 @@ class Watch:
     spool: RecordingSpool
     observations: ObservationBuffer
     clock: Clock
+    runtime: Runtime
 
     def after(self, seconds: float) -> None:
         self.clock.wait_until(self.clock.now().mission_s + seconds)
@@ -77,7 +100,7 @@ class Watch:
 def watch() -> Iterator[Watch]:
     with simulated(HarnessSettings(fidelity="kinematic", speed=0), simulator=SIMULATOR, seed=1) as harness:
         robot, spool = Gone(WorldSettings()), RecordingSpool()
-        clock = LockstepClock(robot.advance_to, at_s=robot.at_s, wall=lambda: robot.at_s)
+        clock = LockstepClock(robot.advance_to, at_s=robot.at_s, wall=lambda: robot.at_s + robot.wall_s)
         connection = RobotConnection(
             robot_id=RobotId("vbot-1"),
             robot=_as_robot(robot),
@@ -89,7 +112,9 @@ def watch() -> Iterator[Watch]:
             revive=lambda: False,
             pictures=PICTURES,
         )
-        yield Watch(robot, spool, ObservationBuffer(runtime=harness.runtime, connection=connection), clock)
+        yield Watch(
+            robot, spool, ObservationBuffer(runtime=harness.runtime, connection=connection), clock, harness.runtime
+        )
 
 
 def _as_robot(robot: Gone) -> Robot:
@@ -131,6 +156,74 @@ def test_the_sweeps_of_an_open_execution_are_fetched_however_old_they_are(watch:
     sweeps = {one.blob for one in watch.spool.samples(OPEN) if isinstance(one, Scan)}
     assert sweeps == set(watch.robot.asked)
     assert min(one.at_s for one in watch.spool.samples(OPEN)) < watch.robot.at_s - 9 * RECENT_S
+
+
+def trouble(watch: Watch) -> str:
+    return watch.observations.trouble.code if watch.observations.trouble is not None else ""
+
+
+def test_full_batches_count_from_one_reading_to_the_next_however_few_of_them_come_in_each(watch: Watch) -> None:
+    watch.robot.flood, watch.robot.late_s = BATCH, DRAIN_S / 4
+    for _ in range(MOST_BATCHES):
+        watch.after(0.5)
+        assert watch.observations.collect(OPEN)
+    assert trouble(watch) == "observations_endless"
+    assert len(watch.spool.samples(OPEN)) <= MOST_BATCHES * BATCH
+    watch.robot.flood = 0
+    watch.after(0.5)
+    assert watch.observations.collect(None)
+    assert trouble(watch) == ""
+
+
+def test_an_execution_has_no_more_samples_than_a_robot_can_make_in_its_time(watch: Watch) -> None:
+    watch.robot.flood = BATCH - 1
+    for _ in range(3 * MOST_BATCHES):
+        watch.after(0.5)
+        assert watch.observations.collect(OPEN)
+    assert trouble(watch) == "samples_too_many"
+    assert len(watch.spool.samples(OPEN)) < 1.5 * MOST_BATCHES * BATCH
+    watch.robot.flood = 0
+    watch.after(600.0)
+    assert watch.observations.collect(OPEN)
+    assert trouble(watch) == "samples_too_many", "an execution that was once too much stays so"
+    assert watch.observations.collect(InvocationId("inv-2"))
+    assert trouble(watch) == ""
+
+
+def test_sweeps_that_come_slowly_are_fetched_in_several_readings_and_the_rest_before_the_packet(watch: Watch) -> None:
+    assert watch.observations.collect(OPEN)
+    watch.robot.asked.clear()
+    watch.after(0.05)
+    bodies = [b"%d" % number for number in range(100)]
+    watch.robot.sweeps = tuple(watch.robot.sweep(10_000 + number, body) for number, body in enumerate(bodies))
+    watch.robot.late_s = DRAIN_S / 10
+    assert watch.observations.collect(OPEN)
+    assert len(watch.robot.asked) <= 10
+    assert watch.observations.collect(OPEN)
+    first = len(watch.robot.asked)
+    assert 10 < first <= 20
+    watch.observations.fetch_rest(())
+    assert first < len(watch.robot.asked) < 100, "and no longer than a minute"
+    watch.robot.late_s = 0.0
+    watch.observations.fetch_rest(())
+    assert {sha256(body) for body in bodies} <= set(watch.robot.asked)
+    assert len(watch.robot.asked) == len(set(watch.robot.asked))
+    assert all(watch.runtime.has_blob(sha256(body)) for body in bodies)
+
+
+def test_the_sweeps_of_an_execution_take_no_more_bytes_than_a_robot_can_make_in_its_time(watch: Watch) -> None:
+    assert watch.observations.collect(OPEN)
+    bodies = [b"%08d" % number * (1 << 20) for number in range(20)]
+    watch.robot.sweeps = tuple(watch.robot.sweep(10_000 + number, body) for number, body in enumerate(bodies))
+    watch.after(0.05)
+    assert watch.observations.collect(OPEN)
+    assert watch.observations.collect(OPEN)
+    assert trouble(watch) == "sweeps_too_large"
+    kept = sum(watch.runtime.has_blob(sha256(body)) for body in bodies)
+    assert 8 <= kept <= 10
+    watch.after(60.0)
+    assert watch.observations.collect(None)
+    assert trouble(watch) == ""
 
 
 def test_only_the_last_seconds_are_kept_and_a_silent_robot_changes_nothing(watch: Watch) -> None:
