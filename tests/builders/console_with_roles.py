@@ -5,8 +5,10 @@ import zipfile
 from dataclasses import dataclass
 from io import BytesIO
 
+import yaml
 from fastapi.testclient import TestClient
 from msgspec import to_builtins
+from msgspec.structs import replace
 
 from app.views.uploaded_files import ReplayJob
 from harness.conformance.findings import ConformanceFinding, ConformanceResult
@@ -128,6 +130,8 @@ class ConsoleWithRoles:
             return {"name": "Office", "x_m": 1.0, "y_m": 1.0, "reason": "because"}
         if path == "/api/v1/places/{place_id}/remove":
             return {"basis": 7, "reason": "because"}
+        if "/routes/" in path or "/templates/" in path:
+            return self.at_site(path)
         if last in ALERT_TURNS or path.startswith("/places/"):
             return self.looked_after(last)
         if last in (*TURNS, "attest"):
@@ -176,6 +180,24 @@ class ConsoleWithRoles:
             "remove": {"reason": "because", "basis": "1"},
         }
         return known.get(last, {})
+
+    def at_site(self, path: str) -> dict[str, object]:
+        """A valid body for a change of a route or of a mission of the site's own."""
+        last, form = path.rpartition("/")[2], not path.startswith("/api/")
+        if last == "remove":
+            return {"basis": "1" if form else 7, "reason": "because"}
+        named = "bay-1" if last == "new" else "somebody"
+        runtime = self.stand.harness.runtime
+        if "/templates/" in path:
+            template = next(one for one in runtime.beside if one.name == "go-to-place")
+            return {"text": yaml.safe_dump(to_builtins(replace(template, name=named))), "reason": "because"}
+        authorised = {zone.retreat.route for zone in runtime.site.zones if zone.retreat is not None}
+        route = next(one for one in runtime.site.routes if one.name not in authorised)
+        ends: dict[str, object] = {"start": route.start, "end": route.end, "reason": "because"}
+        if form:
+            drawn = "; ".join(f"{x}, {y}" for x, y in route.waypoints_m)
+            return ends | {"name": named, "waypoints": drawn, "basis": "0"}
+        return ends | {"waypoints_m": [list(one) for one in route.waypoints_m]}
 
     def at_robot(self, last: str) -> dict[str, object]:
         """A valid body for a request to a robot."""
