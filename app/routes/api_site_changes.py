@@ -1,4 +1,4 @@
-"""/api/v1/routes and /api/v1/templates: change the reference routes and the own missions of the site; missions under
+"""/api/v1/routes and /api/v1/own-missions: change the reference routes and the own missions of the site; missions under
 way keep what they were compiled with.
 """
 
@@ -42,14 +42,14 @@ def remove(console: ConsoleDep, actor: ActorDep, name: RoutePath, body: RemoveRo
     return _site(console, changed(console, body.to_command(actor, name=name)))
 
 
-@router.get("/templates", responses=api_requests.answers(OwnMission, many=True))
+@router.get("/own-missions", responses=api_requests.answers(OwnMission, many=True))
 def templates(console: ConsoleDep) -> Any:
     """The site's own missions, each with its YAML and its revision. Those of the configuration are changed by
     candidates."""
     return [api_requests.plain(one) for one in _missions(console)]
 
 
-@router.post("/templates/{name}", responses=api_requests.answers(OwnMission, many=True))
+@router.post("/own-missions/{name}", responses=api_requests.answers(OwnMission, many=True))
 def save_template(console: ConsoleDep, actor: ActorDep, name: TemplatePath, body: SaveTemplateAct) -> Any:
     """Add a mission of the site's own, or change one; it is compiled at this site with its defaults first."""
     template, errors = reading(console, body.text, name)
@@ -58,7 +58,7 @@ def save_template(console: ConsoleDep, actor: ActorDep, name: TemplatePath, body
     return _templates(console, changed(console, body.to_command(actor, template=template)))
 
 
-@router.post("/templates/{name}/remove", responses=api_requests.answers(OwnMission, many=True))
+@router.post("/own-missions/{name}/remove", responses=api_requests.answers(OwnMission, many=True))
 def remove_template(console: ConsoleDep, actor: ActorDep, name: TemplatePath, body: RemoveTemplateAct) -> Any:
     """It cannot be started any more; missions under way go on."""
     wrong_removal(console, name)

@@ -30,7 +30,7 @@ WATCHING = (
 )  # fmt: skip
 DEEP = (
     "/evidence", "/providers", "/places", "/places/new", "/places/anchor_a/edit", "/routes/new",
-    "/templates", "/templates/go-to-place/edit", "/shadow", "/fleet", "/memory",
+    "/own-missions", "/own-missions/go-to-place/edit", "/shadow", "/fleet", "/memory",
     "/memory?role=episodic&everything=true", "/memory?role=operational", "/memory?role=semantic",
     "/memory?subject=nobody", "/audit?verify=true&everything=true", "/audit?actor=nobody",
     "/missions/{ended}?node=panorama", "/missions/{asking}?node=circuit",

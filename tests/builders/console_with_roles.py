@@ -80,6 +80,7 @@ class ConsoleWithRoles:
             last = path.rpartition("/")[2]
             names |= {"upload_id": self.upload(last if last in ("cloud", "map") else "recording")}
             names |= {"job_id": self.replay()} if "{job_id}" in path else {}
+        names |= {"name": self.named(path)} if "/routes/" in path or "/own-missions/" in path else {}
         return re.sub(r"\{(\w+)(:\w+)?\}", lambda found: names.get(found[1], "1"), path)
 
     def upload(self, kind: str) -> str:
@@ -130,7 +131,7 @@ class ConsoleWithRoles:
             return {"name": "Office", "x_m": 1.0, "y_m": 1.0, "reason": "because"}
         if path == "/api/v1/places/{place_id}/remove":
             return {"basis": 7, "reason": "because"}
-        if "/routes/" in path or "/templates/" in path:
+        if "/routes/" in path or "/own-missions/" in path:
             return self.at_site(path)
         if last in ALERT_TURNS or path.startswith("/places/"):
             return self.looked_after(last)
@@ -181,18 +182,25 @@ class ConsoleWithRoles:
         }
         return known.get(last, {})
 
+    def named(self, path: str) -> str:
+        """A mission of the site's own, or a route that no way to safety uses."""
+        if "/own-missions/" in path:
+            return "go-to-place"
+        site = self.stand.harness.runtime.site
+        authorised = {zone.retreat.route for zone in site.zones if zone.retreat is not None}
+        return next(one.name for one in site.routes if one.name not in authorised)
+
     def at_site(self, path: str) -> dict[str, object]:
         """A valid body for a change of a route or of a mission of the site's own."""
         last, form = path.rpartition("/")[2], not path.startswith("/api/")
         if last == "remove":
             return {"basis": "1" if form else 7, "reason": "because"}
-        named = "bay-1" if last == "new" else "somebody"
-        runtime = self.stand.harness.runtime
-        if "/templates/" in path:
-            template = next(one for one in runtime.beside if one.name == "go-to-place")
+        runtime, known = self.stand.harness.runtime, self.named(path)
+        named = "bay-1" if last == "new" else known
+        if "/own-missions/" in path:
+            template = next(one for one in runtime.beside if one.name == known)
             return {"text": yaml.safe_dump(to_builtins(replace(template, name=named))), "reason": "because"}
-        authorised = {zone.retreat.route for zone in runtime.site.zones if zone.retreat is not None}
-        route = next(one for one in runtime.site.routes if one.name not in authorised)
+        route = next(one for one in runtime.site.routes if one.name == known)
         ends: dict[str, object] = {"start": route.start, "end": route.end, "reason": "because"}
         if form:
             drawn = "; ".join(f"{x}, {y}" for x, y in route.waypoints_m)
