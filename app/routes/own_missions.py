@@ -1,6 +1,6 @@
-"""/own-missions: the missions of the site's own folder; add, change and remove them by their YAML. Every version is kept.
+"""/own-missions: the missions of the site's own folder; add, change and remove them by their YAML.
 
-The missions of the configuration are not among them: they are changed by candidates.
+Every version is kept. The missions of the configuration are not among them: they are changed by candidates.
 """
 
 from collections.abc import Sequence

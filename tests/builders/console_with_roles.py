@@ -200,12 +200,12 @@ class ConsoleWithRoles:
         if "/own-missions/" in path:
             template = next(one for one in runtime.beside if one.name == known)
             return {"text": yaml.safe_dump(to_builtins(replace(template, name=named))), "reason": "because"}
-        route = next(one for one in runtime.site.routes if one.name == known)
-        ends: dict[str, object] = {"start": route.start, "end": route.end, "reason": "because"}
+        start, end = runtime.site.places[:2]
+        ends: dict[str, object] = {"start": start.place_id, "end": end.place_id, "reason": "because"}
+        drawn = (start.approach_m, end.approach_m)
         if form:
-            drawn = "; ".join(f"{x}, {y}" for x, y in route.waypoints_m)
-            return ends | {"name": named, "waypoints": drawn, "basis": "0"}
-        return ends | {"waypoints_m": [list(one) for one in route.waypoints_m]}
+            return ends | {"name": named, "waypoints": "; ".join(f"{x}, {y}" for x, y in drawn), "basis": "0"}
+        return ends | {"waypoints_m": [list(one) for one in drawn]}
 
     def at_robot(self, last: str) -> dict[str, object]:
         """A valid body for a request to a robot."""
