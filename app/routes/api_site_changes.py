@@ -54,7 +54,7 @@ def save_template(console: ConsoleDep, actor: ActorDep, name: TemplatePath, body
     """Add a mission of the site's own, or change one; it is compiled at this site with its defaults first."""
     template, errors = reading(console, body.text, name)
     if template is None:
-        raise errors[0]
+        raise ContractInvalid(errors[0].what, where=errors[0].where, do=errors[0].do)
     return _templates(console, changed(console, body.to_command(actor, template=template)))
 
 

@@ -183,9 +183,9 @@ class ConsoleWithRoles:
         return known.get(last, {})
 
     def named(self, path: str) -> str:
-        """A mission of the site's own, or a route that no way to safety uses."""
+        """A mission of the site's own that names no place, or a route that no way to safety uses."""
         if "/own-missions/" in path:
-            return "go-to-place"
+            return "camera-report"
         site = self.stand.harness.runtime.site
         authorised = {zone.retreat.route for zone in site.zones if zone.retreat is not None}
         return next(one.name for one in site.routes if one.name not in authorised)
@@ -196,7 +196,7 @@ class ConsoleWithRoles:
         if last == "remove":
             return {"basis": "1" if form else 7, "reason": "because"}
         runtime, known = self.stand.harness.runtime, self.named(path)
-        named = "bay-1" if last == "new" else known
+        named = "lane-1" if last == "new" else known
         if "/own-missions/" in path:
             template = next(one for one in runtime.beside if one.name == known)
             return {"text": yaml.safe_dump(to_builtins(replace(template, name=named))), "reason": "because"}
