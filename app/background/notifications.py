@@ -7,6 +7,7 @@ words of people and models and may hold anything.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from queue import Empty, Full, Queue
+from typing import Literal
 
 from harness.contracts.alert_commands import ClearAlert, NoteNotification, RaiseAlert
 from harness.contracts.alert_events import PRIORITIES, Priority, alert_id, alert_stream
@@ -73,15 +74,17 @@ class Notices:
         return taken
 
     def _send(self, service: str, name: str, alert: Alert) -> bool:
-        reason, tries = "not tried", 0
+        reason: Reason | None = None
+        tries = 0
         for wait_s in self.waits_s:
             if self._worker.wait(wait_s):
                 return False
             tries += 1
             reason = self.notifier.send(service, message(name, alert, address=self.address))
-            if not reason:
+            if reason is None:
                 break
-        noted = NoteNotification(service=service, outcome="failed" if reason else "sent", tries=tries, reason=reason)
+        outcome: Literal["sent", "failed"] = "failed" if reason else "sent"
+        noted = NoteNotification(service=service, outcome=outcome, tries=tries, reason=reason or "")
         self.runtime.decide([(alert_stream(name), noted)])
         if reason:
             self._failed(service, because("notification_tried", reason=reason, tries=tries))

@@ -22,6 +22,7 @@ from app.views.uploaded_files import (
     Upload,
     UploadPart,
 )
+from harness.adapters.replaced_files import replacing
 from harness.adapters.zip_folders import unpacked_zip
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.reasons import because
@@ -198,9 +199,8 @@ class Uploads:
             return None
 
     def _write(self, upload: Upload) -> None:
-        beside = self._place(upload.upload_id) / ".upload.new"
-        beside.write_bytes(encode(upload))
-        beside.replace(self._place(upload.upload_id) / ".upload.json")
+        with replacing(self._place(upload.upload_id) / ".upload.json") as file:
+            file.write(encode(upload))
 
 
 def _plain(name: str) -> str:

@@ -261,7 +261,7 @@ def sentence(event: alert_events.AlertEvent) -> str:
             return lazy_gettext(
                 "{service} was not notified: {reason} (tries: {tries})",
                 service=event.service,
-                reason=event.reason,
+                reason=reasoned(event.reason),
                 tries=event.tries,
             )
         case _:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from experiments.benchmarks import (
     approve,
     browsers,
+    cluster,
     console_lists,
     first_page,
     first_pixels,
@@ -38,6 +39,7 @@ def whole() -> dict[str, Measure]:
         "opening": lambda: opening.measure(events=10_000, count=9),
         "replaying": lambda: replaying.measure(files=replaying.recordings(), count=5),
         "suite": lambda: suite.measure(missions=1000),
+        "cluster": lambda: cluster.measure(cases=320, count=3),
         "workers": lambda: workers.measure(missions=32, count=5),
         "console_lists": lambda: console_lists.measure(missions=console_lists.SIZES, count=20),
         "browsers": lambda: browsers.measure(readers=100, pages=3, events=100, per_s=5.0),
@@ -55,6 +57,7 @@ def quick() -> dict[str, Measure]:
         "opening": lambda: opening.measure(events=1000, count=2),
         "replaying": lambda: replaying.measure(files=replaying.recordings()[:1], count=1),
         "suite": lambda: suite.measure(missions=40),
+        "cluster": lambda: cluster.measure(cases=32, count=1),
         "workers": lambda: workers.measure(missions=4, count=1, consoles=1),
         "console_lists": lambda: console_lists.measure(missions=(200,), count=2),
         "browsers": lambda: browsers.measure(readers=10, pages=1, events=15, per_s=5.0),

@@ -26,7 +26,7 @@ from experiments.campaigns.kills import KillReport, kill_campaign
 from experiments.campaigns.mission import played
 from experiments.campaigns.plan import mission_plan
 from experiments.campaigns.planted_bugs import RED, Check, PlantedReport, planted_bugs
-from experiments.campaigns.publish import publish, published
+from experiments.campaigns.publish import publish, stored_figures
 from experiments.campaigns.races import RaceReport, races
 from experiments.campaigns.random_kills import RandomKillReport, joined, random_kills
 from experiments.campaigns.release_races import release_races
@@ -249,7 +249,7 @@ def _instants(arguments: argparse.Namespace, instants: int) -> RandomKillReport:
     )
     if not arguments.first:
         return made
-    before = msgspec.convert(published()["random_kills"], RandomKillReport)
+    before = msgspec.convert(stored_figures()["random_kills"], RandomKillReport)
     if before.instants != arguments.first:
         raise SystemExit(f"{before.instants} instants are published: go on with --first {before.instants}")
     return joined(before, made)

@@ -28,7 +28,7 @@ def publish(result: dict[str, Any], *, page: Path = PAGE, results: Path = RESULT
     `command` is the command that reproduces the simulation's figures.
     """
     results.parent.mkdir(parents=True, exist_ok=True)
-    before = published(results)
+    before = stored_figures(results)
     made_by = {**before.get("made_by", {}), **result["made_by"]}
     result = {**before, **result, "made_by": made_by}
     if "simulation" in made_by:
@@ -37,7 +37,7 @@ def publish(result: dict[str, Any], *, page: Path = PAGE, results: Path = RESULT
     page.write_text(with_figures(page.read_text(encoding="utf-8"), result), encoding="utf-8")
 
 
-def published(results: Path = RESULTS) -> dict[str, Any]:
+def stored_figures(results: Path = RESULTS) -> dict[str, Any]:
     """The figures that stand; none without the file."""
     found: dict[str, Any] = msgspec.json.decode(results.read_bytes()) if results.exists() else {}
     return found

@@ -22,10 +22,13 @@ class RuleObservation(Value):
 
 
 class ConformanceFinding(Value):
-    """One row of one provider. `text` is what was observed, or why the row is exempt."""
+    """One row of one provider. `text` is what was observed, or why the row is exempt.
+
+    The title is a reason; results of older releases hold it as text.
+    """
 
     row: str
-    title: str
+    title: Explanation
     outcome: Outcome
     text: Explanation
 

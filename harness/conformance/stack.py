@@ -5,15 +5,17 @@ The rows say whether the harness can judge what that stack declares; none of the
 
 from collections.abc import Callable
 
+from msgspec.structs import replace
+
 from harness.conformance.findings import ConformanceFinding, RuleObservation, judged, unless
 from harness.contracts.errors import HarnessError
 from harness.contracts.observations import Odometry, Pose
 from harness.contracts.ports import ObservedRobot
 from harness.contracts.protocol import MOST_CHANGES, StackGoals
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Reason, because
+from harness.provider_protocol.stack_changes import all_changes
 
 AHEAD_S = 5.0
-MOST_PAGES = 20
 BATCH, MOST_BATCHES = 5000, 24
 Row = Callable[[ObservedRobot, str], RuleObservation]
 
@@ -23,7 +25,7 @@ def check_stack(robot: ObservedRobot, name: str) -> tuple[ConformanceFinding, ..
     return tuple(_finding(row, title, tried, robot, name) for row, title, tried in ROWS)
 
 
-def _finding(row: str, title: str, tried: Row, robot: ObservedRobot, name: str) -> ConformanceFinding:
+def _finding(row: str, title: Reason, tried: Row, robot: ObservedRobot, name: str) -> ConformanceFinding:
     try:
         seen = tried(robot, name)
     except HarnessError as error:
@@ -103,28 +105,16 @@ def _clock(robot: ObservedRobot, name: str) -> RuleObservation:
 
 def _whole(robot: ObservedRobot) -> StackGoals:
     """Every change that it holds, in one answer."""
-    found = robot.stack_goals(0, MOST_CHANGES)
-    changes = list(found.changes)
-    for _ in range(MOST_PAGES):
-        if len(found.changes) < MOST_CHANGES:
-            break
-        found = robot.stack_goals(changes[-1].seq, MOST_CHANGES)
-        changes += found.changes
-    return StackGoals(
-        stack=found.stack,
-        run=found.run,
-        changes=tuple(changes[:MOST_CHANGES]),
-        next_seq=found.next_seq,
-        at_s=found.at_s,
-    )
+    found = all_changes(robot, robot.stack_goals(0, MOST_CHANGES))
+    return replace(found, changes=found.changes[:MOST_CHANGES])
 
 
-ROWS: tuple[tuple[str, str, Row], ...] = (
-    ("identity", "Says who it is", _identity),
-    ("evidence", "Gives the samples that a verdict needs", _evidence),
-    ("order", "Numbers the changes of its goals", _order),
-    ("once_over", "A goal that is over stays over", _ends),
-    ("repeats", "Says the same when asked again", _repeats),
-    ("targets", "Says where its goals lead", _targets),
-    ("one_clock", "Uses one clock", _clock),
+ROWS: tuple[tuple[str, Reason, Row], ...] = (
+    ("identity", because("stack_row_identity"), _identity),
+    ("evidence", because("stack_row_evidence"), _evidence),
+    ("order", because("stack_row_order"), _order),
+    ("once_over", because("stack_row_once_over"), _ends),
+    ("repeats", because("stack_row_repeats"), _repeats),
+    ("targets", because("stack_row_targets"), _targets),
+    ("one_clock", because("stack_row_one_clock"), _clock),
 )

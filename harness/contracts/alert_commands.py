@@ -29,7 +29,7 @@ class NoteNotification(Command, tag=True):
     service: Name
     outcome: Literal["sent", "failed"]
     tries: Count
-    reason: str
+    reason: Explanation
 
 
 class AcknowledgeAlert(Command, tag=True):

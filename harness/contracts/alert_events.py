@@ -100,13 +100,13 @@ class AlertAssigned(Event, tag=True):
 class AlertNotified(Event, tag=True):
     """The result of one external notification. `service` names a configured service, never its address.
 
-    `sent` means that the service reported accepting the message, not that anybody read it.
+    `sent` means that the service reported accepting the message, not that anybody read it. The reason is empty then.
     """
 
     service: Name
     outcome: Literal["sent", "failed"]
     tries: Count
-    reason: str
+    reason: Explanation
     at_s: float
 
 

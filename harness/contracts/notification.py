@@ -3,6 +3,7 @@
 from collections.abc import Collection
 from typing import Protocol
 
+from harness.contracts.reasons import Reason
 from harness.contracts.values import Name, Value
 
 
@@ -20,6 +21,6 @@ class Notifier(Protocol):
     @property
     def services(self) -> Collection[str]: ...
 
-    def send(self, service: str, message: Notification) -> str:
-        """Empty if the service reported accepting it; else the reason, without any address."""
+    def send(self, service: str, message: Notification) -> Reason | None:
+        """None if the service reported accepting it; else the reason, without any address."""
         ...

@@ -14,7 +14,7 @@ from harness.contracts.handoff_events import HandoffOpened, ProposedAction
 from harness.contracts.ids import HandoffId, handoff_stream, mission_stream, sha256
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.proposals import RecoveryProposal
-from harness.contracts.reasons import Explanation, because
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.revision_commands import RecordAttestation
 from harness.contracts.values import encode
 from harness.gate.commit import CommandEnvelope
@@ -207,7 +207,7 @@ class HandoffService:
             blob=self._runtime.keep(command.reason.encode()),
         )
         word = Approval(handoff_id=handoff.handoff_id, command=command, attestation=record)
-        return self._look(mission, handoff, opened, word, why="a person attested")
+        return self._look(mission, handoff, opened, word, why=because("person_attested"))
 
     def _hand_back(
         self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: handoff_commands.ReturnControl
@@ -218,10 +218,10 @@ class HandoffService:
             return refusal
         back = replace(command, k=mission.k, fresh=self._questions.snapshot(mission, opened.node_id))
         word = Approval(handoff_id=handoff.handoff_id, command=back)
-        return self._look(mission, handoff, opened, word, why="a person handed it back")
+        return self._look(mission, handoff, opened, word, why=because("person_handed_back"))
 
     def _look(
-        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, word: Approval, *, why: str
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, word: Approval, *, why: Reason
     ) -> Decision[AnyEvent]:
         """One verification without motion, committed with the answer that opens it."""
         look = RecoveryProposal(action="verify_again", failure=opened.failure, provider_id=None, cost=0, reason=why)

@@ -25,14 +25,17 @@ RECENT_S = 12.0
 BATCH = 5000
 MOST_BATCHES = 24
 """The robot's samples end with a batch that is not full; after this many full ones in a row it sends nonsense."""
-MOST_A_SECOND = 2000
-"""Samples of one execution for each second of the robot's own time, beside MOST_BATCHES full batches that waited: more
-than a body has whose every sensor speaks 200 times a second."""
+MOST_A_SECOND, MOST_AT_ONCE = 2000, 20_000
+"""Samples of one execution for each second of the robot's own time, more than a body has whose every sensor speaks 200
+times a second, and beside that. What a robot made while no harness was there may be MOST_BATCHES full batches."""
 MOST_BYTES_A_SECOND, MOST_BYTES_AT_ONCE = 32 << 20, 64 << 20
 """Bytes of sweeps and images of one execution for each second of the robot's own time, and beside that."""
 MOST_RECENT = 50_000
 DRAIN_S = 8.0
 """Wall seconds that one reading may take; what is left is read in the next step, for a motion needs its keepalive."""
+BLOBS_S = 1.0
+"""Wall seconds in which the bytes of sweeps and images are fetched behind one batch: half of what a motion goes on for
+without a keepalive."""
 REST_OF_BLOBS_S = 60.0
 """Wall seconds for the bytes that are left when an execution is over: its body stands and needs no keepalive."""
 AHEAD_S = 60.0
@@ -55,6 +58,7 @@ class _Volume:
 
     execution: InvocationId | None
     begun_s: float
+    at_once: int = MOST_AT_ONCE
     samples: int = 0
     bytes: int = 0
     excess: Reason | None = None
@@ -66,7 +70,7 @@ class _Volume:
         """
         lasts_s = max(at_s - self.begun_s, 0.0)
         found = self.excess if self.execution is not None else None
-        if self.execution is not None and self.samples > MOST_BATCHES * BATCH + MOST_A_SECOND * lasts_s:
+        if self.execution is not None and self.samples > self.at_once + MOST_A_SECOND * lasts_s:
             found = found or because("samples_too_many", limit=MOST_A_SECOND)
         if self.bytes > MOST_BYTES_AT_ONCE + MOST_BYTES_A_SECOND * lasts_s:
             found = found or because("sweeps_too_large", limit_mib=MOST_BYTES_A_SECOND >> 20)
@@ -153,7 +157,9 @@ class ObservationBuffer:
         Full batches count from one reading to the next: a slow robot may give out only a few of them in each.
         """
         until_s = self._connection.clock.now().wall_s + DRAIN_S
-        if self._volume is None or self._volume.execution != spooling:
+        if self._volume is None:
+            self._volume = _Volume(spooling, self.robot_s, at_once=MOST_BATCHES * BATCH)
+        elif self._volume.execution != spooling:
             self._volume = _Volume(spooling, self.robot_s)
         while True:
             batch = self._connection.robot.observations(self._after, BATCH)
@@ -167,7 +173,7 @@ class ObservationBuffer:
                 self._wanted.clear()
                 return excess
             self._take(batch, spooling)
-            self._fetch_wanted(self._volume, until_s)
+            self._fetch_wanted(self._volume, self._connection.clock.now().wall_s + BLOBS_S)
             self._heard_s = self._connection.clock.now().wall_s
             if not self._full or self._heard_s > until_s:
                 break

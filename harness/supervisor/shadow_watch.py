@@ -23,6 +23,7 @@ from harness.contracts.values import encode
 from harness.gate.commit import CommandEnvelope
 from harness.gate.shadow import MOST_SAMPLES
 from harness.projections.shadow import ShadowGoal, ShadowGoals
+from harness.provider_protocol.stack_changes import all_changes
 from harness.runtime import Runtime
 from harness.verification.declared_success import FRESH_S, STANDS_FOR_S
 from harness.workers import Worker
@@ -32,7 +33,6 @@ EVERY_S = 0.5
 RECENT_S = 60.0
 MOST_RECENT = 20_000
 BATCH, MOST_BATCHES = 5000, 24
-MOST_PAGES = 20
 VANISHED_S = 30.0
 """A stack that was silent for so long, seconds of this machine, ends the waiting for its goals."""
 JUDGE_WITHIN_S = 10.0
@@ -126,17 +126,12 @@ class ShadowWatch:
             back = because("stack_clock_back", back_s=self._robot_s - found.at_s)
             self._forget(found.at_s)
             self._lose(self._shadow.under_way, back)
-        changes = list(found.changes)
-        for _ in range(MOST_PAGES):
-            if len(found.changes) < MOST_CHANGES or found.run != self._run:
-                break
-            found = self._robot.stack_goals(changes[-1].seq, MOST_CHANGES)
-            changes += found.changes
+        found = all_changes(self._robot, found)
         if found.run != self._run:
             raise ProviderFailed(because("stack_restarts"))
         self._robot_s = max(self._robot_s, found.at_s)
-        self._note(found.stack, changes, first=first)
-        self._after = max([self._after, *(one.seq for one in changes)])
+        self._note(found.stack, found.changes, first=first)
+        self._after = max([self._after, *(one.seq for one in found.changes)])
         return found.stack, found.at_s
 
     def _begin(self, run: str, *, at_s: float) -> None:

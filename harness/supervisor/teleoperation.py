@@ -18,7 +18,7 @@ from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.errors import ProviderFailed, UnknownName
 from harness.contracts.ports import Teleoperable
 from harness.contracts.protocol import DriveOrder, DriveReport, PostureOrder, RobotStatus
-from harness.contracts.reasons import Reason, because
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.retreat_events import StopRetreat
 from harness.gate.commit import CommandEnvelope
 from harness.projections.control import SiteControl, TeleoperationSession
@@ -109,7 +109,7 @@ class Teleoperation:
         self._turned_s[session] = connection.clock.now().wall_s
         return connection.hand.drive(order)
 
-    def give_back(self, robot_id: ids.RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
+    def give_back(self, robot_id: ids.RobotId, *, actor: Actor, reason: Explanation) -> Accepted[AnyEvent] | Refused:
         """Brake, wait for standstill, then release the base; quarantined if nothing shows it at rest."""
         connection, teleoperation = self._connection(robot_id), self.holder(robot_id)
         if teleoperation is None:
@@ -158,7 +158,7 @@ class Teleoperation:
         )
         if isinstance(decision, Refused):
             return decision
-        released = ReleaseLease(invocation_id=ids.InvocationId(holder), reason=f"posture: {posture}")
+        released = ReleaseLease(invocation_id=ids.InvocationId(holder), reason=because("posture_over", posture=posture))
         outcome = StopOutcome(done=False, reason=because("robot_did_not_answer"))
         try:
             connection.hand.rest(PostureOrder(posture=posture, token=token))
@@ -228,7 +228,7 @@ class Teleoperation:
         for robot_id, teleoperation in control.wheels.items():
             connection = self._connections.get(robot_id)
             if connection is not None and self._silent(connection, teleoperation):
-                self.give_back(robot_id, actor=SUPERVISOR, reason=f"no sign from {teleoperation.device} for a while")
+                self.give_back(robot_id, actor=SUPERVISOR, reason=because("device_silent", device=teleoperation.device))
 
     def _silent(self, connection: RobotConnection, teleoperation: TeleoperationSession) -> bool:
         """No order for IDLE_S, or the lease is about to end."""
@@ -243,7 +243,7 @@ class Teleoperation:
         control: SiteControl = self._runtime.fold(CONTROL)
         for robot_id in control.wheels:
             if robot_id in self._connections:
-                self.give_back(robot_id, actor=SUPERVISOR, reason="the harness was started again")
+                self.give_back(robot_id, actor=SUPERVISOR, reason=because("harness_started_again"))
 
     def _in_control(self, robot_id: ids.RobotId, actor: Actor) -> Reason | None:
         """What keeps people from driving: an active mission. One that this very person took over does not."""

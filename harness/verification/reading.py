@@ -220,7 +220,9 @@ class Evidence:
     def decoded(self, digest: Digest, kind: type[T]) -> T:
         """The blob as JSON of `kind`. Raises Undecidable."""
         try:
-            value: T = _decoded(self.bytes_of(digest), cast(Hashable, kind))
+            body = self.bytes_of(digest)
+            known = _decoded if len(body) <= MOST_CACHED_BYTES else _decoded.__wrapped__
+            value: T = known(body, cast(Hashable, kind))
         except msgspec.MsgspecError as error:
             raise Undecidable(
                 because("blob_of_another_kind", blob=digest[:12], kind=kind.__name__, error=str(error))
@@ -318,6 +320,10 @@ def scope_of(name: str) -> str:
     """The part of a composite mission that a stage or condition belongs to: `2` of `2.go`; empty for all others."""
     head, dot, _ = name.partition(".")
     return head if dot and head.isdecimal() else ""
+
+
+MOST_CACHED_BYTES = 4 << 20
+"""A track of about three minutes; a longer one takes three times as much when it is read, and is read again instead."""
 
 
 @lru_cache(maxsize=4)

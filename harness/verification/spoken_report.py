@@ -4,6 +4,7 @@ The predicates of speech share it. A recording of an earlier playback, or a copy
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -114,8 +115,9 @@ def missing(found: Recognition) -> Reason:
     return because("words_not_heard", words=tuple(w for index, w in enumerate(found.asked) if index not in matches))
 
 
-def longest_match(request: Words, words: Words) -> set[int]:
-    """Indices of `asked` in a longest common subsequence with `words`."""
+@lru_cache(maxsize=8)
+def longest_match(request: tuple[str, ...], words: tuple[str, ...]) -> frozenset[int]:
+    """Indices of `request` in a longest common subsequence with `words`. A report is asked about several times."""
     table = [[0] * (len(words) + 1) for _ in range(len(request) + 1)]
     for i in range(len(request) - 1, -1, -1):
         for j in range(len(words) - 1, -1, -1):
@@ -130,4 +132,4 @@ def longest_match(request: Words, words: Words) -> set[int]:
             i += 1
         else:
             j += 1
-    return matches
+    return frozenset(matches)

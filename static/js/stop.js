@@ -11,10 +11,10 @@ function key() {
   return [...crypto.getRandomValues(new Uint8Array(16))].map((one) => one.toString(16).padStart(2, "0")).join("");
 }
 
-function post(path, body) {
+function post(path, body, headers = {}) {
   return fetch(`/api/v1/robots${path}`, {
     method: "POST", keepalive: true, priority: "high", body: JSON.stringify(body), signal: AbortSignal.timeout(PATIENCE_MS),
-    headers: { "Content-Type": "application/json", "Idempotency-Key": key() },
+    headers: { "Content-Type": "application/json", ...headers },
   });
 }
 
@@ -25,7 +25,8 @@ function show(name, sentence) {
   panel.hidden = false;
 }
 
-// Sent before anything else is done. Where no answer comes the page's own form is sent, which needs no script.
+// Sent before anything else is done, and without a key: a stop that is repeated changes nothing, and a key would be
+// written to the disk before the stop is. Where no answer comes the page's own form is sent, which needs no script.
 async function stop(form) {
   const robot = form.dataset.stop, began = performance.now();
   const name = robot ? tr("Stop of {robot}", { robot }) : tr("Stop of all robots");
@@ -74,5 +75,5 @@ panel?.addEventListener("submit", async (event) => {
   if (!reason) return panel.elements.reason.focus();
   panel.hidden = true;
   const robots = last ? [last] : [...document.querySelectorAll("#bar form[data-stop]")].map((one) => one.dataset.stop).filter(Boolean);
-  for (const robot of robots) await post(`/${robot}/stop/reason`, { reason }).catch(() => {});
+  for (const robot of robots) await post(`/${robot}/stop/reason`, { reason }, { "Idempotency-Key": key() }).catch(() => {});
 });

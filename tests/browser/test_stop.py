@@ -35,7 +35,9 @@ def test_one_press_stops_whatever_moves_the_robot_and_the_reason_comes_afterward
     served: Serving, open_page: OpenPage, console_watch: ConsoleWatch, take_picture: TakePicture
 ) -> None:
     page = live(served.enter(open_page(), f"/missions/{served.asked.mission_id}"))
-    page.locator("#stop-vbot-1").click()
+    with page.expect_request("**/robots/vbot-1/stop") as sent:
+        page.locator("#stop-vbot-1").click()
+    assert "idempotency-key" not in sent.value.headers, "nothing is written before the stop itself"
     panel = page.locator("#stopped")
     expect(panel).to_contain_text("Stop of vbot-1 was sent after")
     assert served.asked.mission.stop is not None and page.url.endswith(served.asked.mission_id)
@@ -48,6 +50,9 @@ def test_one_press_stops_whatever_moves_the_robot_and_the_reason_comes_afterward
     expect(page.locator("#head")).to_contain_text("person in the way")
     assert served.asked.mission.stop.reason == "person in the way"
     served.asked.run()
+    ended = served.open(page, f"/missions/{served.asked.mission_id}").locator("#stages")
+    expect(ended).to_contain_text("not finished")
+    expect(ended).not_to_contain_text("escalated")
     drives_by_hand(served)
     stop = live(served.open(page, "/")).locator("#stop-vbot-1")
     expect(stop).to_have_attribute("data-state", "driven")

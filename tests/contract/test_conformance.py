@@ -253,6 +253,10 @@ def test_a_provider_written_from_the_guide_alone_passes_at_its_address(waiter: s
     assert sorted(row["row"] for row in found["rows"] if row["outcome"] == "met") == sorted(
         read(ROOT / "docs" / "examples" / "wait.yaml").meets
     )
+    assert (found["rows"][0]["title"], found["rows"][0]["title_code"]) == (
+        "The card is complete and valid",
+        "kit_row_card_complete",
+    )
     with raises_saying(ProviderFailed, match="token"), addressed(waiter, "guess"):
         raise AssertionError("a stranger came in")
 

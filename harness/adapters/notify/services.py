@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 from harness.adapters.connection_guard import Permits, PublicOr, addresses_of, guarded, of_this_link
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.notification import Notification
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Reason, because
 
 NETWORKS = "REGEN_NOTIFY_NETWORKS"
 logging.getLogger("apprise").setLevel(logging.CRITICAL)
@@ -48,20 +48,20 @@ class AppriseNotifier:
         """Names of the configured services."""
         return tuple(self._services)
 
-    def send(self, service: str, message: Notification) -> str:
-        """Tries once. Every failure of an address or a service is reported with our own message."""
+    def send(self, service: str, message: Notification) -> Reason | None:
+        """Tries once. Every failure of an address or a service is reported with a reason of our own."""
         found = [address for host in self._hosts[service] for address in addresses_of(host)]
         if any(of_this_link(address) for address in found):
-            return "the service's address leads to this machine's own network link, where no service is"
+            return because("notify_own_link")
         if not all(self._permits(address) for address in found):
-            return f"the service's address leads into a private network that {NETWORKS} does not name"
+            return because("notify_private_network", setting=NETWORKS)
         kind = "failure" if message.urgent else "warning"
         try:
             with guarded(self._permits):
                 sent = self._services[service].notify(title=message.title, body=message.body, notify_type=kind)
         except (OSError, RuntimeError, TypeError, ValueError) as error:
-            return f"the service failed: {type(error).__name__}"
-        return "" if sent else "the service did not take it, or does not answer"
+            return because("notify_failed", error=type(error).__name__)
+        return None if sent else because("notify_not_taken")
 
 
 def added(built: Any, address: str) -> bool:

@@ -87,7 +87,7 @@ class PostgresEventStore(SqlLog):
 
     @contextmanager
     def _alone(self) -> Iterator[Connection]:
-        writer = self._begun(_lock)
+        writer = self._begin(_lock)
         with self._undone(writer):
             yield writer
 
@@ -95,7 +95,7 @@ class PostgresEventStore(SqlLog):
     def _appending(self, streams: Collection[StreamId]) -> Iterator[tuple[Connection, LogEnds]]:
         """The lock is held for two messages to the server: the first question, sent with the lock, and rows with the
         commit."""
-        writer, ends = self._begun(partial(self._lock_and_look, streams))
+        writer, ends = self._begin(partial(self._lock_and_look, streams))
         with self._undone(writer):
             yield writer, ends
 
@@ -175,7 +175,7 @@ class PostgresEventStore(SqlLog):
         if held != head.position:
             raise LogDamaged(because("database_index_damaged", held=held, found=head.position), where=self.where)
 
-    def _begun(self, begin: Callable[[Connection], T], *, again: bool = True) -> T:
+    def _begin(self, begin: Callable[[Connection], T], *, again: bool = True) -> T:
         """The writer's transaction, begun; opened again, once, if the connection was lost while it was idle."""
         writer = self._connected()
         driver = postgres_driver.driver_of(writer)
@@ -187,7 +187,7 @@ class PostgresEventStore(SqlLog):
             self._drop()
             if not (lost and again):
                 raise
-        return self._begun(begin, again=False)
+        return self._begin(begin, again=False)
 
     def _connected(self) -> Connection:
         if self._writer is None:

@@ -102,7 +102,7 @@ def _lacking(found: Recognition, arguments: Mapping[str, str]) -> list[Reason]:
     return [] if whole else [missing(found)]
 
 
-def _named_wherever_asked(name: tuple[str, ...], asked: tuple[str, ...], matches: set[int]) -> bool:
+def _named_wherever_asked(name: tuple[str, ...], asked: tuple[str, ...], matches: frozenset[int]) -> bool:
     """Whether the name was heard in each place where it was to be said."""
     starts = [at for at in range(len(asked) - len(name) + 1) if asked[at : at + len(name)] == name]
     return all(matches.issuperset(range(at, at + len(name))) for at in starts)

@@ -18,9 +18,11 @@ from harness.adapters.providers.http.robot import HttpRobot
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.identity import IssuerUnreachable
 from harness.contracts.notification import Notification
+from harness.contracts.reasons import because
 
 NOTICE = Notification(title="A question", body="vbot-1 waits", urgent=False)
-REFUSED, PRIVATE = "network link", "private network"
+REFUSED = because("notify_own_link")
+PRIVATE = because("notify_private_network", setting=NETWORKS)
 METADATA = ("169.254.169.254", "fe80::1", "fd00:ec2::254", "100.100.100.200", "::ffff:169.254.169.254", "0.0.0.0")
 INSIDE = ("127.0.0.1", "10.0.0.7", "192.168.1.1", "172.16.0.9", "::1", "fd12::1", "::ffff:10.0.0.7", "100.64.0.1")
 
@@ -67,7 +69,7 @@ def test_a_name_that_leads_to_metadata_gets_no_notice_whatever_is_allowed(
     permits = PublicOr(("0.0.0.0/0", "::/0"), where=NETWORKS)
     service = AppriseNotifier({"chat": "json://chat.example/hook"}, permits=permits)
     assert leading(monkeypatch, address) == []
-    assert REFUSED in service.send("chat", NOTICE)
+    assert service.send("chat", NOTICE) == REFUSED
 
 
 @pytest.mark.parametrize("address", INSIDE)
@@ -75,7 +77,7 @@ def test_a_name_that_leads_into_a_private_network_gets_none_unless_the_network_i
     monkeypatch: pytest.MonkeyPatch, address: str
 ) -> None:
     leading(monkeypatch, address)
-    assert PRIVATE in AppriseNotifier({"chat": "json://chat.example/hook"}).send("chat", NOTICE)
+    assert AppriseNotifier({"chat": "json://chat.example/hook"}).send("chat", NOTICE) == PRIVATE
     assert not PublicOr(("203.0.113.0/24",), where=NETWORKS)(ip_address(address))
     assert PublicOr(("0.0.0.0/0", "::/0"), where=NETWORKS)(ip_address(address))
 
@@ -86,7 +88,7 @@ def test_a_name_that_leads_elsewhere_by_the_time_of_the_connection_is_caught_the
     port, heard = inside
     service = AppriseNotifier({"chat": f"json://chat.example:{port}/hook"})
     asked = leading(monkeypatch, "8.8.8.8", "127.0.0.1", port=port)
-    assert service.send("chat", NOTICE) != ""
+    assert service.send("chat", NOTICE) is not None
     assert len(asked) >= 2 and heard == []
 
 
@@ -94,7 +96,7 @@ def test_a_service_of_a_named_private_network_is_notified(inside: tuple[int, lis
     port, heard = inside
     permits = PublicOr(("127.0.0.0/8",), where=NETWORKS)
     service = AppriseNotifier({"here": f"json://127.0.0.1:{port}/hook"}, permits=permits)
-    assert service.send("here", NOTICE) == ""
+    assert service.send("here", NOTICE) is None
     assert heard
 
 

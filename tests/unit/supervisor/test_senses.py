@@ -18,7 +18,16 @@ from harness.contracts.ports import Clock, Robot
 from harness.contracts.protocol import Observations
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
-from harness.supervisor.observations import BATCH, DRAIN_S, MOST_BATCHES, RECENT_S, ObservationBuffer
+from harness.supervisor.observations import (
+    BATCH,
+    BLOBS_S,
+    DRAIN_S,
+    MOST_A_SECOND,
+    MOST_AT_ONCE,
+    MOST_BATCHES,
+    RECENT_S,
+    ObservationBuffer,
+)
 from harness.supervisor.robot_connection import RobotConnection
 from simulator.in_process import SIMULATOR
 from simulator.robot import SimulatedRobot
@@ -176,12 +185,13 @@ def test_full_batches_count_from_one_reading_to_the_next_however_few_of_them_com
 
 
 def test_an_execution_has_no_more_samples_than_a_robot_can_make_in_its_time(watch: Watch) -> None:
+    assert watch.observations.collect(None)
     watch.robot.flood = BATCH - 1
-    for _ in range(3 * MOST_BATCHES):
+    for _ in range(12):
         watch.after(0.5)
         assert watch.observations.collect(OPEN)
     assert trouble(watch) == "samples_too_many"
-    assert len(watch.spool.samples(OPEN)) < 1.5 * MOST_BATCHES * BATCH
+    assert len(watch.spool.samples(OPEN)) <= MOST_AT_ONCE + 6 * MOST_A_SECOND
     watch.robot.flood = 0
     watch.after(600.0)
     assert watch.observations.collect(OPEN)
@@ -190,18 +200,28 @@ def test_an_execution_has_no_more_samples_than_a_robot_can_make_in_its_time(watc
     assert trouble(watch) == ""
 
 
+def test_what_a_robot_made_while_no_harness_was_there_is_no_flood(watch: Watch) -> None:
+    watch.robot.flood = BATCH - 1
+    for _ in range(MOST_BATCHES):
+        assert watch.observations.collect(OPEN)
+    assert trouble(watch) == "" and len(watch.spool.samples(OPEN)) == MOST_BATCHES * (BATCH - 1)
+    assert watch.observations.collect(OPEN)
+    assert trouble(watch) == "samples_too_many"
+
+
 def test_sweeps_that_come_slowly_are_fetched_in_several_readings_and_the_rest_before_the_packet(watch: Watch) -> None:
     assert watch.observations.collect(OPEN)
     watch.robot.asked.clear()
     watch.after(0.05)
     bodies = [b"%d" % number for number in range(100)]
     watch.robot.sweeps = tuple(watch.robot.sweep(10_000 + number, body) for number, body in enumerate(bodies))
-    watch.robot.late_s = DRAIN_S / 10
+    watch.robot.late_s = BLOBS_S / 10
     assert watch.observations.collect(OPEN)
-    assert len(watch.robot.asked) <= 10
+    assert 0 < len(watch.robot.asked) <= 12
     assert watch.observations.collect(OPEN)
     first = len(watch.robot.asked)
-    assert 10 < first <= 20
+    assert 12 < first <= 24
+    watch.robot.late_s = 1.0
     watch.observations.fetch_rest(())
     assert first < len(watch.robot.asked) < 100, "and no longer than a minute"
     watch.robot.late_s = 0.0
