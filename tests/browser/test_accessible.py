@@ -14,7 +14,7 @@ PHONE = 390
 WATCHING = (
     "/", "/missions", "/missions/{ended}", "/missions/{ended}/report", "/missions/{ended}/log", "/alerts", "/robots",
     "/robots/vbot-1", "/queue", "/evidence", "/providers", "/places", "/memory", "/audit", "/account",
-    "/account/people", "/fleet", "/recordings", "/shadow", "/routes/new", "/own-missions", "/own-missions/new",
+    "/account/people", "/fleet", "/recordings",
 )  # fmt: skip
 DECIDING = (
     "/missions/new", "/missions/{asking}/stop", "/handoffs", "/handoffs/{handoff}", "/robots/vbot-1/drive",

@@ -29,8 +29,7 @@ WATCHING = (
     "/robots/stop", "/queue", "/nowhere",
 )  # fmt: skip
 DEEP = (
-    "/evidence", "/providers", "/places", "/places/new", "/places/anchor_a/edit", "/routes/new",
-    "/own-missions", "/own-missions/go-to-place/edit", "/shadow", "/fleet", "/memory",
+    "/evidence", "/providers", "/places", "/places/new", "/places/anchor_a/edit", "/memory",
     "/memory?role=episodic&everything=true", "/memory?role=operational", "/memory?role=semantic",
     "/memory?subject=nobody", "/audit?verify=true&everything=true", "/audit?actor=nobody",
     "/missions/{ended}?node=panorama", "/missions/{asking}?node=circuit",
