@@ -1,7 +1,8 @@
-"""/api/v1/routes and /api/v1/templates: change the reference routes and the own missions of the site; missions under
+"""/api/v1/routes and /api/v1/own-missions: change the reference routes and the own missions of the site; missions under
 way keep what they were compiled with.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 from fastapi import Path
@@ -11,14 +12,13 @@ from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_requests
 from app.routes.own_missions import reading, wrong_removal
 from app.routes.site_routes import changed
-from app.views import route_editor
-from app.views.forms import Wrong
 from app.views.template_editor import OwnMission, own_missions
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.places import Site
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Reason, because
+from harness.workspace.proposed_changes import authorised_refusals, route_refusals
 
 router = api_requests.router("places")
 RoutePath = Annotated[str, Path(max_length=200)]
@@ -29,7 +29,7 @@ TemplatePath = Annotated[str, Path(max_length=200)]
 def save(console: ConsoleDep, actor: ActorDep, name: RoutePath, body: SaveRouteAct) -> Any:
     """Add a route or change one; the answer is the site as new missions will know it."""
     route = body.route(name, console.runtime.site)
-    _refuse(route_editor.wrong_route(route, console.runtime.site, console.site_files.floor), where=name)
+    _refuse(route_refusals(route, console.runtime.site, console.site_files.floor), where=name)
     return _site(console, changed(console, body.to_command(actor, route=route)))
 
 
@@ -38,28 +38,27 @@ def remove(console: ConsoleDep, actor: ActorDep, name: RoutePath, body: RemoveRo
     """New missions cannot be planned along it any more."""
     if all(one.name != name for one in console.runtime.site.routes):
         raise UnknownName(because("unknown_route_row", route=name[:40]))
-    _refuse(route_editor.wrong_change(name, console.runtime.site), where=name)
+    _refuse(authorised_refusals(name, console.runtime.site), where=name)
     return _site(console, changed(console, body.to_command(actor, name=name)))
 
 
-@router.get("/templates", responses=api_requests.answers(OwnMission, many=True))
+@router.get("/own-missions", responses=api_requests.answers(OwnMission, many=True))
 def templates(console: ConsoleDep) -> Any:
     """The site's own missions, each with its YAML and its revision. Those of the configuration are changed by
     candidates."""
     return [api_requests.plain(one) for one in _missions(console)]
 
 
-@router.post("/templates/{name}", responses=api_requests.answers(OwnMission, many=True))
+@router.post("/own-missions/{name}", responses=api_requests.answers(OwnMission, many=True))
 def save_template(console: ConsoleDep, actor: ActorDep, name: TemplatePath, body: SaveTemplateAct) -> Any:
     """Add a mission of the site's own, or change one; it is compiled at this site with its defaults first."""
-    read = reading(console, body.text, name)
-    if isinstance(read, list):
-        _refuse(read, where=name)
-        return None
-    return _templates(console, changed(console, body.to_command(actor, template=read)))
+    template, errors = reading(console, body.text, name)
+    if template is None:
+        raise ContractInvalid(errors[0].what, where=errors[0].where, do=errors[0].do)
+    return _templates(console, changed(console, body.to_command(actor, template=template)))
 
 
-@router.post("/templates/{name}/remove", responses=api_requests.answers(OwnMission, many=True))
+@router.post("/own-missions/{name}/remove", responses=api_requests.answers(OwnMission, many=True))
 def remove_template(console: ConsoleDep, actor: ActorDep, name: TemplatePath, body: RemoveTemplateAct) -> Any:
     """It cannot be started any more; missions under way go on."""
     wrong_removal(console, name)
@@ -71,11 +70,10 @@ def _missions(console: Console) -> tuple[OwnMission, ...]:
     return own_missions(runtime.beside, runtime.site_changes(), console.site_files.missions)
 
 
-def _refuse(wrong: Any, *, where: str) -> None:
+def _refuse(refusals: Iterator[tuple[Reason, str]], *, where: str) -> None:
     """Raises ContractInvalid for the first thing that is wrong."""
-    first: Wrong | None = next(iter(wrong), None)
-    if first is not None:
-        raise ContractInvalid(first.text, where=where)
+    for reason, key in refusals:
+        raise ContractInvalid(reason, where=f"{where}, {key}" if key else where)
 
 
 def _site(console: Console, decision: Accepted[AnyEvent] | Refused) -> Any:

@@ -1,6 +1,6 @@
-"""/templates: the missions of the site's own folder; add, change and remove them by their YAML. Every version is kept.
+"""/own-missions: the missions of the site's own folder; add, change and remove them by their YAML.
 
-The missions of the configuration are not among them: they are changed by candidates.
+Every version is kept. The missions of the configuration are not among them: they are changed by candidates.
 """
 
 from collections.abc import Sequence
@@ -21,12 +21,13 @@ from app.web.rendering import render
 from harness.baseline.load import shipped_missions
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import UnknownName
+from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.reasons import because
 from harness.contracts.site_events import TemplateRemoved, TemplateSaved
 from harness.contracts.tasks import TaskTemplate
+from harness.workspace.proposed_changes import read_mission
 
-router = APIRouter(prefix="/templates")
+router = APIRouter(prefix="/own-missions")
 FIRST = """\
 name: there
 version: "1"
@@ -47,12 +48,12 @@ def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
     runtime = console.runtime
     found = own_missions(runtime.beside, runtime.site_changes(), console.site_files.missions)
     shell = console.shell(template_editor.TITLE, "places", actor)
-    return render("templates/index.html", OwnMissionsPage(shell=shell, missions=found))
+    return render("own-missions/index.html", OwnMissionsPage(shell=shell, missions=found))
 
 
 @router.get("/new")
 def new(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
-    return render("templates/edit.html", _form(console, actor, {"text": FIRST}, new=True))
+    return render("own-missions/edit.html", _form(console, actor, {"text": FIRST}, new=True))
 
 
 @router.post("/new")
@@ -62,7 +63,7 @@ def add(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
 
 @router.get("/{name}/edit")
 def edit(console: ConsoleDep, actor: ActorDep, name: str) -> HTMLResponse:
-    return render("templates/edit.html", _form(console, actor, _as_it_is(console, name)))
+    return render("own-missions/edit.html", _form(console, actor, _as_it_is(console, name)))
 
 
 @router.post("/{name}/edit")
@@ -77,19 +78,19 @@ def remove(console: ConsoleDep, actor: ActorDep, name: str, typed: FormDep) -> R
     now = _as_it_is(console, name)
     act = RemoveTemplateAct.from_form(typed)
     if isinstance(act, tuple):
-        return render("templates/edit.html", _form(console, actor, now, act), status=422)
+        return render("own-missions/edit.html", _form(console, actor, now, act), status=422)
     decision = changed(console, act.to_command(actor, name=name))
     if isinstance(decision, Refused):
         page = _form(console, actor, now, [Wrong("", reasoned(decision.reason))])
-        return render("templates/edit.html", page, status=409)
-    return RedirectResponse("/templates", status_code=303)
+        return render("own-missions/edit.html", page, status=409)
+    return RedirectResponse("/own-missions", status_code=303)
 
 
-def reading(console: Console, text: str, name: str) -> TaskTemplate | list[Wrong]:
+def reading(console: Console, text: str, name: str) -> tuple[TaskTemplate | None, tuple[HarnessError, ...]]:
     """The mission as it may be saved under this name, or what is wrong with it. A name that is new may not be taken."""
     runtime = console.runtime
     names = [one.name for one in runtime.beside]
-    return template_editor.read_template(
+    return read_mission(
         text,
         name=name,
         known=name in names or name in runtime.site_changes().templates,
@@ -109,17 +110,18 @@ def wrong_removal(console: Console, name: str) -> None:
 def _save(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> Response:
     act = SaveTemplateAct.from_form(typed)
     if isinstance(act, tuple):
-        return render("templates/edit.html", _form(console, actor, typed, act, new=new), status=422)
-    read = reading(console, act.text, typed.get("name", ""))
-    if isinstance(read, list):
-        return render("templates/edit.html", _form(console, actor, typed, read, new=new), status=422)
+        return render("own-missions/edit.html", _form(console, actor, typed, act, new=new), status=422)
+    read, errors = reading(console, act.text, typed.get("name", ""))
+    if read is None:
+        wrong = template_editor.wrong_text(errors)
+        return render("own-missions/edit.html", _form(console, actor, typed, wrong, new=new), status=422)
     if new:
         act = act.model_copy(update={"basis": console.runtime.site_changes().template_revision(read.name)})
     decision = changed(console, act.to_command(actor, template=read))
     if isinstance(decision, Refused):
         page = _form(console, actor, typed, [Wrong("", reasoned(decision.reason))], new=new)
-        return render("templates/edit.html", page, status=409)
-    return RedirectResponse(f"/templates#{read.name}", status_code=303)
+        return render("own-missions/edit.html", page, status=409)
+    return RedirectResponse(f"/own-missions#{read.name}", status_code=303)
 
 
 def _form(

@@ -23,6 +23,7 @@ from harness.contracts.errors import UnknownName
 from harness.contracts.places import Route
 from harness.contracts.reasons import because
 from harness.contracts.site_events import RouteRemoved, RouteSaved, SiteCommand, SiteEvent, site_stream
+from harness.workspace.proposed_changes import authorised_refusals, route_refusals
 
 router = APIRouter(prefix="/routes")
 EVENTS: Codec[SiteEvent] = Codec(SiteEvent)
@@ -59,7 +60,7 @@ def remove(console: ConsoleDep, actor: ActorDep, name: str, typed: FormDep) -> R
     route = _as_it_is(console, name)
     act = RemoveRouteAct.from_form(typed)
     wrong = list(act) if isinstance(act, tuple) else []
-    wrong += route_editor.wrong_change(name, console.runtime.site)
+    wrong += route_editor.wrong_fields(authorised_refusals(name, console.runtime.site))
     if wrong or isinstance(act, tuple):
         return render("routes/edit.html", _form(console, actor, route, wrong), status=422)
     decision = changed(console, act.to_command(actor, name=name))
@@ -81,11 +82,10 @@ def site_history(console: Console) -> list[SiteEvent]:
 
 def _save(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> Response:
     act = SaveRouteAct.from_form(typed)
-    wrong: list[Wrong]
     if isinstance(act, tuple):
         return render("routes/edit.html", _form(console, actor, typed, list(act), new=new), status=422)
     route = act.route(typed["name"], console.runtime.site)
-    wrong = list(route_editor.wrong_route(route, console.runtime.site, console.site_files.floor))
+    wrong = route_editor.wrong_fields(route_refusals(route, console.runtime.site, console.site_files.floor))
     if wrong:
         return render("routes/edit.html", _form(console, actor, typed, wrong, new=new), status=422)
     decision = changed(console, act.to_command(actor, route=route))

@@ -1,27 +1,19 @@
-"""Shapes the form that adds or changes a reference route, and says what is wrong with a route at this site."""
+"""Shapes the form that adds or changes a reference route."""
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from msgspec import UNSET
-from msgspec.structs import replace
 
-from app.i18n.catalogues import N_
-from app.i18n.languages import explained
-from app.i18n.messages import lazy_gettext, reasoned
+from app.i18n.messages import reasoned
 from app.views.forms import SelectOption, Wrong
 from app.views.place_editor import FieldValue, Version
 from app.views.places import SiteMap, site_map
 from app.views.shell import Shell
 from app.views.svg_floor import polyline
-from harness.contracts.errors import ContractInvalid
-from harness.contracts.exploration import GridMap
 from harness.contracts.places import Route, Site
-from harness.goals.names import check_names
-from harness.workspace.checks import route_problems
+from harness.contracts.reasons import Reason
 
-SLUG = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
 FIELDS = {"waypoints_m": "waypoints"}
 """What the fields of a route are called on the form."""
 
@@ -106,33 +98,9 @@ def route_form(
     )
 
 
-def wrong_route(route: Route, site: Site, floor: GridMap | None) -> Iterator[Wrong]:
-    """What is wrong with a route at this site, as `regen check` says it of site.yaml, beside its fields."""
-    if not SLUG.fullmatch(route.name) and all(one.name != route.name for one in site.routes):
-        yield Wrong("name", N_("A name is letters, digits, - and _, and begins with a letter."))
-        return
-    yield from wrong_change(route.name, site)
-    for reason, key in route_problems(route, site, floor):
-        yield Wrong(FIELDS.get(key, key), reasoned(reason))
-    others = tuple(one for one in site.routes if one.name != route.name)
-    try:
-        check_names(replace(site, routes=(*others, route)))
-    except ContractInvalid as error:
-        yield Wrong("aliases", explained(error))
-
-
-def wrong_change(name: str, site: Site) -> Iterator[Wrong]:
-    """A route by which a zone sends its robot to safety was authorised by name and day: it is no page's to change."""
-    for zone in site.zones:
-        if zone.retreat is not None and zone.retreat.route == name:
-            text = lazy_gettext(
-                "Zone {zone} sends its robot to safety by this route, as {who} authorised it on {day}: change it in "
-                "site.yaml, with a new authorisation.",
-                zone=zone.name,
-                who=zone.retreat.authorised_by,
-                day=zone.retreat.authorised_on,
-            )
-            yield Wrong("", text)
+def wrong_fields(refusals: Iterable[tuple[Reason, str]]) -> list[Wrong]:
+    """Why a route may not be saved, beside the fields of its form."""
+    return [Wrong(FIELDS.get(key, key), reasoned(reason)) for reason, key in refusals]
 
 
 def _drawn(text: str) -> list[tuple[float, float]]:

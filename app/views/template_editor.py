@@ -1,9 +1,7 @@
-"""Shapes the site's own missions and the form that changes one by its YAML, and says what is wrong with it here."""
+"""Shapes the site's own missions and the form that changes one by its YAML."""
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import msgspec
 import yaml
@@ -13,19 +11,12 @@ from app.i18n.languages import explained
 from app.views.forms import Wrong
 from app.views.place_editor import FieldValue, Version
 from app.views.shell import Shell
-from harness.contracts import ports
-from harness.contracts.capabilities import Vocabulary
-from harness.contracts.errors import ContractInvalid, HarnessError
-from harness.contracts.places import Site
-from harness.contracts.reasons import because
+from harness.contracts.errors import HarnessError
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Value
 from harness.projections.site_changes import SiteChanges
-from harness.workspace.checks import mission_problems
-from harness.workspace.contract_yaml import Lines, read_yaml
 
 TITLE = N_("Own missions")
-SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,59}")
 
 
 class OwnMission(Value):
@@ -114,36 +105,6 @@ def template_form(
     )
 
 
-def read_template(
-    text: str,
-    *,
-    name: str,
-    known: bool,
-    taken: Sequence[str],
-    site: Site,
-    vocabulary: Vocabulary,
-    predicates: ports.Predicates,
-) -> TaskTemplate | list[Wrong]:
-    """The mission, where it could be started here with its defaults; else everything that `regen check` would say.
-
-    `name`: what it must be called; empty where its YAML says that. One that is not `known` may have no name that is
-    `taken`.
-    """
-    file = Path(f"{name or 'mission'}.yaml")
-    try:
-        template = read_yaml(text, TaskTemplate, where=str(file), foreign=True)
-        _check_name(template.name, name, known=known, taken=taken, where=f"{file}:{Lines(text).of('name')}")
-    except HarnessError as error:
-        return [Wrong("text", explained(error))]
-    problems = mission_problems(template, site, file, Lines(text), vocabulary=vocabulary, predicates=predicates)
-    return [Wrong("text", explained(one)) for one in problems] or template
-
-
-def _check_name(found: str, name: str, *, known: bool, taken: Sequence[str], where: str) -> None:
-    """Raises ContractInvalid."""
-    if name and found != name:
-        raise ContractInvalid(because("mission_renamed", name=name, found=found[:80]), where=where)
-    if not known and not SLUG.fullmatch(found):
-        raise ContractInvalid(because("mission_name_unusable", name=found[:80]), where=where)
-    if not known and found in taken:
-        raise ContractInvalid(because("mission_name_taken", name=found[:80]), where=where)
+def wrong_text(errors: Iterable[HarnessError]) -> list[Wrong]:
+    """What is wrong with a mission's YAML, beside its field."""
+    return [Wrong("text", explained(one)) for one in errors]

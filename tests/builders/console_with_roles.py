@@ -5,8 +5,10 @@ import zipfile
 from dataclasses import dataclass
 from io import BytesIO
 
+import yaml
 from fastapi.testclient import TestClient
 from msgspec import to_builtins
+from msgspec.structs import replace
 
 from app.views.uploaded_files import ReplayJob
 from harness.conformance.findings import ConformanceFinding, ConformanceResult
@@ -78,6 +80,7 @@ class ConsoleWithRoles:
             last = path.rpartition("/")[2]
             names |= {"upload_id": self.upload(last if last in ("cloud", "map") else "recording")}
             names |= {"job_id": self.replay()} if "{job_id}" in path else {}
+        names |= {"name": self.named(path)} if "/routes/" in path or "/own-missions/" in path else {}
         return re.sub(r"\{(\w+)(:\w+)?\}", lambda found: names.get(found[1], "1"), path)
 
     def upload(self, kind: str) -> str:
@@ -128,6 +131,8 @@ class ConsoleWithRoles:
             return {"name": "Office", "x_m": 1.0, "y_m": 1.0, "reason": "because"}
         if path == "/api/v1/places/{place_id}/remove":
             return {"basis": 7, "reason": "because"}
+        if "/routes/" in path or "/own-missions/" in path:
+            return self.at_site(path)
         if last in ALERT_TURNS or path.startswith("/places/"):
             return self.looked_after(last)
         if last in (*TURNS, "attest"):
@@ -176,6 +181,31 @@ class ConsoleWithRoles:
             "remove": {"reason": "because", "basis": "1"},
         }
         return known.get(last, {})
+
+    def named(self, path: str) -> str:
+        """A mission of the site's own that names no place, or a route that no way to safety uses."""
+        if "/own-missions/" in path:
+            return "camera-report"
+        site = self.stand.harness.runtime.site
+        authorised = {zone.retreat.route for zone in site.zones if zone.retreat is not None}
+        return next(one.name for one in site.routes if one.name not in authorised)
+
+    def at_site(self, path: str) -> dict[str, object]:
+        """A valid body for a change of a route or of a mission of the site's own."""
+        last, form = path.rpartition("/")[2], not path.startswith("/api/")
+        if last == "remove":
+            return {"basis": "1" if form else 7, "reason": "because"}
+        runtime, known = self.stand.harness.runtime, self.named(path)
+        named = "lane-1" if last == "new" else known
+        if "/own-missions/" in path:
+            template = next(one for one in runtime.beside if one.name == known)
+            return {"text": yaml.safe_dump(to_builtins(replace(template, name=named))), "reason": "because"}
+        start, end = runtime.site.places[:2]
+        ends: dict[str, object] = {"start": start.place_id, "end": end.place_id, "reason": "because"}
+        drawn = (start.approach_m, end.approach_m)
+        if form:
+            return ends | {"name": named, "waypoints": "; ".join(f"{x}, {y}" for x, y in drawn), "basis": "0"}
+        return ends | {"waypoints_m": [list(one) for one in drawn]}
 
     def at_robot(self, last: str) -> dict[str, object]:
         """A valid body for a request to a robot."""

@@ -45,7 +45,7 @@ class Hall:
         return next(one for one in self.site.routes if one.name == name)
 
     def missions(self) -> dict[str, Any]:
-        return {one["name"]: one for one in self.client.get("/api/v1/templates").json()}
+        return {one["name"]: one for one in self.client.get("/api/v1/own-missions").json()}
 
 
 @contextmanager
@@ -198,12 +198,12 @@ def test_a_mission_is_changed_by_its_yaml_and_started_as_changed(hall: Hall) -> 
     assert mission["revision"] == 0 and mission["text"].lstrip().startswith(("#", "name"))
     text = mission["text"] + "\n# checked on site\n"
     form = {"text": text, "basis": "0", "reason": "noted"}
-    assert hall.client.post(f"/templates/{name}/edit", data=form).status_code == 303
+    assert hall.client.post(f"/own-missions/{name}/edit", data=form).status_code == 303
     found = hall.missions()[name]
     assert found["revision"] == 1 and "# checked on site" in found["text"]
-    page = hall.client.get(f"/templates/{name}/edit").text
+    page = hall.client.get(f"/own-missions/{name}/edit").text
     assert "# checked on site" in page and "noted" in page
-    answer = hall.client.post(f"/templates/{name}/edit", data=form)
+    answer = hall.client.post(f"/own-missions/{name}/edit", data=form)
     assert answer.status_code == 409 and "changed meanwhile" in answer.text
 
 
@@ -223,10 +223,10 @@ def test_what_is_wrong_with_a_mission_names_its_line_and_nothing_is_saved(
     (name, mission), *_ = hall.missions().items()
     assert old in mission["text"]
     wrong = {"text": mission["text"].replace(old, new, 1), "basis": "0", "reason": "x"}
-    answer = hall.client.post(f"/templates/{name}/edit", data=wrong)
+    answer = hall.client.post(f"/own-missions/{name}/edit", data=wrong)
     assert answer.status_code == 422 and 'id="wrong-text"' in answer.text
     assert f"{name}.yaml" in answer.text and said in answer.text and re.search(r"yaml:\d|line \d", answer.text)
-    refused = hall.client.post(f"/api/v1/templates/{name}", json=wrong | {"basis": 0})
+    refused = hall.client.post(f"/api/v1/own-missions/{name}", json=wrong | {"basis": 0})
     assert refused.status_code == 422
     assert hall.missions() == {name: mission}
 
@@ -234,29 +234,29 @@ def test_what_is_wrong_with_a_mission_names_its_line_and_nothing_is_saved(
 def test_missions_are_added_and_removed_and_what_ships_stays_out_of_reach(hall: Hall) -> None:
     (name, mission), *_ = hall.missions().items()
     other = mission["text"].replace(f"name: {name}", "name: second-way", 1)
-    assert hall.client.post("/templates/new", data={"text": other, "reason": "new"}).status_code == 303
+    assert hall.client.post("/own-missions/new", data={"text": other, "reason": "new"}).status_code == 303
     assert set(hall.missions()) == {name, "second-way"}
     start = Start(actor=ADA, robot_id=RobotId("robot-1"), template="second-way")
     assert hall.harness.runtime.draft(start).template == "second-way"
-    again = hall.client.post("/templates/new", data={"text": other, "reason": "new"})
+    again = hall.client.post("/own-missions/new", data={"text": other, "reason": "new"})
     assert again.status_code == 422 and "Another mission is called" in again.text
     shipped = other.replace("name: second-way", "name: warehouse-inspection", 1)
-    assert hall.client.post("/templates/new", data={"text": shipped, "reason": "new"}).status_code == 422
+    assert hall.client.post("/own-missions/new", data={"text": shipped, "reason": "new"}).status_code == 422
     assert (
-        hall.client.post("/api/v1/templates/warehouse-inspection", json={"text": shipped, "reason": "x"}).status_code
+        hall.client.post("/api/v1/own-missions/warehouse-inspection", json={"text": shipped, "reason": "x"}).status_code
         == 422
     )
-    gone = hall.client.post("/templates/second-way/remove", data={"basis": "1", "reason": "unused"})
+    gone = hall.client.post("/own-missions/second-way/remove", data={"basis": "1", "reason": "unused"})
     assert gone.status_code == 303 and set(hall.missions()) == {name}
-    assert "second-way" in hall.client.get("/templates/second-way/edit").text, "it comes back as it was"
+    assert "second-way" in hall.client.get("/own-missions/second-way/edit").text, "it comes back as it was"
     assert (
-        hall.client.post("/templates/warehouse-inspection/remove", data={"basis": "0", "reason": "x"}).status_code
+        hall.client.post("/own-missions/warehouse-inspection/remove", data={"basis": "0", "reason": "x"}).status_code
         == 404
     )
     body = {"basis": 0, "reason": "unused"}
-    assert hall.client.post("/api/v1/templates/nothing/remove", json=body).status_code == 404
-    assert hall.client.post(f"/api/v1/templates/{name}/remove", json=body).json() == []
-    assert "no missions of its own" in hall.client.get("/templates").text
+    assert hall.client.post("/api/v1/own-missions/nothing/remove", json=body).status_code == 404
+    assert hall.client.post(f"/api/v1/own-missions/{name}/remove", json=body).json() == []
+    assert "no missions of its own" in hall.client.get("/own-missions").text
 
 
 def test_changes_are_written_back_to_the_files_and_read_again_as_they_are(tmp_path: Path) -> None:
@@ -270,8 +270,8 @@ def test_changes_are_written_back_to_the_files_and_read_again_as_they_are(tmp_pa
         )
         (name, mission), *_ = hall.missions().items()
         other = mission["text"].replace(f"name: {name}", "name: second-way", 1) + "# kept\n"
-        assert hall.client.post("/templates/new", data={"text": other, "reason": "new"}).status_code == 303
-        assert hall.client.post(f"/templates/{name}/remove", data={"basis": "0", "reason": "old"}).status_code == 303
+        assert hall.client.post("/own-missions/new", data={"text": other, "reason": "new"}).status_code == 303
+        assert hall.client.post(f"/own-missions/{name}/remove", data={"basis": "0", "reason": "old"}).status_code == 303
         before = hall.site
     words = ("site", "export", str(folder))
     code, shown, _ = regen(*words)

@@ -55,6 +55,11 @@ SENTENCES: Mapping[str, str] = {
     "route_too_narrow": N_(
         "The route {route} passes a wall at ({x_m:.2f}, {y_m:.2f}) nearer than {half_m:.2f} m, half the width of {name}"
     ),
+    "route_authorised": N_(
+        "Zone {zone} sends its robot to safety by this route, as {who} authorised it on {day}: "
+        "only site.yaml changes it"
+    ),
+    "route_name_unusable": N_("A name is letters, digits, - and _, and begins with a letter."),
     "route_too_short": N_("The route {route} has fewer than two waypoints"),
     "channel_declares_only": N_(
         "Nothing can be read back from the channel {name}: what it is sent is declared delivered, never verified"
@@ -118,6 +123,8 @@ REMEDIES: Mapping[str, str] = {
     "route_end_unknown": N_("name a place of the site"),
     "route_through_wall": N_("draw it around, or correct the map"),
     "route_too_narrow": N_("draw it further from the wall"),
+    "route_authorised": N_("change it there, with a new authorisation"),
+    "route_name_unusable": N_("choose another name"),
     "route_too_short": N_("give its beginning and its end"),
     "channel_declares_only": N_("a mission that sends there ends partly verified; a mailbox can be read back"),
     "channel_secret_not_there": N_("set the variable or write the file before something is sent there"),
