@@ -60,7 +60,7 @@ def opened(url: str, *, busy_s: float = 10.0) -> Iterator[PostgresEventStore]:
 # several processes ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.ledger("R151", symbol="harness.adapters.stores.postgres:PostgresEventStore._begun")
+@pytest.mark.ledger("R151", symbol="harness.adapters.stores.postgres:PostgresEventStore._begin")
 @pytest.mark.ledger("R151", symbol="harness.adapters.stores.chain:link")
 def test_of_two_processes_exactly_one_wins_each_version_and_the_chain_is_one(url: str) -> None:
     rounds = 120

@@ -73,7 +73,7 @@ def workers(postgres: PostgresServer) -> Iterator[list[Worker]]:
         yield [Worker(number, store) for number, store in enumerate(stores)]
 
 
-@pytest.mark.ledger("R151", symbol="harness.adapters.stores.postgres:PostgresEventStore._begun")
+@pytest.mark.ledger("R151", symbol="harness.adapters.stores.postgres:PostgresEventStore._begin")
 @pytest.mark.ledger("R151", symbol="harness.adapters.stores.chain:link")
 @pytest.mark.ledger("R151", symbol="harness.gate.leases:decide")
 def test_of_several_workers_one_holds_all_it_asked_for_and_tokens_rise_in_one_order(workers: list[Worker]) -> None:
