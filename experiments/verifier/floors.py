@@ -167,7 +167,7 @@ def _drawn(
         track = run.between(run.from_s - 1.0, run.until_s)
         tracks.append(_faulty(name, track, blobs, chance, shift))
     grid = _grid()
-    return merged(grid, usable(grid, tracks), blobs.__getitem__), blobs
+    return merged(grid, usable(grid, tracks, stored=blobs.__contains__), blobs.__getitem__), blobs
 
 
 def _faulty(

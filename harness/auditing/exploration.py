@@ -77,7 +77,10 @@ def map_differences(runtime: Runtime, mission: Mission, update: exploration.MapU
         found.append("the first map was drawn on one that knew something")
     if tuple(packet.identity.packet_id for packet in packets) != update.packets:
         found.append("the map was drawn from other packets than those that were new")
-    sweeps = usable(before, _trajectories(runtime, packets))
+    drawn = frozenset(update.sweeps)
+    sweeps = usable(
+        before, _trajectories(runtime, packets), stored=lambda digest: digest in drawn or runtime.has_blob(digest)
+    )
     if tuple(scan.blob for _, scan in sweeps) != update.sweeps:
         found.append("the map was drawn from other sweeps than those that can be used")
     again = sha256(encode(merged(before, sweeps, runtime.blob)))

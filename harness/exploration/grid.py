@@ -2,7 +2,7 @@
 
 import math
 from bisect import bisect_left
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from typing import TypeVar
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from harness.contracts.contexts import Blobs
 from harness.contracts.exploration import FREE, OCCUPIED, GridMap, Region
+from harness.contracts.ids import Digest
 from harness.contracts.observations import Odometry, Pose, Scan, Trajectory
 from harness.contracts.places import Site
 from harness.contracts.values import Point
@@ -87,17 +88,21 @@ def changed_m2(before: GridMap, after: GridMap, *, to: int) -> float:
     return float(np.count_nonzero((now == to) & (was != to))) * after.cell_m**2
 
 
-def usable(grid: GridMap, trajectories: Iterable[Trajectory]) -> tuple[tuple[Pose, Scan], ...]:
+def usable(
+    grid: GridMap, trajectories: Iterable[Trajectory], *, stored: Callable[[Digest], bool]
+) -> tuple[tuple[Pose, Scan], ...]:
     """The sweeps that can be drawn, each with the body's pose at its instant, in order.
 
-    Sweeps without a pose of the map near in time, or taken while turning, are left out.
+    Sweeps without a pose of the map near in time, taken while turning, or whose bytes never came, are left out.
     """
     found = []
     for trajectory in trajectories:
         poses = [pose for pose in trajectory.poses if (pose.frame, pose.map_version) == (grid.frame, grid.map_version)]
         for scan in trajectory.scans:
             pose, odometry = _near(poses, scan), _near(trajectory.odometry, scan)
-            if pose is not None and odometry is not None and abs(odometry.w_radps) <= TURNING_RADPS:
+            if pose is None or odometry is None or abs(odometry.w_radps) > TURNING_RADPS:
+                continue
+            if stored(scan.blob):
                 found.append((pose, scan))
     return tuple(found)
 

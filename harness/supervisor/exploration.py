@@ -78,7 +78,7 @@ class Explorer:
         trajectories = [
             decode(self._runtime.blob(one.blob), Trajectory) for packet in packets for one in packet.estimates
         ]
-        sweeps = usable(grid, trajectories)
+        sweeps = usable(grid, trajectories, stored=self._runtime.has_blob)
         after = merged(grid, sweeps, self._runtime.blob)
         update = RecordObservation(
             node_id=_followed(packets),

@@ -38,6 +38,8 @@ BLOBS_S = 1.0
 without a keepalive."""
 REST_OF_BLOBS_S = 60.0
 """Wall seconds for the bytes that are left when an execution is over: its body stands and needs no keepalive."""
+MOST_LOST = 5
+"""Requests for the bytes of one sweep or image, one after the other, that may be lost before it is passed over."""
 AHEAD_S = 60.0
 """Samples with a stamp this far ahead of the robot's own clock are of no instant; they are dropped."""
 LINK_S = 3.0
@@ -97,6 +99,7 @@ class ObservationBuffer:
         self._full = 0
         self._volume: _Volume | None = None
         self._wanted: deque[Digest] = deque(maxlen=MOST_RECENT)
+        self._lost = 0
 
     @property
     def linked(self) -> bool:
@@ -234,12 +237,14 @@ class ObservationBuffer:
         return reference, trajectory
 
     def fetch_rest(self, receipts: Iterable[Receipt]) -> None:
-        """Fetch what is still wanted, and the bytes that receipts name, for at most REST_OF_BLOBS_S. What the provider
-        no longer holds, or holds otherwise, stays missing."""
+        """Fetch what is still wanted, and the bytes that receipts name, for at most REST_OF_BLOBS_S. What is not there
+        then, what the provider no longer holds, or holds otherwise, stays missing."""
         until_s = self._connection.clock.now().wall_s + REST_OF_BLOBS_S
-        with suppress(ProviderUnreachable):
-            if self._volume is not None:
+        while self._volume is not None and self._wanted and self._connection.clock.now().wall_s <= until_s:
+            with suppress(ProviderUnreachable):
                 self._fetch_wanted(self._volume, until_s)
+                break
+        self._wanted.clear()
         for receipt in receipts:
             if receipt.blob is not None and self._connection.clock.now().wall_s <= until_s:
                 with suppress(*ROBOT_ERRORS):
@@ -248,16 +253,21 @@ class ObservationBuffer:
     def _fetch_wanted(self, volume: _Volume, until_s: float) -> None:
         """Fetch the bytes of sweeps and images, the oldest first; what is left at that wall time, in the next reading.
 
-        What the robot does not give out, or not as it says, stays missing, and is not asked for again.
+        What the robot does not give out, or not as it says, stays missing, and is not asked for again; a request that
+        is lost is repeated.
         """
         while self._wanted and volume.check(self.robot_s) is None:
             digest = self._wanted.popleft()
             try:
                 volume.bytes += self._fetch(digest)
             except ProviderUnreachable:
-                raise
+                self._lost += 1
+                if self._lost < MOST_LOST:
+                    self._wanted.appendleft(digest)
+                    raise
             except ROBOT_ERRORS:
                 pass
+            self._lost = 0
             if self._connection.clock.now().wall_s > until_s:
                 return
 

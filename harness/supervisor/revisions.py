@@ -275,11 +275,13 @@ class Revisions:
             return
         nothing = unexplored(site, map_version=contract.map_version)
         keep_out = tuple(forbidden_m(site, contract.constraints.keep_out).values())
-        sweeps = usable(nothing, self._trajectories(_estimates(mission)))
+        stored = self._runtime.has_blob
+        sweeps = usable(nothing, self._trajectories(_estimates(mission)), stored=stored)
         own = merged(nothing, sweeps, self._runtime.blob)
         yield DrawnMap(own, Ways(own, position, keep_out_m=keep_out, clearance_cells=clearance_cells))
         earlier = self._memories(mission, nothing)
-        seen = usable(nothing, self._trajectories(blob for one in earlier for blob in one.provenance.blobs))
+        remembered = self._trajectories(blob for one in earlier for blob in one.provenance.blobs)
+        seen = usable(nothing, remembered, stored=stored)
         if not seen:
             return
         whole = merged(merged(nothing, seen, self._runtime.blob), sweeps, self._runtime.blob)

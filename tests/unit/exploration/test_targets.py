@@ -163,7 +163,9 @@ def test_a_sweep_becomes_free_floor_up_to_its_hits() -> None:
     grid = unexplored(site(), map_version="site-1")
     around = np.radians(np.arange(0, 360, 2.0))
     points = np.stack([2.0 * np.cos(around), 2.0 * np.sin(around), np.full_like(around, 0.45)], axis=1)
-    after = merged(grid, usable(grid, [swept(yaw_rad=0.3)]), lambda _: points.astype("<f4").tobytes())
+    after = merged(
+        grid, usable(grid, [swept(yaw_rad=0.3)], stored=lambda _: True), lambda _: points.astype("<f4").tobytes()
+    )
     cells = cells_of(after)
     assert cells[cell_of(after, (1.0, 0.0))] == FREE
     assert cells[cell_of(after, (2.0 * math.cos(0.3), 2.0 * math.sin(0.3)))] == OCCUPIED
@@ -182,13 +184,17 @@ def test_a_sweep_becomes_free_floor_up_to_its_hits() -> None:
 def test_a_sweep_taken_turning_or_without_a_pose_of_the_map_is_left_out(useless: dict[str, float | str]) -> None:
     grid = unexplored(site(), map_version="site-1")
     body = np.array([[2.0, 0.0, 0.45]], "<f4").tobytes()
-    assert merged(grid, usable(grid, [swept(**useless)]), lambda _: body) == grid  # type: ignore[arg-type]
+    assert merged(grid, usable(grid, [swept(**useless)], stored=lambda _: True), lambda _: body) == grid  # type: ignore[arg-type]
+
+
+def test_a_sweep_whose_bytes_never_came_is_left_out() -> None:
+    assert usable(unexplored(site(), map_version="site-1"), [swept()], stored=lambda _: False) == ()
 
 
 def test_hits_on_the_floor_or_overhead_close_nothing() -> None:
     grid = unexplored(site(), map_version="site-1")
     low_and_high = np.array([[2.0, 0.0, 0.02], [0.0, 2.0, 2.4]], "<f4").tobytes()
-    after = merged(grid, usable(grid, [swept()]), lambda _: low_and_high)
+    after = merged(grid, usable(grid, [swept()], stored=lambda _: True), lambda _: low_and_high)
     assert area_m2(after, kind=OCCUPIED) == 0.0 and area_m2(after, kind=FREE) > 0.0
 
 

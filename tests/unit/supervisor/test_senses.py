@@ -16,6 +16,7 @@ from harness.contracts.ids import Digest, InvocationId, RobotId, sha256
 from harness.contracts.observations import AnySample, Battery, Pose, Scan
 from harness.contracts.ports import Clock, Robot
 from harness.contracts.protocol import Observations
+from harness.contracts.reasons import because
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
 from harness.supervisor.observations import (
@@ -25,6 +26,7 @@ from harness.supervisor.observations import (
     MOST_A_SECOND,
     MOST_AT_ONCE,
     MOST_BATCHES,
+    MOST_LOST,
     RECENT_S,
     ObservationBuffer,
 )
@@ -63,6 +65,8 @@ class Gone(SimulatedRobot):
         super().__init__(world)
         self.asked: list[Digest] = []
         self.blobs: dict[Digest, bytes] = {}
+        self.losing: dict[Digest, int] = {}
+        """How many requests for these bytes are lost yet."""
         self.sweeps: tuple[Scan, ...] = ()
         """What the next batch holds beside the robot's own samples."""
 
@@ -81,6 +85,9 @@ class Gone(SimulatedRobot):
 
     def blob(self, digest: Digest) -> bytes:
         """The robot's blob."""
+        if self.losing.get(digest):
+            self.losing[digest] -= 1
+            raise ProviderUnreachable(because("robot_did_not_answer"), where="vbot-1")
         self.asked.append(digest)
         self.wall_s += self.late_s
         return self.blobs.get(digest) or super().blob(digest)
@@ -224,11 +231,25 @@ def test_sweeps_that_come_slowly_are_fetched_in_several_readings_and_the_rest_be
     watch.robot.late_s = 1.0
     watch.observations.fetch_rest(())
     assert first < len(watch.robot.asked) < 100, "and no longer than a minute"
+    asked = len(watch.robot.asked)
     watch.robot.late_s = 0.0
     watch.observations.fetch_rest(())
-    assert {sha256(body) for body in bodies} <= set(watch.robot.asked)
-    assert len(watch.robot.asked) == len(set(watch.robot.asked))
-    assert all(watch.runtime.has_blob(sha256(body)) for body in bodies)
+    assert len(watch.robot.asked) == len(set(watch.robot.asked)) == asked, "what was not there then stays missing"
+    assert [watch.runtime.has_blob(sha256(body)) for body in bodies].count(True) == asked
+
+
+@pytest.mark.parametrize("lost", [1, MOST_LOST - 1, MOST_LOST])
+def test_a_request_for_a_sweep_that_is_lost_is_repeated_and_then_passed_over(watch: Watch, lost: int) -> None:
+    assert watch.observations.collect(OPEN)
+    watch.after(0.05)
+    first, second = b"first", b"second"
+    watch.robot.sweeps = (watch.robot.sweep(10_000, first), watch.robot.sweep(10_001, second))
+    watch.robot.losing = {sha256(first): lost}
+    heard = watch.observations.collect(OPEN)
+    watch.observations.fetch_rest(())
+    assert heard is False
+    assert watch.runtime.has_blob(sha256(first)) is (lost < MOST_LOST)
+    assert watch.runtime.has_blob(sha256(second))
 
 
 def test_the_sweeps_of_an_execution_take_no_more_bytes_than_a_robot_can_make_in_its_time(watch: Watch) -> None:
