@@ -176,7 +176,7 @@ class ObservationBuffer:
                 self._wanted.clear()
                 return excess
             self._take(batch, spooling)
-            self._fetch_wanted(self._volume, self._connection.clock.now().wall_s + BLOBS_S)
+            self._fetch_wanted(self._volume, self._connection.clock.now().wall_s + BLOBS_S, most_lost=MOST_LOST)
             self._heard_s = self._connection.clock.now().wall_s
             if not self._full or self._heard_s > until_s:
                 break
@@ -238,23 +238,21 @@ class ObservationBuffer:
 
     def fetch_rest(self, receipts: Iterable[Receipt]) -> None:
         """Fetch what is still wanted, and the bytes that receipts name, for at most REST_OF_BLOBS_S. What is not there
-        then, what the provider no longer holds, or holds otherwise, stays missing."""
+        then, what the provider no longer holds, or holds otherwise, stays missing: the samples grow old meanwhile."""
         until_s = self._connection.clock.now().wall_s + REST_OF_BLOBS_S
-        while self._volume is not None and self._wanted and self._connection.clock.now().wall_s <= until_s:
-            with suppress(ProviderUnreachable):
-                self._fetch_wanted(self._volume, until_s)
-                break
+        if self._volume is not None:
+            self._fetch_wanted(self._volume, until_s, most_lost=1)
         self._wanted.clear()
         for receipt in receipts:
             if receipt.blob is not None and self._connection.clock.now().wall_s <= until_s:
                 with suppress(*ROBOT_ERRORS):
                     self._fetch(receipt.blob)
 
-    def _fetch_wanted(self, volume: _Volume, until_s: float) -> None:
+    def _fetch_wanted(self, volume: _Volume, until_s: float, *, most_lost: int) -> None:
         """Fetch the bytes of sweeps and images, the oldest first; what is left at that wall time, in the next reading.
 
-        What the robot does not give out, or not as it says, stays missing, and is not asked for again; a request that
-        is lost is repeated.
+        What the robot does not give out, or not as it says, stays missing, and is not asked for again. A request that
+        is lost is repeated in the next reading, `most_lost` times at most: the samples themselves were heard.
         """
         while self._wanted and volume.check(self.robot_s) is None:
             digest = self._wanted.popleft()
@@ -262,9 +260,9 @@ class ObservationBuffer:
                 volume.bytes += self._fetch(digest)
             except ProviderUnreachable:
                 self._lost += 1
-                if self._lost < MOST_LOST:
+                if self._lost < most_lost:
                     self._wanted.appendleft(digest)
-                    raise
+                    return
             except ROBOT_ERRORS:
                 pass
             self._lost = 0
