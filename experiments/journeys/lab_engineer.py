@@ -43,6 +43,6 @@ def walk(way: JourneyWalk, link: str) -> dict[str, float]:
         names = page.locator('[name="aliases"]')
         names.fill(f"{names.input_value()}, the garage")
         page.locator('main form.panel [name="reason"]').fill("people call it so")
-        way.click(page.locator("main button.primary").first)
+        way.click(page.locator("main form.panel button.primary"))
         expect(page.locator("main")).to_contain_text("the garage")
     return {}
