@@ -44,17 +44,18 @@ def confirmation(refused: Told) -> str:
 
 @pytest.fixture(scope="module")
 def refused(spoken: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Told, Path]:
-    """The wish as it is read back before anything starts, and its data folder."""
+    """The wish as it is read back, and its data folder, in which nothing has started then."""
     data = tmp_path_factory.mktemp("data")
-    return regen("mission", "run", "--recording", spoken, "--data", data, *QUICK), data
+    told = regen("mission", "run", "--recording", spoken, "--data", data, *QUICK)
+    assert json.loads(here("mission", "list", "--data", data, "--json").stdout)["missions"] == []
+    return told, data
 
 
 def test_what_was_heard_is_read_back_and_nothing_starts(refused: tuple[Told, Path]) -> None:
-    told, data = refused
+    told, _ = refused
     assert told.returncode == 2, told.stderr
     assert "check the storage area" in told.stderr
     assert "nearest reading: inspect Office storage area" in told.stderr
-    assert json.loads(here("mission", "list", "--data", data, "--json").stdout)["missions"] == []
 
 
 @pytest.mark.ledger("R204", "R206", entry="command line", symbol="harness.runtime:Runtime._spoken")
