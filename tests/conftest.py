@@ -2,9 +2,9 @@
 
 import gc
 import os
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Collection, Generator, Iterable, Iterator
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 
@@ -118,7 +118,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if missions > MUJOCO_MISSIONS:
         tests = "\n  ".join(item.nodeid for item in items if mujoco_missions(item))
         raise pytest.UsageError(f"{missions} full MuJoCo missions, {MUJOCO_MISSIONS} are allowed:\n  {tests}")
-    items.sort(key=begins if hasattr(config, "workerinput") else cost)
+    long = {item.path for item in items if item.get_closest_marker("long") is not None}
+    items.sort(key=partial(begins, long=long) if hasattr(config, "workerinput") else cost)
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
@@ -140,10 +141,13 @@ def cost(item: pytest.Item) -> int:
     return COST.get(room(item), 3)
 
 
-def begins(item: pytest.Item) -> tuple[int, int, int]:
-    """The order of running in several processes: what takes longest first, so that no worker is left alone with it."""
-    long = item.get_closest_marker("long") is not None
-    return (0 if room(item) == "browser" else 1 if long else 2, -cost(item), -mujoco_missions(item))
+def begins(item: pytest.Item, *, long: Collection[Path]) -> tuple[int, int, int]:
+    """The order of running in several processes: what takes longest first, so that no worker is left alone with it.
+
+    Of `long`, the modules with a long test, all tests begin early, so that those of a module stay in order.
+    """
+    first = 0 if room(item) == "browser" else 1 if item.path in long else 2
+    return (first, -cost(item), -mujoco_missions(item))
 
 
 def mujoco_missions(item: pytest.Item) -> int:

@@ -55,10 +55,10 @@ def test_in_one_process_cheap_folders_run_first() -> None:
 def test_in_several_processes_what_takes_longest_begins_first() -> None:
     browser, unit, architecture = in_folder("browser"), in_folder("unit"), in_folder("architecture")
     plain, mission = in_folder("integration"), in_folder("integration", pytest.mark.mujoco)
-    long = in_folder("unit", pytest.mark.long)
-    items = [unit, architecture, plain, long, mission, browser]
+    before, long = in_folder("contract"), in_folder("contract", pytest.mark.long)
+    items = [unit, architecture, plain, before, long, mission, browser]
     pytest_collection_modifyitems(WORKER, items)
-    assert items == [browser, long, mission, plain, unit, architecture]
+    assert items == [browser, before, long, mission, plain, unit, architecture]
 
 
 def test_a_seventh_mission_on_real_physics_is_refused() -> None:
