@@ -11,8 +11,9 @@ from tests.integration.runs import answer, regen
 def test_what_is_not_found_is_looked_for_from_elsewhere_and_found(tmp_path: Path) -> None:
     """A trolley stands before the lens and stays: the same look again changes nothing, another viewpoint does.
 
-    Seed 2: from the viewpoint camera and lidar measure the same share within a hundredth. Of seed 1, where the box's two
-    faces stand at a sharp angle, they differ by 4 to 11 hundredths from run to run; beyond ten a person is asked.
+    Seed 2: from the viewpoint camera and lidar measure the same share within a hundredth. Of seed 1, where the two
+    faces of the box stand at a sharp angle, they differ by 4 to 11 hundredths from run to run; beyond ten a person
+    is asked.
     """
     fast = ("--data", tmp_path, "--speed", "0", "--fidelity", "kinematic", "--json")
     done = regen("mission", "run", "warehouse-inspection", *fast, "--seed", "2", "--fault", "hidden-passage:persistent")
