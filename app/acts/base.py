@@ -82,6 +82,14 @@ class ActModel(BaseModel):
         )
 
     @classmethod
+    def _read_as(cls, given: Mapping[str, Any], typed_as: Mapping[str, str]) -> Self | tuple[Wrong, ...]:
+        """`typed_as`: what fields are called on the form, where it is not their own name."""
+        act = cls._read(given)
+        if isinstance(act, tuple):
+            return tuple(Wrong(typed_as.get(one.field, one.field), one.text) for one in act)
+        return act
+
+    @classmethod
     def _messages(cls, name: str, value: Any) -> list[str]:
         return [cls.sentences[name]] if name in cls.sentences else forms.wrong_reason(str(value))
 

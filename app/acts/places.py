@@ -1,6 +1,6 @@
 """Acts on places: save one, remove one."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import radians
 from typing import Annotated, Any, ClassVar, Self
 
@@ -23,6 +23,17 @@ Metres = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=Fal
 ShortText = Annotated[str, StringConstraints(min_length=1, max_length=LONGEST_NAME)]
 TYPED_AS = {"x_m": "x", "y_m": "y", "heading_deg": "heading", "region_m": "region"}
 """What the fields are called on the form, where it is not the field's own name."""
+
+
+def typed_on_map(
+    names: Iterable[str], typed: Mapping[str, str], typed_as: Mapping[str, str], *, points: str
+) -> dict[str, Any]:
+    """The fields of a form about the map: other names stand between commas, the field `points` holds x, y; x, y."""
+    given: dict[str, Any] = {name: typed.get(typed_as.get(name, name), "").strip() for name in names}
+    given["basis"] = given["basis"] or 0
+    given["aliases"] = tuple(dict.fromkeys(one.strip() for one in given["aliases"].split(",") if one.strip()))
+    given[points] = [one.split(",") for one in given[points].split(";") if one.strip()]
+    return given
 
 
 def _area(corners: tuple[Point, ...]) -> tuple[Point, ...]:
@@ -61,14 +72,7 @@ class SavePlaceAct(base.Act):
     @classmethod
     def from_form(cls, typed: Mapping[str, str]) -> Self | tuple[Wrong, ...]:
         """A page takes other names between commas, and corners between semicolons; its heading is never left out."""
-        given: dict[str, Any] = {name: typed.get(TYPED_AS.get(name, name), "").strip() for name in cls.model_fields}
-        given["basis"] = given["basis"] or 0
-        given["aliases"] = tuple(dict.fromkeys(one.strip() for one in given["aliases"].split(",") if one.strip()))
-        given["region_m"] = [one.split(",") for one in given["region_m"].split(";") if one.strip()]
-        act = cls._read(given)
-        if isinstance(act, tuple):
-            return tuple(Wrong(TYPED_AS.get(one.field, one.field), one.text) for one in act)
-        return act
+        return cls._read_as(typed_on_map(cls.model_fields, typed, TYPED_AS, points="region_m"), TYPED_AS)
 
     def fields(self) -> dict[str, Any]:
         """The place itself is named apart: see `place`."""

@@ -7,7 +7,7 @@ import msgspec
 from pydantic import Field, StringConstraints
 
 from app.acts import base
-from app.acts.places import MOST_ALIASES, Metres, ShortText
+from app.acts.places import LONGEST_NAME, MOST_ALIASES, Metres, ShortText, typed_on_map
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext
 from app.views.forms import Wrong
@@ -28,7 +28,9 @@ class SaveRouteAct(base.Act):
     sentences: ClassVar[Mapping[str, str]] = {
         "start": N_("Choose the place where it begins."),
         "end": N_("Choose the place where it ends."),
-        "aliases": lazy_gettext("At most {count} other names of {signs} characters.", count=MOST_ALIASES, signs=80),
+        "aliases": lazy_gettext(
+            "At most {count} other names of {signs} characters.", count=MOST_ALIASES, signs=LONGEST_NAME
+        ),
         "waypoints_m": N_("Write waypoints as x, y; x, y with at least two of them."),
     }
     start: base.Slug
@@ -41,14 +43,7 @@ class SaveRouteAct(base.Act):
     @classmethod
     def from_form(cls, typed: Mapping[str, str]) -> Self | tuple[Wrong, ...]:
         """A page takes other names between commas, and waypoints between semicolons."""
-        given: dict[str, Any] = {name: typed.get(TYPED_AS.get(name, name), "").strip() for name in cls.model_fields}
-        given["basis"] = given["basis"] or 0
-        given["aliases"] = tuple(dict.fromkeys(one.strip() for one in given["aliases"].split(",") if one.strip()))
-        given["waypoints_m"] = [one.split(",") for one in given["waypoints_m"].split(";") if one.strip()]
-        act = cls._read(given)
-        if isinstance(act, tuple):
-            return tuple(Wrong(TYPED_AS.get(one.field, one.field), one.text) for one in act)
-        return act
+        return cls._read_as(typed_on_map(cls.model_fields, typed, TYPED_AS, points="waypoints_m"), TYPED_AS)
 
     def fields(self) -> dict[str, Any]:
         """The route itself is named apart: see `route`."""

@@ -26,7 +26,7 @@ class FieldValue:
 
 @dataclass(frozen=True)
 class Version:
-    """One change to the place, as it stands in the log."""
+    """One change to what is edited, as it stands in the log."""
 
     revision: int
     text: str

@@ -20,7 +20,7 @@ def decide(places: Places, command: place_events.PlaceCommand, now: Moment) -> D
     match command:
         case place_events.SavePlace(place=place):
             revision = places.revision(place.place_id)
-            refusal = _stale(revision, command.basis, place.place_id) or _nowhere(place)
+            refusal = stale_basis(revision, command.basis, place.place_id) or _nowhere(place)
             if refusal is not None:
                 return refusal
             saved = place_events.PlaceSaved(
@@ -33,7 +33,7 @@ def decide(places: Places, command: place_events.PlaceCommand, now: Moment) -> D
             return Accepted((saved,))
         case place_events.RemovePlace():
             revision = places.revision(command.place_id)
-            stale = _stale(revision, command.basis, command.place_id)
+            stale = stale_basis(revision, command.basis, command.place_id)
             if stale is not None:
                 return stale
             removed = place_events.PlaceRemoved(
@@ -48,10 +48,11 @@ def decide(places: Places, command: place_events.PlaceCommand, now: Moment) -> D
             assert_never(command)
 
 
-def _stale(revision: int, basis: int, place_id: str) -> Refused | None:
+def stale_basis(revision: int, basis: int, name: str) -> Refused | None:
+    """Refuse a change that was made to an older revision."""
     if revision == basis:
         return None
-    return refused("changed_meanwhile", place_id=place_id, revision=revision)
+    return refused("changed_meanwhile", place_id=name, revision=revision)
 
 
 def _nowhere(place: Place) -> Refused | None:

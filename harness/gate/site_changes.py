@@ -14,7 +14,7 @@ from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.places import Route
 from harness.contracts.reasons import because
 from harness.contracts.values import Moment
-from harness.gate.places import FARTHEST_M
+from harness.gate.places import FARTHEST_M, stale_basis
 from harness.projections.site_changes import SiteChanges, apply
 
 MOST_WAYPOINTS = 1000
@@ -26,7 +26,7 @@ def decide(changes: SiteChanges, command: site_events.SiteCommand, now: Moment) 
         case site_events.SaveRoute(route=route):
             revision = changes.route_revision(route.name)
             return (
-                _stale(revision, command.basis, route.name)
+                stale_basis(revision, command.basis, route.name)
                 or _nowhere(route)
                 or Accepted(
                     (
@@ -42,7 +42,7 @@ def decide(changes: SiteChanges, command: site_events.SiteCommand, now: Moment) 
             )
         case site_events.RemoveRoute(name=name):
             revision = changes.route_revision(name)
-            return _stale(revision, command.basis, name) or Accepted(
+            return stale_basis(revision, command.basis, name) or Accepted(
                 (
                     site_events.RouteRemoved(
                         name=name, revision=revision + 1, actor=command.actor, reason=command.reason, at_s=now.wall_s
@@ -51,7 +51,7 @@ def decide(changes: SiteChanges, command: site_events.SiteCommand, now: Moment) 
             )
         case site_events.SaveTemplate(template=template):
             revision = changes.template_revision(template.name)
-            return _stale(revision, command.basis, template.name) or Accepted(
+            return stale_basis(revision, command.basis, template.name) or Accepted(
                 (
                     site_events.TemplateSaved(
                         template=template,
@@ -65,7 +65,7 @@ def decide(changes: SiteChanges, command: site_events.SiteCommand, now: Moment) 
             )
         case site_events.RemoveTemplate(name=name):
             revision = changes.template_revision(name)
-            return _stale(revision, command.basis, name) or Accepted(
+            return stale_basis(revision, command.basis, name) or Accepted(
                 (
                     site_events.TemplateRemoved(
                         name=name, revision=revision + 1, actor=command.actor, reason=command.reason, at_s=now.wall_s
@@ -74,12 +74,6 @@ def decide(changes: SiteChanges, command: site_events.SiteCommand, now: Moment) 
             )
         case _:
             assert_never(command)
-
-
-def _stale(revision: int, basis: int, name: str) -> Refused | None:
-    if revision == basis:
-        return None
-    return refused("changed_meanwhile", place_id=name, revision=revision)
 
 
 def _nowhere(route: Route) -> Refused | None:

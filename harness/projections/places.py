@@ -1,6 +1,7 @@
 """Folds people's changes to the places of a site; the shipped site is what they apply to. Pure."""
 
-from typing import assert_never
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar, assert_never
 
 import msgspec
 from msgspec.structs import replace
@@ -10,6 +11,9 @@ from harness.contracts.ids import PlaceId
 from harness.contracts.place_events import PlaceEvent, PlaceRemoved, PlaceSaved
 from harness.contracts.places import Place, Site
 from harness.contracts.values import Count, Value
+
+T = TypeVar("T")
+N = TypeVar("N", bound=str)
 
 
 class ChangedPlace(Value):
@@ -48,10 +52,16 @@ def apply(places: Places, event: PlaceEvent) -> Places:
 
 def changed_site(site: Site, places: Places) -> Site:
     """The site with its changed places in their order, new ones after them, removed ones left out."""
-    known = [one.place_id for one in site.places]
-    places_now = [places.changes[one.place_id].place if one.place_id in places.changes else one for one in site.places]
-    new = [change.place for place_id, change in places.changes.items() if place_id not in known]
-    return replace(site, places=tuple(one for one in (*places_now, *new) if one is not None))
+    newest = {place_id: change.place for place_id, change in places.changes.items()}
+    return replace(site, places=as_changed(site.places, newest, lambda place: place.place_id))
+
+
+def as_changed(shipped: Sequence[T], newest: Mapping[N, T | None], name: Callable[[T], N]) -> tuple[T, ...]:
+    """What shipped, with its changes in its order, new ones after it; what was removed, None, is left out."""
+    known = [name(one) for one in shipped]
+    now = [newest.get(called, one) for called, one in zip(known, shipped, strict=True)]
+    new = [one for called, one in newest.items() if called not in known]
+    return tuple(one for one in (*now, *new) if one is not None)
 
 
 def _with(places: Places, event: PlaceEvent, place_id: PlaceId, place: Place | None) -> Places:

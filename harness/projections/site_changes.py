@@ -10,6 +10,7 @@ from harness.contracts.places import Route, Site
 from harness.contracts.site_events import RouteRemoved, RouteSaved, SiteEvent, TemplateRemoved, TemplateSaved
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Count, Value
+from harness.projections.places import as_changed
 
 
 class ChangedRoute(Value):
@@ -64,18 +65,14 @@ def apply(changes: SiteChanges, event: SiteEvent) -> SiteChanges:
 
 def with_routes(site: Site, changes: SiteChanges) -> Site:
     """The site with its changed routes in their order, new ones after them, removed ones left out."""
-    known = [one.name for one in site.routes]
-    now = [changes.routes[one.name].route if one.name in changes.routes else one for one in site.routes]
-    new = [change.route for name, change in changes.routes.items() if name not in known]
-    return replace(site, routes=tuple(one for one in (*now, *new) if one is not None))
+    newest = {name: change.route for name, change in changes.routes.items()}
+    return replace(site, routes=as_changed(site.routes, newest, lambda route: route.name))
 
 
 def with_templates(shipped: Sequence[TaskTemplate], changes: SiteChanges) -> tuple[TaskTemplate, ...]:
     """The missions with their changes in their order, new ones after them, removed ones left out."""
-    known = [one.name for one in shipped]
-    now = [changes.templates[one.name].template if one.name in changes.templates else one for one in shipped]
-    new = [change.template for name, change in changes.templates.items() if name not in known]
-    return tuple(one for one in (*now, *new) if one is not None)
+    newest = {name: change.template for name, change in changes.templates.items()}
+    return as_changed(shipped, newest, lambda template: template.name)
 
 
 def _with_route(changes: SiteChanges, name: str, change: ChangedRoute) -> SiteChanges:
