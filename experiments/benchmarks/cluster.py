@@ -68,7 +68,10 @@ def _rows(per_s: dict[tuple[str, int], float], *, cases: int, count: int) -> lis
                 unit="missions/s",
                 ours=per_s["Ray", workers],
                 n=count,
-                environment={"versions": versions((*PACKAGES, "ray")), "durability": {"ours": "in memory"}},
+                environment={
+                    "versions": versions((*PACKAGES, "ray")),
+                    "durability": {"ours, regression cases": "in memory"},
+                },
                 peer={f"{workers} local processes": per_s["processes", workers], **one},
                 targets=()
                 if workers == 1
