@@ -15,6 +15,9 @@ from rsi_reviews.regression.errors import WorkersLost
 
 LOCAL = "local"
 KNOCK_S = 5.0
+HTTP2_HELLO = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes((0, 0, 0, 4, 0, 0, 0, 0, 0))
+"""The client's preface and its empty SETTINGS frame (RFC 9113, section 3.4): a cluster's head node speaks gRPC."""
+SETTINGS_FRAME = 4
 
 
 def answered(body: bytes, simulator: Simulator) -> bytes:
@@ -65,11 +68,16 @@ class RayCluster:
                 log_to_driver=False,
                 configure_logging=False,
             )
-        except (ConnectionError, RuntimeError, ValueError, OSError) as error:
+        except Exception as error:  # Ray raises a bare Exception for a node that does not come up
             raise WorkersLost(because("cluster_unreachable", error=str(error)), where=self._address) from error
 
     def _knock(self) -> None:
-        """Checks the port first, because Ray waits two minutes for a cluster that is not there."""
+        """Checks that something at the port speaks gRPC: Ray waits minutes for a cluster that is not there."""
         host, _, port = self._address.removeprefix("ray://").rpartition(":")
-        if host and port.isdigit():
-            socket.create_connection((host, int(port)), timeout=KNOCK_S).close()
+        if not (host and port.isdigit()):
+            return
+        with socket.create_connection((host, int(port)), timeout=KNOCK_S) as connection:
+            connection.sendall(HTTP2_HELLO)
+            frame = connection.recv(9, socket.MSG_WAITALL)
+        if len(frame) < 9 or frame[3] != SETTINGS_FRAME:
+            raise ConnectionError("what answers at this port is not a Ray cluster")

@@ -2,11 +2,14 @@
 
 import json
 import signal
+import socket
 import subprocess
 import sys
 import time
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from importlib import import_module
 from pathlib import Path
+from threading import Thread
 
 import pytest
 from msgspec import json as msgspec_json
@@ -102,6 +105,39 @@ def test_an_unknown_candidate_is_a_sentence(proposed: Path) -> None:
     answered = said("evaluate", "ffff", "--cases", "1", data=proposed)
     assert answered.exit_code == 1
     assert "There is no candidate ffff" in said_by(answered)
+
+
+def evaluate_on(address: str, data: Path) -> Result:
+    words = ["evaluate", candidate(waiting_again()).candidate_id[:12], "--cases", "1", "--ray", address]
+    return said(*words, data=data)
+
+
+def test_a_cluster_that_is_not_there_is_a_sentence(proposed: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        free = taken.getsockname()[1]
+    answered = evaluate_on(f"127.0.0.1:{free}", proposed)
+    assert answered.exit_code == 1
+    assert "Ray could not be reached" in said_by(answered)
+    assert status(proposed) == "draft"
+
+
+def test_a_port_where_something_else_answers_is_a_sentence_at_once(proposed: Path) -> None:
+    with HTTPServer(("127.0.0.1", 0), BaseHTTPRequestHandler) as other:
+        Thread(target=other.serve_forever, daemon=True).start()
+        answered = evaluate_on(f"127.0.0.1:{other.server_port}", proposed)
+        other.shutdown()
+    assert answered.exit_code == 1
+    assert "what answers at this port is not a Ray cluster" in said_by(answered)
+
+
+def test_a_node_that_does_not_come_up_is_a_sentence(proposed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def silent(**asked: object) -> None:
+        raise Exception("The current node timed out during startup.")
+
+    monkeypatch.setattr(import_module("ray"), "init", silent)
+    answered = evaluate_on("local", proposed)
+    assert answered.exit_code == 1
+    assert "The current node timed out during startup" in said_by(answered)
 
 
 def test_the_executor_is_what_was_asked_for() -> None:
