@@ -51,6 +51,7 @@ from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 from harness.routing.explanation import explained
 from harness.routing.question import RoutingQuestion
+from harness.site_robots import NO_SITE_ROBOTS, SiteRobots
 from harness.workspace.reading import NO_FILES, SiteFiles
 from rsi_reviews.evaluation_jobs import EvaluationCost, EvaluationJob
 
@@ -184,6 +185,7 @@ class Console:
     audits: Audits = no_audits
     shadows: Shadows = field(default_factory=dict)
     site_files: SiteFiles = NO_FILES
+    site_robots: SiteRobots = NO_SITE_ROBOTS
     fresh: Callable[[], str] = no_name
 
     def head(self) -> LogHead:

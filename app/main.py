@@ -86,6 +86,7 @@ from app.routes import (
     openapi,
     overview,
     own_missions,
+    own_robots,
     places,
     providers,
     queue,
@@ -119,6 +120,7 @@ from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId, ProviderId, RobotId
 from harness.contracts.reasons import Reason, because
 from harness.runtime import AnswerHandoff, FreeResource, HaltRobot, Runtime, unhalted, unobserved, unsupervised
+from harness.site_robots import NO_SITE_ROBOTS, SiteRobots
 from harness.workspace.reading import NO_FILES, SiteFiles
 
 GRACE_S = 3
@@ -138,6 +140,7 @@ PAGES = (
     places,
     site_routes,
     own_missions,
+    own_robots,
     providers,
     memory,
     handoffs,
@@ -199,6 +202,7 @@ def create_app(
     replays: ReplayJobs | None = None,
     shadows: Shadows = MappingProxyType({}),
     site_files: SiteFiles = NO_FILES,
+    site_robots: SiteRobots = NO_SITE_ROBOTS,
 ) -> FastAPI:
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
@@ -210,7 +214,8 @@ def create_app(
 
     `fleet` shows what robots say of themselves, `teleoperation` lets people drive them; both are ended with the
     console. `evaluations` runs what people ask to have evaluated, `replays` the recordings that they upload. `shadows`
-    are the robots that are only observed. `site_files` are what routes and missions are changed beside.
+    are the robots that are only observed. `site_files` are what routes, missions and robots are changed beside,
+    `site_robots` the robots as this process found them at its start.
 
     Sign-in links come from `app.state.sessions`. Its lists are kept in `folder`, or in memory without one, and have
     caught up with the log on return.
@@ -274,6 +279,7 @@ def create_app(
         replays=replays,
         shadows=shadows,
         site_files=site_files,
+        site_robots=site_robots,
         fresh=_fresh,
         **_kept_in(folder, settings),
     )

@@ -71,6 +71,7 @@ from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
+from harness.site_robots import NO_SITE_ROBOTS, SiteRobots
 from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.shadow_watch import ShadowWatch
 from harness.supervisor.supervisor import Supervisor
@@ -135,7 +136,8 @@ class Harness:
     Every robot has a mission time of its own: `clock` is the first one's, `clocks` has all of them. `absent`: robots of
     the site that could not be connected, and why; `unused`: providers of connected ones that are not admitted. `parts`
     are the ports it is built on, for what runs beside it on the same log. `shadows` watch robots whose own stacks
-    decide, once `watch` of each was called. `site_files`: what the site's folder holds.
+    decide, once `watch` of each was called. `site_files`: what the site's folder holds; `site_robots`: what
+    this process made of its robots.
     """
 
     runtime: Runtime
@@ -151,6 +153,7 @@ class Harness:
     parts: "Parts | None" = None
     shadows: Mapping[RobotId, ShadowWatch] = field(default_factory=dict)
     site_files: SiteFiles = NO_FILES
+    site_robots: SiteRobots = NO_SITE_ROBOTS
 
     def starts(self, mission_id: MissionId) -> tuple[PhysicalStart, ...]:
         """Physical starts of one mission, from the robots' own journals."""

@@ -71,8 +71,8 @@ from harness.gate.decide import DECIDER as MISSION
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
+from harness.site_robots import SiteRobots, robots_of
 from harness.supervisor.shadow_watch import ShadowWatch
-from harness.workspace.files import AddressedEntry, SimulatedRobotEntry
 from harness.workspace.model_ports import open_models
 from harness.workspace.reading import Workspace
 
@@ -97,7 +97,6 @@ __all__ = [
     "open_reports",
     "owner_of",
     "read_harness",
-    "robot_names",
     "runtime_on",
     "simulated",
 ]  # fmt: skip
@@ -143,9 +142,9 @@ def open_harness(
         stack.enter_context(_anchored(store, folder, settings))
         if signals and is_server(settings.database):
             stack.enter_context(closing(Listener(settings.database, signals.changed)))
-        simulated = simulated_names(settings, workspace)
-        processes = _started(stack, folder, settings, simulated, under_way=_under_way(store))
-        connected, absent = connected_robots(stack, store, addressed_entries(settings, workspace), workspace, folder)
+        robots = robots_of(settings, workspace, store)
+        processes = _started(stack, folder, settings, robots.simulated, under_way=_under_way(store))
+        connected, absent = connected_robots(stack, store, robots.addressed, workspace, folder)
         clocks = [*(one.clock for one in processes), *(robot.clock for _, robot in connected)]
         if absent and not clocks:
             name, why = next(iter(absent.items()))
@@ -173,14 +172,20 @@ def open_harness(
             models=open_models(workspace.models, workspace.folder, stack=stack, keep=blobs.put, read=blobs.get),
             transcriber=_transcriber(workspace),
             vocabulary=workspace.vocabulary,
-            observed=_observed_names(settings, workspace),
+            observed=robots.observed_names,
         )
         members = [_kept_member(parts, one, folder) for one in processes]
         members += [addressed_member(parts, *one, folder) for one in connected]
         unused = {RobotId(entry.name): robot.unused for entry, robot in connected if robot.unused}
         harness = replace(joined(stack, settings, parts, members), token=token, unused=unused)
-        shadows, unseen = _shadowed(stack, harness.runtime, settings, workspace)
-        harness = replace(harness, shadows=shadows, absent=absent | unseen, site_files=workspace.files)
+        shadows, unseen = _shadowed(stack, harness.runtime, robots, workspace, watching=not settings.no_robots)
+        harness = replace(
+            harness,
+            shadows=shadows,
+            absent=absent | unseen | dict(robots.refused),
+            site_files=workspace.files,
+            site_robots=robots,
+        )
         finish_erasures(harness.runtime)
         yield harness
 
@@ -242,7 +247,7 @@ def _without_robots(
             site=workspace.site,
             missions=workspace.missions,
             vocabulary=workspace.vocabulary,
-            observed=_observed_names(settings, workspace),
+            observed=robots_of(settings, workspace, log).observed_names,
         )
         yield runtime_on(parts)
 
@@ -365,45 +370,14 @@ def _faults(mission: Mission) -> list[str]:
     return [name for name in mission.labels.get("faults", "").split(",") if name]
 
 
-def robot_names(settings: HarnessSettings) -> tuple[str, ...]:
-    """Every robot that `open_harness` would start or connect. Raises as `workspace_in` does."""
-    workspace = workspace_in(settings.site_folder)
-    entries = addressed_entries(settings, workspace)
-    return (*simulated_names(settings, workspace), *(one.name for one in entries))
-
-
-def simulated_names(settings: HarnessSettings, workspace: Workspace) -> tuple[str, ...]:
-    """The robots to simulate: those that the settings name, else those of the site's folder."""
-    if settings.no_robots:
-        return ()
-    if settings.site_folder is None or settings.robots:
-        return settings.fleet
-    return tuple(one.name for one in workspace.robots if isinstance(one, SimulatedRobotEntry))
-
-
-def addressed_entries(settings: HarnessSettings, workspace: Workspace) -> tuple[AddressedEntry, ...]:
-    """The robots to connect by address: none where the settings name robots to simulate. Those in shadow mode are not
-    among them."""
-    entries = () if settings.no_robots or settings.robots or settings.site_folder is None else workspace.robots
-    addressed = (one for one in entries if not isinstance(one, SimulatedRobotEntry))
-    return tuple(one for one in addressed if one.authority == "command")
-
-
-def _observed_names(settings: HarnessSettings, workspace: Workspace) -> frozenset[RobotId]:
-    """The robots in shadow mode, watched from this process or not; none where the settings name robots to simulate."""
-    own = settings.site_folder is not None and not settings.robots
-    return frozenset(RobotId(one.name) for one in workspace.observed) if own else frozenset()
-
-
 def _shadowed(
-    stack: ExitStack, runtime: Runtime, settings: HarnessSettings, workspace: Workspace
+    stack: ExitStack, runtime: Runtime, robots: SiteRobots, workspace: Workspace, *, watching: bool
 ) -> tuple[dict[RobotId, ShadowWatch], dict[RobotId, Reason]]:
     """A watch for each robot in shadow mode, and why the others are left out. A robot that does not answer yet is
     watched: it may come."""
-    names = frozenset[RobotId]() if settings.no_robots else _observed_names(settings, workspace)
     found: dict[RobotId, ShadowWatch] = {}
     absent: dict[RobotId, Reason] = {}
-    for entry in (one for one in workspace.observed if one.name in names):
+    for entry in robots.observed if watching else ():
         name = RobotId(entry.name)
         try:
             robot = read_only(stack, entry, workspace)

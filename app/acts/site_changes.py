@@ -1,4 +1,4 @@
-"""Acts on the routes and the own missions of a site: save one, remove one."""
+"""Acts on the routes, the own missions and the robots of a site: save one, remove one."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Self
@@ -17,6 +17,7 @@ from harness.contracts.places import Route, Site
 
 MOST_WAYPOINTS = 1000
 LONGEST_YAML = 200_000
+LONGEST_ROBOT_YAML = 20_000
 TYPED_AS = {"waypoints_m": "waypoints"}
 """What the fields are called on the form, where it is not the field's own name."""
 
@@ -83,11 +84,7 @@ class SaveTemplateAct(base.Act):
 
     @classmethod
     def from_form(cls, typed: Mapping[str, str]) -> Self | tuple[Wrong, ...]:
-        """Lines end as in a file, whatever the browser sends."""
-        text = typed.get("text", "").replace("\r\n", "\n")
-        return cls._read(
-            {"text": text, "basis": typed.get("basis", "") or 0, "reason": typed.get("reason", "").strip()}
-        )
+        return cls._read(_typed_yaml(typed))
 
 
 class RemoveTemplateAct(base.Act):
@@ -96,3 +93,35 @@ class RemoveTemplateAct(base.Act):
     becomes = site_events.RemoveTemplate
     basis: base.Count
     reason: base.Reason
+
+
+class SaveRobotAct(base.Act):
+    """Add a robot to the site, or change one, by the YAML of its entry in robots.yaml. `basis` as for a route."""
+
+    becomes = site_events.SaveRobot
+    sentences: ClassVar[Mapping[str, str]] = {
+        "text": lazy_gettext(
+            "Write the robot's entry as YAML, of at most {count} characters.", count=LONGEST_ROBOT_YAML
+        ),
+    }
+    text: Annotated[str, StringConstraints(min_length=1, max_length=LONGEST_ROBOT_YAML)]
+    basis: base.Count = 0
+    reason: base.Reason
+
+    @classmethod
+    def from_form(cls, typed: Mapping[str, str]) -> Self | tuple[Wrong, ...]:
+        return cls._read(_typed_yaml(typed))
+
+
+class RemoveRobotAct(base.Act):
+    """Remove a robot of the site as it stood at revision `basis`: it is not started or connected any more."""
+
+    becomes = site_events.RemoveRobot
+    basis: base.Count
+    reason: base.Reason
+
+
+def _typed_yaml(typed: Mapping[str, str]) -> dict[str, str | int]:
+    """The fields of a form with YAML. Lines end as in a file, whatever the browser sends."""
+    text = typed.get("text", "").replace("\r\n", "\n")
+    return {"text": text, "basis": typed.get("basis", "") or 0, "reason": typed.get("reason", "").strip()}

@@ -47,6 +47,8 @@ ASKED: Mapping[type[Command], Permission] = MappingProxyType(
         site_events.RemoveRoute: "drive",
         site_events.SaveTemplate: "drive",
         site_events.RemoveTemplate: "drive",
+        site_events.SaveRobot: "robots",
+        site_events.RemoveRobot: "robots",
         handoff_commands.LookAgain: "observe",
         commands.ApproveHandoff: "decide",
         commands.RejectHandoff: "decide",

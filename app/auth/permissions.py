@@ -13,7 +13,7 @@ from harness.contracts.reasons import because
 Role = Literal["viewer", "operator", "reviewer", "releaser", "admin"]
 Permission = Literal[
     "read", "export", "drive", "stop", "observe", "decide", "dispute", "attest", "alerts", "propose", "review",
-    "release", "policy", "trail", "people", "erase", "suggest",
+    "release", "policy", "trail", "people", "erase", "suggest", "robots",
 ]  # fmt: skip
 ROLES: tuple[str, ...] = get_args(Role)
 GRANTS: Mapping[Permission, tuple[Role, ...]] = {
@@ -34,6 +34,7 @@ GRANTS: Mapping[Permission, tuple[Role, ...]] = {
     "people": ("admin",),
     "erase": ("admin",),
     "suggest": ("operator",),
+    "robots": ("admin",),
 }
 SCOPES: frozenset[Permission] = frozenset({"read", "suggest", "drive", "stop", "observe"})
 """The scopes a token may have; answering handoffs, releasing and managing accounts are for people only."""
@@ -60,6 +61,7 @@ MEANING: Mapping[Permission, str] = {
     "people": N_("change accounts, roles and tokens"),
     "erase": N_("erase voice and photographs"),
     "suggest": N_("propose a goal for a person to start"),
+    "robots": N_("add, change and remove robots of the site"),
 }
 
 

@@ -41,7 +41,7 @@ from app.settings import ConsoleSettings
 from app.web.starting_page import starting
 from harness.adapters.providers.http.robot import HttpRobot
 from harness.anchors import compared_with_file
-from harness.bootstrap import Harness, open_harness, open_reports, owner_of, read_harness, robot_names
+from harness.bootstrap import Harness, open_harness, open_reports, owner_of, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.erasure_events import ERASURES
@@ -53,6 +53,7 @@ from harness.extra_templates import begin
 from harness.recordings import replayed_beside
 from harness.runtime import Start
 from harness.settings import HarnessSettings
+from harness.site_robots import robot_names
 from rsi_reviews.candidate_queries import on_trial, selected
 from rsi_reviews.deciders import DECIDERS
 from rsi_reviews.release_service import ReleaseService
@@ -174,6 +175,7 @@ def up(
             replays=replays,
             shadows=harness.shadows,
             site_files=harness.site_files,
+            site_robots=harness.site_robots,
         )
         app.state.alert_watch.watch()
         evaluations.watch()

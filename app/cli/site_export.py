@@ -11,8 +11,8 @@ from app.cli import output
 from harness.baseline.load import workspace_in
 from harness.bootstrap import read_harness
 from harness.contracts.errors import HarnessError
-from harness.workspace.reading import SITE
-from harness.workspace.site_export import exported, exported_missions
+from harness.workspace.reading import ROBOTS, SITE
+from harness.workspace.site_export import exported, exported_missions, exported_robots
 
 app = typer.Typer(no_args_is_help=True, help="The site's own folder.")
 
@@ -31,18 +31,19 @@ def export(
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
 ) -> None:
-    """Show, and with --write make, the changes from the console in site.yaml (places, routes; comments stay) and in the
-    missions' files.
+    """Show, and with --write make, the changes from the console in site.yaml (places, routes; comments stay),
+    robots.yaml and the missions' files.
 
     Nothing is written where the folder would not pass `regen check` then, such as for a route whose end was moved away.
     Exit 1: there are changes that were not written.
     """
     workspace = workspace_in(folder)
     with read_harness(output.settings(data_folder=output.data_of(data, folder), site_folder=folder)) as runtime:
-        now, missions = runtime.site, runtime.site_changes()
+        now, changed_here = runtime.site, runtime.site_changes()
     file = folder / SITE
     places = exported(_text(file) or "", before=workspace.site, now=now)
-    texts = {file: places, **exported_missions(workspace, missions)}
+    robots = {folder / ROBOTS: exported_robots(workspace, changed_here)}
+    texts = {file: places, **robots, **exported_missions(workspace, changed_here)}
     changed = {one: text for one, text in texts.items() if text != _text(one)}
     changes = [line for one, text in changed.items() for line in _difference(one, text or "")]
     if write and changed:

@@ -12,7 +12,7 @@ from app.cli import output
 from app.cli.data_folder import running
 from app.cli.service import reported_fleet
 from harness.adapters.stores.log_address import is_server
-from harness.bootstrap import robot_names
+from harness.site_robots import robot_names
 
 
 def worker(

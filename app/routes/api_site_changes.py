@@ -1,5 +1,5 @@
-"""/api/v1/routes and /api/v1/own-missions: change the reference routes and the own missions of the site; missions under
-way keep what they were compiled with.
+"""/api/v1/routes, /api/v1/own-missions and /api/v1/own-robots: change the reference routes, the own missions and the
+robots of the site; missions under way keep what they were compiled with, and robots count from the next start.
 """
 
 from collections.abc import Iterator
@@ -7,11 +7,19 @@ from typing import Annotated, Any
 
 from fastapi import Path
 
-from app.acts.site_changes import RemoveRouteAct, RemoveTemplateAct, SaveRouteAct, SaveTemplateAct
+from app.acts.site_changes import (
+    RemoveRobotAct,
+    RemoveRouteAct,
+    RemoveTemplateAct,
+    SaveRobotAct,
+    SaveRouteAct,
+    SaveTemplateAct,
+)
 from app.console import ActorDep, Console, ConsoleDep
-from app.routes import api_requests
+from app.routes import api_requests, own_robots
 from app.routes.own_missions import reading, wrong_removal
 from app.routes.site_routes import changed
+from app.views.robot_editor import OwnRobot
 from app.views.template_editor import OwnMission, own_missions
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decisions import Accepted, Refused
@@ -23,6 +31,7 @@ from harness.workspace.proposed_changes import authorised_refusals, route_refusa
 router = api_requests.router("places")
 RoutePath = Annotated[str, Path(max_length=200)]
 TemplatePath = Annotated[str, Path(max_length=200)]
+RobotNamePath = Annotated[str, Path(max_length=200)]
 
 
 @router.post("/routes/{name}", responses=api_requests.answers(Site))
@@ -63,6 +72,40 @@ def remove_template(console: ConsoleDep, actor: ActorDep, name: TemplatePath, bo
     """It cannot be started any more; missions under way go on."""
     wrong_removal(console, name)
     return _templates(console, changed(console, body.to_command(actor, name=name)))
+
+
+@router.get("/own-robots", responses=api_requests.answers(OwnRobot, many=True))
+def robots(console: ConsoleDep) -> Any:
+    """The robots of the site's folder with the changes from here, each with its entry's YAML, its revision, and whether
+    this process started with it."""
+    return _robots(console)
+
+
+@router.post("/own-robots/{name}", responses=api_requests.answers(OwnRobot, many=True))
+def save_robot(console: ConsoleDep, actor: ActorDep, name: RobotNamePath, body: SaveRobotAct) -> Any:
+    """Add a robot to the site or change one; it counts from the next start, and is admitted as any other."""
+    known = any(one.name == name for one in own_robots.entries(console))
+    entry, errors = own_robots.reading(console, body.text, name if known else "")
+    if entry is None:
+        raise ContractInvalid(errors[0].what, where=errors[0].where, do=errors[0].do)
+    if entry.name != name:
+        raise ContractInvalid(because("robot_renamed", name=name, found=entry.name), where="name")
+    return _changed_robots(console, changed(console, body.to_command(actor, name=name)))
+
+
+@router.post("/own-robots/{name}/remove", responses=api_requests.answers(OwnRobot, many=True))
+def remove_robot(console: ConsoleDep, actor: ActorDep, name: RobotNamePath, body: RemoveRobotAct) -> Any:
+    """It is not started or connected any more from the next start on."""
+    own_robots.wrong_removal(console, name)
+    return _changed_robots(console, changed(console, body.to_command(actor, name=name)))
+
+
+def _robots(console: Console) -> list[Any]:
+    return [api_requests.plain(one) for one in own_robots.listed(console)]
+
+
+def _changed_robots(console: Console, decision: Accepted[AnyEvent] | Refused) -> Any:
+    return api_requests.refusal(decision) if isinstance(decision, Refused) else _robots(console)
 
 
 def _missions(console: Console) -> tuple[OwnMission, ...]:

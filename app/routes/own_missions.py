@@ -16,7 +16,8 @@ from app.routes.site_routes import changed, site_history
 from app.views import template_editor
 from app.views.forms import Wrong
 from app.views.place_editor import Version
-from app.views.template_editor import OwnMissionsPage, TemplateForm, own_missions
+from app.views.template_editor import OwnMissionsPage, own_missions
+from app.views.yaml_form import YamlForm, wrong_text, yaml_form
 from app.web.rendering import render
 from harness.baseline.load import shipped_missions
 from harness.contracts.actors import Actor
@@ -113,7 +114,7 @@ def _save(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = 
         return render("own-missions/edit.html", _form(console, actor, typed, act, new=new), status=422)
     read, errors = reading(console, act.text, typed.get("name", ""))
     if read is None:
-        wrong = template_editor.wrong_text(errors)
+        wrong = wrong_text(errors)
         return render("own-missions/edit.html", _form(console, actor, typed, wrong, new=new), status=422)
     if new:
         act = act.model_copy(update={"basis": console.runtime.site_changes().template_revision(read.name)})
@@ -126,10 +127,10 @@ def _save(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = 
 
 def _form(
     console: Console, actor: Actor, typed: dict[str, str], wrong: Sequence[Wrong] = (), *, new: bool = False
-) -> TemplateForm:
+) -> YamlForm:
     name = typed.get("name", "")
     title = N_("Add a mission") if new else lazy_gettext("Mission {name}", name=name)
-    return template_editor.template_form(
+    return yaml_form(
         console.shell(title, "places", actor),
         typed,
         basis=console.runtime.site_changes().template_revision(name),

@@ -1,6 +1,7 @@
-"""Changes that people make to the reference routes and the own missions of a site: every version is stored.
+"""Changes that people make to the reference routes, the own missions and the robots of a site: every version is stored.
 
-Missions under way keep what they were compiled with.
+Missions under way keep what they were compiled with. Robots are connected when the harness starts, so that a change to
+them counts from the next start.
 """
 
 from typing import Annotated
@@ -15,6 +16,8 @@ from harness.contracts.values import Count, Name
 
 TemplateText = Annotated[str, msgspec.Meta(min_length=1, max_length=200_000)]
 """A mission's YAML as a person wrote it, with its comments."""
+RobotText = Annotated[str, msgspec.Meta(min_length=1, max_length=20_000)]
+"""The YAML of one entry of robots.yaml. It names where secrets stand and holds none."""
 
 
 class RouteSaved(Event, tag=True):
@@ -58,6 +61,27 @@ class TemplateRemoved(Event, tag=True):
     at_s: float
 
 
+class RobotSaved(Event, tag=True):
+    """A person added or changed an entry of robots.yaml: `text` is the entry's YAML."""
+
+    name: Name
+    text: RobotText
+    revision: Count
+    actor: Actor
+    reason: Name
+    at_s: float
+
+
+class RobotRemoved(Event, tag=True):
+    """It is not started or connected any more."""
+
+    name: Name
+    revision: Count
+    actor: Actor
+    reason: Name
+    at_s: float
+
+
 class SaveRoute(Command, tag=True):
     """Save a route. `basis`: the revision that the person saw, 0 for a new route or one as shipped."""
 
@@ -91,8 +115,25 @@ class RemoveTemplate(Command, tag=True):
     reason: Name
 
 
-SiteEvent = RouteSaved | RouteRemoved | TemplateSaved | TemplateRemoved
-SiteCommand = SaveRoute | RemoveRoute | SaveTemplate | RemoveTemplate
+class SaveRobot(Command, tag=True):
+    """Save an entry of robots.yaml, as its YAML says it."""
+
+    name: Name
+    text: RobotText
+    basis: Count
+    actor: Actor
+    reason: Name
+
+
+class RemoveRobot(Command, tag=True):
+    name: Name
+    basis: Count
+    actor: Actor
+    reason: Name
+
+
+SiteEvent = RouteSaved | RouteRemoved | TemplateSaved | TemplateRemoved | RobotSaved | RobotRemoved
+SiteCommand = SaveRoute | RemoveRoute | SaveTemplate | RemoveTemplate | SaveRobot | RemoveRobot
 
 
 def site_stream(site: str) -> StreamId:

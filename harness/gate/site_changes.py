@@ -1,7 +1,7 @@
-"""Decides whether a route or an own mission of a site may be saved or removed; the person must have seen its current
-revision. Pure.
+"""Decides whether a route, an own mission or a robot of a site may be saved or removed; the person must have seen its
+current revision. Pure.
 
-What a route or a mission must be at this site is checked before, where its map and its places are known.
+What each of them must be at this site is checked before, where its map, its places and its files are known.
 """
 
 from itertools import chain
@@ -68,6 +68,29 @@ def decide(changes: SiteChanges, command: site_events.SiteCommand, now: Moment) 
             return stale_basis(revision, command.basis, name) or Accepted(
                 (
                     site_events.TemplateRemoved(
+                        name=name, revision=revision + 1, actor=command.actor, reason=command.reason, at_s=now.wall_s
+                    ),
+                )
+            )
+        case site_events.SaveRobot(name=name):
+            revision = changes.robot_revision(name)
+            return stale_basis(revision, command.basis, name) or Accepted(
+                (
+                    site_events.RobotSaved(
+                        name=name,
+                        text=command.text,
+                        revision=revision + 1,
+                        actor=command.actor,
+                        reason=command.reason,
+                        at_s=now.wall_s,
+                    ),
+                )
+            )
+        case site_events.RemoveRobot(name=name):
+            revision = changes.robot_revision(name)
+            return stale_basis(revision, command.basis, name) or Accepted(
+                (
+                    site_events.RobotRemoved(
                         name=name, revision=revision + 1, actor=command.actor, reason=command.reason, at_s=now.wall_s
                     ),
                 )

@@ -1,4 +1,4 @@
-"""Folds people's changes to the routes and own missions of a site; they apply to what its folder holds. Pure."""
+"""Folds people's changes to a site's routes, own missions and robots; they apply to what its folder holds. Pure."""
 
 from collections.abc import Sequence
 from typing import assert_never
@@ -7,7 +7,15 @@ import msgspec
 from msgspec.structs import replace
 
 from harness.contracts.places import Route, Site
-from harness.contracts.site_events import RouteRemoved, RouteSaved, SiteEvent, TemplateRemoved, TemplateSaved
+from harness.contracts.site_events import (
+    RobotRemoved,
+    RobotSaved,
+    RouteRemoved,
+    RouteSaved,
+    SiteEvent,
+    TemplateRemoved,
+    TemplateSaved,
+)
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Count, Value
 from harness.projections.places import as_changed
@@ -28,12 +36,20 @@ class ChangedTemplate(Value):
     revision: Count
 
 
+class ChangedRobot(Value):
+    """The newest change to a robot: `text`, its YAML, is empty where it was removed."""
+
+    text: str
+    revision: Count
+
+
 class SiteChanges(Value):
-    """The fold of a site's changes, by the names of routes and missions."""
+    """The fold of a site's changes, by the names of routes, missions and robots."""
 
     version: Count = 0
     routes: dict[str, ChangedRoute] = msgspec.field(default_factory=dict)
     templates: dict[str, ChangedTemplate] = msgspec.field(default_factory=dict)
+    robots: dict[str, ChangedRobot] = msgspec.field(default_factory=dict)
 
     def route_revision(self, name: str) -> int:
         """0 for a route that nobody changed."""
@@ -43,6 +59,11 @@ class SiteChanges(Value):
     def template_revision(self, name: str) -> int:
         """0 for a mission that nobody changed."""
         change = self.templates.get(name)
+        return change.revision if change is not None else 0
+
+    def robot_revision(self, name: str) -> int:
+        """0 for a robot that nobody changed."""
+        change = self.robots.get(name)
         return change.revision if change is not None else 0
 
 
@@ -59,6 +80,10 @@ def apply(changes: SiteChanges, event: SiteEvent) -> SiteChanges:
         case TemplateRemoved():
             change = ChangedTemplate(template=None, text="", revision=event.revision)
             return _with_template(changes, event.name, change)
+        case RobotSaved():
+            return _with_robot(changes, event.name, ChangedRobot(text=event.text, revision=event.revision))
+        case RobotRemoved():
+            return _with_robot(changes, event.name, ChangedRobot(text="", revision=event.revision))
         case _:
             assert_never(event)
 
@@ -81,3 +106,7 @@ def _with_route(changes: SiteChanges, name: str, change: ChangedRoute) -> SiteCh
 
 def _with_template(changes: SiteChanges, name: str, change: ChangedTemplate) -> SiteChanges:
     return replace(changes, version=changes.version + 1, templates=changes.templates | {name: change})
+
+
+def _with_robot(changes: SiteChanges, name: str, change: ChangedRobot) -> SiteChanges:
+    return replace(changes, version=changes.version + 1, robots=changes.robots | {name: change})

@@ -141,7 +141,7 @@ def robot_problems(robots: RobotsFile, file: Path, lines: Lines) -> Iterator[Har
         other = addresses.setdefault(one.identity.rstrip("/"), one.name)
         if other != one.name:
             yield problem(because("address_of_two", name=one.name, other=other), "robots", index, "address")
-        for secret, path in _secrets(one):
+        for secret, path in robot_secrets(one):
             if not secret.has_one_place:
                 yield problem(because("secret_needs_one_place"), "robots", index, *path)
         if one.evidence is not None:
@@ -179,7 +179,7 @@ def robot_notes(
 ) -> Iterator[ContractInvalid]:
     """A token that is not there yet: the robot cannot be connected, and everything else can be checked."""
     for index, one in enumerate(robots.robots):
-        for secret, path in _secrets(one):
+        for secret, path in robot_secrets(one):
             if not has_secret(secret):
                 yield ContractInvalid(
                     because("token_not_there", name=one.name, reference=secret.place),
@@ -187,7 +187,7 @@ def robot_notes(
                 )
 
 
-def _secrets(entry: RobotEntry) -> Iterator[tuple[SecretReference, tuple[Step, ...]]]:
+def robot_secrets(entry: RobotEntry) -> Iterator[tuple[SecretReference, tuple[Step, ...]]]:
     """The secrets that an entry names, with where they stand in it."""
     match entry:
         case HttpRobotEntry():

@@ -136,6 +136,11 @@ AddressedEntry = HttpRobotEntry | VehicleEntry
 RobotEntry = SimulatedRobotEntry | HttpRobotEntry | VehicleEntry
 
 
+def kind_of(entry: RobotEntry) -> str:
+    """`kind` of an entry, as its YAML says it."""
+    return str(entry.__struct_config__.tag)
+
+
 class RobotsFile(Value):
     """robots.yaml."""
 

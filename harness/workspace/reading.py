@@ -51,10 +51,14 @@ MISSIONS, CONFORMANCE = "missions", "conformance"
 
 @dataclass(frozen=True)
 class SiteFiles:
-    """What people's changes to a site are checked against and written beside: its floor map, and its missions' YAML."""
+    """What people's changes to a site are checked against and written beside: its floor map, its missions' YAML, its
+    robots and the YAML of robots.yaml.
+    """
 
     floor: GridMap | None = None
     missions: Mapping[str, str] = field(default_factory=dict)
+    robots: tuple[RobotEntry, ...] = ()
+    robots_text: str = ""
 
 
 NO_FILES = SiteFiles()
@@ -154,7 +158,12 @@ class Reader:
             channels=channels,
             models=models,
             notes=tuple(self.notes),
-            files=SiteFiles(floor=floor, missions={one.name: lines.text for one, _, lines in missions}),
+            files=SiteFiles(
+                floor=floor,
+                missions={one.name: lines.text for one, _, lines in missions},
+                robots=robots[0].robots,
+                robots_text=robots[1].text,
+            ),
             mission_files={one.name: file for one, file, _ in missions},
         )
 

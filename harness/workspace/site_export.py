@@ -1,5 +1,5 @@
-"""Writes the places, routes and own missions of a site back to the YAML of its folder; the rest keeps its text and
-comments.
+"""Writes the places, routes, own missions and robots of a site back to the YAML of its folder; the rest keeps its text
+and comments.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,6 +12,7 @@ import msgspec
 from harness.contracts.places import Place, Route, Site
 from harness.projections.site_changes import SiteChanges
 from harness.workspace.reading import MISSIONS, Workspace
+from harness.workspace.robot_entries import entry_texts
 
 LISTS: Mapping[str, str] = {"places": "place_id", "routes": "name"}
 """The lists of site.yaml that are written back, and the key that names their items."""
@@ -24,17 +25,46 @@ def exported(text: str, *, before: Site, now: Site) -> str:
     """
     if before.places == now.places and before.routes == now.routes:
         return text
+    yaml = _yaml()
+    document = yaml.load(text)
+    for key, name in LISTS.items():
+        old = {getattr(one, name): one for one in getattr(before, key)}
+        new = {getattr(one, name): one for one in getattr(now, key)}
+        _update(document[key], old, new, name)
+    return _dumped(yaml, document)
+
+
+def exported_robots(workspace: Workspace, changes: SiteChanges) -> str:
+    """robots.yaml with the changes from the console. Equal to its text where nothing differs from it."""
+    text, texts = workspace.files.robots_text, entry_texts(workspace.files.robots_text)
+    changed = {name: one.text for name, one in changes.robots.items() if one.text != texts.get(name, "")}
+    if not changed:
+        return text
+    yaml = _yaml()
+    document = yaml.load(text)
+    items = document["robots"]
+    for index in range(len(items) - 1, -1, -1):
+        name = str(items[index]["name"])
+        if changed.get(name) == "":
+            del items[index]
+        elif name in changed:
+            items[index] = yaml.load(changed[name])
+    items.extend(yaml.load(one) for name, one in changed.items() if one and name not in texts)
+    return _dumped(yaml, document)
+
+
+def _yaml() -> Any:
+    """A reader and writer that keeps comments and quotes."""
     from ruamel.yaml import YAML  # noqa: PLC0415  it loads slowly, and no other command needs it
 
     yaml = YAML()
     yaml.preserve_quotes = True
     yaml.width = 120
     yaml.indent(mapping=2, sequence=4, offset=2)
-    document = yaml.load(text)
-    for key, name in LISTS.items():
-        old = {getattr(one, name): one for one in getattr(before, key)}
-        new = {getattr(one, name): one for one in getattr(now, key)}
-        _update(document[key], old, new, name)
+    return yaml
+
+
+def _dumped(yaml: Any, document: Any) -> str:
     out = StringIO()
     yaml.dump(document, out)
     return out.getvalue()

@@ -20,6 +20,8 @@ from tests.builders.people import PASSWORD
 from tests.builders.releases import candidate, tried
 
 TURNS = ("claim", "release", "on-my-way", "choose", "ask-colleague", "take-over", "hand-back", "close")
+EDITED = ("/routes/", "/own-missions/", "/own-robots/")
+"""Pages and addresses under which something of the site is changed by its name."""
 ALERT_TURNS = ("acknowledge", "shelve", "suppress", "restore", "assign")
 PHOTOGRAPH = b"\xff\xd8\xff a photograph that nothing refers to"
 RECORDING = b"{}"
@@ -80,7 +82,7 @@ class ConsoleWithRoles:
             last = path.rpartition("/")[2]
             names |= {"upload_id": self.upload(last if last in ("cloud", "map") else "recording")}
             names |= {"job_id": self.replay()} if "{job_id}" in path else {}
-        names |= {"name": self.named(path)} if "/routes/" in path or "/own-missions/" in path else {}
+        names |= {"name": self.named(path)} if any(one in path for one in EDITED) else {}
         return re.sub(r"\{(\w+)(:\w+)?\}", lambda found: names.get(found[1], "1"), path)
 
     def upload(self, kind: str) -> str:
@@ -131,7 +133,7 @@ class ConsoleWithRoles:
             return {"name": "Office", "x_m": 1.0, "y_m": 1.0, "reason": "because"}
         if path == "/api/v1/places/{place_id}/remove":
             return {"basis": 7, "reason": "because"}
-        if "/routes/" in path or "/own-missions/" in path:
+        if any(one in path for one in EDITED):
             return self.at_site(path)
         if last in ALERT_TURNS or path.startswith("/places/"):
             return self.looked_after(last)
@@ -183,20 +185,25 @@ class ConsoleWithRoles:
         return known.get(last, {})
 
     def named(self, path: str) -> str:
-        """A mission of the site's own that names no place, or a route that no way to safety uses."""
+        """A mission of the site's own that names no place, a robot, or a route that no way to safety uses."""
         if "/own-missions/" in path:
             return "camera-report"
+        if "/own-robots/" in path:
+            return "vbot-2"
         site = self.stand.harness.runtime.site
         authorised = {zone.retreat.route for zone in site.zones if zone.retreat is not None}
         return next(one.name for one in site.routes if one.name not in authorised)
 
     def at_site(self, path: str) -> dict[str, object]:
-        """A valid body for a change of a route or of a mission of the site's own."""
+        """A valid body for a change of a route, of a mission of the site's own, or of a robot."""
         last, form = path.rpartition("/")[2], not path.startswith("/api/")
         if last == "remove":
             return {"basis": "1" if form else 7, "reason": "because"}
         runtime, known = self.stand.harness.runtime, self.named(path)
         named = "lane-1" if last == "new" else known
+        if "/own-robots/" in path:
+            named = "vbot-9" if last == "new" else "vbot-2"
+            return {"text": f"name: {named}\nkind: simulator\n", "reason": "because"}
         if "/own-missions/" in path:
             template = next(one for one in runtime.beside if one.name == known)
             return {"text": yaml.safe_dump(to_builtins(replace(template, name=named))), "reason": "because"}

@@ -29,6 +29,9 @@ from harness.projections.mission import Mission
 from harness.recordings import replayed_beside
 from harness.runtime import Start
 from harness.settings import HarnessSettings
+from harness.site_robots import SiteRobots
+from harness.workspace.files import SimulatedRobotEntry
+from harness.workspace.reading import SiteFiles
 from rsi_reviews.candidate_queries import selected
 from rsi_reviews.deciders import DECIDERS
 from simulator.in_process import SIMULATOR
@@ -38,6 +41,11 @@ BASE = "http://127.0.0.1:8000"
 OWN = {"Origin": BASE, "Sec-Fetch-Site": "same-origin"}
 FOREIGN = {"Origin": "https://elsewhere.example", "Sec-Fetch-Site": "cross-site"}
 OWNER = "owner-token"
+TWO_ROBOTS = SiteFiles(
+    robots=(SimulatedRobotEntry(name="vbot-1"), SimulatedRobotEntry(name="vbot-2")),
+    robots_text="robots:\n  - name: vbot-1\n    kind: simulator\n  - name: vbot-2\n    kind: simulator\n",
+)
+"""The robots of a site's folder, as people change them in the console."""
 
 
 @dataclass(frozen=True)
@@ -144,6 +152,8 @@ def console_stand(
             teleoperation=harness.teleoperation,
             folder=folder,
             replays=ReplayJobs(partial(replayed_beside, harness, HarnessSettings(speed=0))) if folder else None,
+            site_files=TWO_ROBOTS,
+            site_robots=SiteRobots(simulated=("vbot-1", "vbot-2"), from_folder=True),
         )
         try:
             yield Stand(harness, app)

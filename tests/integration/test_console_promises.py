@@ -239,6 +239,8 @@ TWINS = {
     "/places/{place_id}/edit": "/places/{place_id}",
     "/routes/new": "/routes/{name}",
     "/routes/{name}/edit": "/routes/{name}",
+    "/own-robots/new": "/own-robots/{name}",
+    "/own-robots/{name}/edit": "/own-robots/{name}",
     "/own-missions/new": "/own-missions/{name}",
     "/own-missions/{name}/edit": "/own-missions/{name}",
     "/queue/{mission_id}/withdraw": "/missions/{mission_id}/withdraw",

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.ids import RobotId
 from harness.runtime import Start
 from harness.settings import HarnessSettings
+from harness.site_robots import robot_names
 from harness.workspace.new_folder import write_folder
 from rsi_reviews.deciders import DECIDERS
 from tests.builders.accounts import quick_accounts
@@ -44,15 +46,18 @@ class Hall:
     def route(self, name: str) -> Any:
         return next(one for one in self.site.routes if one.name == name)
 
+    def robots(self) -> dict[str, Any]:
+        return {one["name"]: one for one in self.client.get("/api/v1/own-robots").json()}
+
     def missions(self) -> dict[str, Any]:
         return {one["name"]: one for one in self.client.get("/api/v1/own-missions").json()}
 
 
 @contextmanager
-def opened(folder: Path) -> Iterator[Hall]:
+def opened(folder: Path, *, robots: tuple[str, ...] = ()) -> Iterator[Hall]:
     settings = ConsoleSettings(port=8000, robots=(), password_memory_kib=19456)
     accounts = quick_accounts(settings)
-    chosen = HarnessSettings(site_folder=folder, data_folder=folder / "var", no_robots=True)
+    chosen = HarnessSettings(site_folder=folder, data_folder=folder / "var", no_robots=True, robots=robots)
     with open_harness(chosen, deciders=DECIDERS, authority=authority(accounts)) as harness:
         app = create_app(
             harness.runtime,
@@ -61,6 +66,7 @@ def opened(folder: Path) -> Iterator[Hall]:
             NoSceneViews(),
             accounts=accounts,
             site_files=harness.site_files,
+            site_robots=harness.site_robots,
         )
         try:
             client = TestClient(app, base_url=BASE, follow_redirects=False, headers=OWN)
@@ -285,6 +291,117 @@ def test_changes_are_written_back_to_the_files_and_read_again_as_they_are(tmp_pa
     assert not (folder / "missions" / f"{name}.yaml").exists()
     with opened(folder) as hall:
         assert set(hall.missions()) == {"second-way"} and hall.site.routes == before.routes
+
+
+ARM = """\
+# the arm in hall B
+name: arm
+kind: http
+address: http://192.0.2.7:8080
+token: {environment: ROBOT_ARM_TOKEN}
+"""
+
+
+def test_a_robot_is_added_and_the_next_start_connects_it(tmp_path: Path) -> None:
+    write_folder(tmp_path / "hall", name="hall", map_file=HALL)
+    with opened(tmp_path / "hall") as hall:
+        first = next(iter(hall.robots()))
+        answer = hall.client.post("/own-robots/new", data={"text": ARM, "reason": "bought"})
+        assert answer.status_code == 303, answer.text
+        added = hall.robots()["arm"]
+        assert (added["kind"], added["address"], added["revision"]) == ("http", "http://192.0.2.7:8080", 1)
+        assert (added["in_force"], hall.robots()[first]["in_force"]) == (False, True)
+        page = hall.client.get("/own-robots").text
+        assert "from the next start" in page and "start the console again" in page
+        assert "bought" in hall.client.get("/own-robots/arm/edit").text
+        assert hall.client.post("/own-robots/new", data={"text": ARM, "reason": "twice"}).status_code == 422
+        gone = hall.client.post(f"/own-robots/{first}/remove", data={"basis": "0", "reason": "sold"})
+        assert gone.status_code == 303, gone.text
+        assert "still driven until then" in hall.client.get("/own-robots").text
+        last = hall.client.post("/api/v1/own-robots/arm/remove", json={"basis": 1, "reason": "sold too"})
+        assert last.status_code == 422 and "robot_is_last" in last.text, last.text
+    with opened(tmp_path / "hall") as hall:
+        assert hall.robots().keys() == {"arm"} and hall.robots()["arm"]["in_force"]
+        assert [one.name for one in hall.harness.site_robots.addressed] == []
+        assert "start the console again" not in hall.client.get("/own-robots").text
+    chosen = HarnessSettings(site_folder=tmp_path / "hall", data_folder=tmp_path / "hall" / "var")
+    assert robot_names(chosen) == ("arm",)
+    code, shown, _ = regen("site", "export", str(tmp_path / "hall"), "--write")
+    assert (code, shown["written"]) == (0, True)
+    assert "hall B" in (tmp_path / "hall" / "robots.yaml").read_text(), "its comment goes to the file"
+    found = workspace_in(tmp_path / "hall").robots
+    assert [one.name for one in found] == ["arm"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (ARM.replace("kind: http", "kind: telnet"), "arm.yaml:3"),
+        (ARM.replace("ROBOT_ARM_TOKEN", "DATABASE_PASSWORD"), "may not name the secret DATABASE_PASSWORD"),
+        (ARM.replace("{environment: ROBOT_ARM_TOKEN}", "{file: /etc/shadow}"), "may not name the secret /etc/shadow"),
+        (ARM.replace("{environment: ROBOT_ARM_TOKEN}", "{file: secrets/../site.yaml}"), "may not name the secret"),
+        (ARM.replace("{environment: ROBOT_ARM_TOKEN}", "{}"), "name one of them"),
+        (ARM + "speed: 3\n", "unknown field"),
+        (ARM.replace("http://192.0.2.7:8080", "file:///etc/passwd"), "arm.yaml"),
+        (ARM.replace("name: arm", "name: Arm One"), "arm.yaml"),
+        (ARM + "footprint_m: [[0, 0]]\n", "fewer than three corners"),
+        ("- a\n- list\n", "arm.yaml"),
+    ],
+)
+def test_what_is_wrong_with_a_robot_names_its_line_and_nothing_is_saved(hall: Hall, text: str, said: str) -> None:
+    before = hall.robots()
+    answer = hall.client.post("/own-robots/new", data={"text": text, "reason": "bought"})
+    assert answer.status_code == 422
+    assert said.replace("arm.yaml", "robot.yaml") in unescape(answer.text)
+    assert hall.robots() == before
+
+
+def test_an_entry_keeps_the_secret_of_its_file_only_at_its_address(tmp_path: Path) -> None:
+    folder = write_hall_with_arm(tmp_path, token="{environment: PLANT_TOKEN}")
+    with opened(folder) as hall:
+        text = hall.robots()["arm"]["text"]
+        assert text.startswith("name: arm") and "PLANT_TOKEN" in text
+        same = {"text": text + "speed_limit_mps: 0.4\n", "basis": "0", "reason": "slower"}
+        assert hall.client.post("/own-robots/arm/edit", data=same).status_code == 303
+        moved = same | {"text": text.replace("192.0.2.7", "192.0.2.66"), "basis": "1"}
+        answer = hall.client.post("/own-robots/arm/edit", data=moved)
+        assert answer.status_code == 422 and "may not name the secret PLANT_TOKEN" in answer.text
+        stale = hall.client.post("/own-robots/arm/edit", data=same)
+        assert stale.status_code == 409
+        renamed = same | {"text": text.replace("name: arm", "name: leg"), "basis": "1"}
+        assert hall.client.post("/own-robots/arm/edit", data=renamed).status_code == 422
+
+
+def test_a_change_that_the_file_contradicts_later_is_left_out_with_its_reason(tmp_path: Path) -> None:
+    folder = tmp_path / "hall"
+    write_folder(folder, name="hall", map_file=HALL)
+    with opened(folder) as hall:
+        assert hall.client.post("/own-robots/new", data={"text": ARM, "reason": "bought"}).status_code == 303
+    write_arm(folder, name="leg", token="{environment: PLANT_TOKEN}")
+    with opened(folder) as hall:
+        assert "arm" not in hall.robots() and "leg" in hall.robots()
+        assert hall.harness.absent[RobotId("arm")].code == "address_of_two"
+
+
+def test_robots_that_the_start_named_are_not_changed_by_a_folder(tmp_path: Path) -> None:
+    write_folder(tmp_path / "hall", name="hall", map_file=HALL)
+    with opened(tmp_path / "hall", robots=("vbot-1",)) as hall:
+        page = hall.client.get("/own-robots").text
+        assert "--robots" in page and "/own-robots/new" not in page
+        answer = hall.client.post("/own-robots/new", data={"text": ARM, "reason": "bought"})
+        assert answer.status_code == 422 and "apart from its site" in unescape(answer.text)
+
+
+def write_hall_with_arm(folder: Path, *, token: str) -> Path:
+    write_folder(folder / "hall", name="hall", map_file=HALL)
+    write_arm(folder / "hall", name="arm", token=token)
+    return folder / "hall"
+
+
+def write_arm(folder: Path, *, name: str, token: str) -> None:
+    entry = f"  - name: {name}\n    kind: http\n    address: http://192.0.2.7:8080\n    token: {token}\n"
+    file = folder / "robots.yaml"
+    file.write_text(file.read_text().rstrip() + "\n" + entry)
 
 
 def test_a_mission_that_is_under_way_keeps_the_route_it_was_compiled_with() -> None:
