@@ -14,7 +14,8 @@ PHONE = 390
 WATCHING = (
     "/", "/missions", "/missions/{ended}", "/missions/{ended}/report", "/missions/{ended}/log", "/alerts", "/robots",
     "/robots/vbot-1", "/queue", "/evidence", "/providers", "/places", "/memory", "/audit", "/account",
-    "/account/people", "/fleet", "/recordings",
+    "/account/people", "/fleet", "/recordings", "/shadow", "/routes/new", "/own-missions", "/own-missions/new",
+    "/own-robots", "/own-robots/new",
 )  # fmt: skip
 DECIDING = (
     "/missions/new", "/missions/{asking}/stop", "/handoffs", "/handoffs/{handoff}", "/robots/vbot-1/drive",

@@ -19,7 +19,7 @@ from tests.builders.serving import Serving, hold, serving
 CHINESE = {"Accept-Language": "zh-CN,zh;q=0.9,en;q=0.4"}
 PASSWORD = "seven green bottles"
 PHONE = 390
-NARROW = ("/candidates/{canary}", "/releases", "/places", "/memory")
+NARROW = ("/candidates/{canary}", "/releases", "/places", "/memory", "/own-missions", "/own-robots")
 """Pages with the longest words and the widest tables."""
 WATCHING = (
     "/", "/missions", "/missions?status=waiting", "/missions/{ended}", "/missions/{ended}/report",
@@ -30,6 +30,8 @@ WATCHING = (
 )  # fmt: skip
 DEEP = (
     "/evidence", "/providers", "/places", "/places/new", "/places/anchor_a/edit", "/memory",
+    "/routes/new", "/routes/circuit/edit", "/own-missions", "/own-missions/new", "/own-missions/camera-report/edit",
+    "/own-robots", "/own-robots/new", "/shadow", "/fleet", "/recordings",
     "/memory?role=episodic&everything=true", "/memory?role=operational", "/memory?role=semantic",
     "/memory?subject=nobody", "/audit?verify=true&everything=true", "/audit?actor=nobody",
     "/missions/{ended}?node=panorama", "/missions/{asking}?node=circuit",

@@ -138,7 +138,7 @@ REMEDIES: Mapping[str, str] = {
     "robot_is_last": N_("add the other robot first"),
     "robot_name_taken": N_("choose another name, or change that robot"),
     "robot_renamed": N_("leave its name, or add a robot of the other name"),
-    "robots_named_at_start": N_("start it with --site and without --robots"),
+    "robots_named_at_start": N_("start it with `--site` and without `--robots`"),
     "secret_out_of_reach": N_("name a variable that begins with {prefix}, or a file in {folder} of the site's folder"),
     "secret_needs_one_place": N_("write `environment: NAME` or `file: PATH` below it"),
     "secret_not_set": N_("set it in the shell that starts this"),
