@@ -80,4 +80,6 @@ def _authorised(answer: ClauseAnswer, review: Review) -> Reason:
     if answer.answer == "pass" and review.authorised is not None:
         by = review.authorised.by
         return because("clause_authorised", actor=by.actor.name, at_s=by.at_s, approvals=len(review.approvals))
+    if answer.answer == "inconclusive":
+        return because("clause_not_authorised_yet")
     return because("clause_not_authorised", status=review.status)

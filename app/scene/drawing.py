@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from math import cos, sin
+from math import cos, dist, sin
 
 import numpy as np
 import viser
@@ -19,6 +19,8 @@ FORBIDDEN = (236, 92, 92)
 ZONE, REGION, PASSAGE = (104, 114, 125), (84, 130, 190), (196, 138, 74)
 STAGES = ((64, 156, 255), (92, 201, 160), (240, 178, 85), (176, 132, 235), (236, 112, 128), (120, 200, 230))
 LINE_M = 0.05
+LABEL_WIDTH_M, LABEL_HEIGHT_M = 3.0, 0.5
+"""Labels nearer than a width to each other stand at different heights, so that both can be read."""
 HULL = (
     ("body", (0.62, 0.26, 0.16), (0.0, 0.0, 0.36)),
     ("head", (0.16, 0.18, 0.14), (0.37, 0.0, 0.42)),
@@ -47,6 +49,7 @@ class Drawing:
         self._camera = server.initial_camera
         self._robot: viser.FrameHandle | None = None
         self._nodes: dict[str, viser.SceneNodeHandle] = {}
+        self._labels: dict[str, tuple[float, float, float]] = {}
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
@@ -69,7 +72,9 @@ class Drawing:
         self._scene.add_cylinder(
             f"/anchor/{name}", radius=0.25, height=0.03, color=ANCHOR, position=(x, y, 0.02), wxyz=LYING
         )
-        self._scene.add_label(f"/label/{name}", name, position=(x, y, 0.6), anchor="bottom-center")
+        self._scene.add_label(
+            f"/label/{name}", name, position=self._free(f"/label/{name}", x, y, 0.6), anchor="bottom-center"
+        )
 
     def forbidden(self, name: str, region_m: Sequence[Point]) -> None:
         """A zone that the contract forbids, as a closed outline."""
@@ -89,7 +94,18 @@ class Drawing:
         self._scene.add_line_segments(path, pairs, colors=colour, thickness=width_m)
         if label:
             x, y = corners[:-1, 0].mean(), corners[:-1, 1].mean()
-            self._scene.add_label(f"{path}/label", label, position=(float(x), float(y), 0.3))
+            self._scene.add_label(f"{path}/label", label, position=self._free(path, float(x), float(y), 0.3))
+
+    def _free(self, name: str, x: float, y: float, lowest_m: float) -> tuple[float, float, float]:
+        """Where the label of this name stands: above those that it would cover."""
+        near = [
+            z for one, (ax, ay, z) in self._labels.items() if one != name and dist((x, y), (ax, ay)) < LABEL_WIDTH_M
+        ]
+        z = lowest_m
+        while any(abs(z - one) < LABEL_HEIGHT_M for one in near):
+            z += LABEL_HEIGHT_M
+        self._labels[name] = (x, y, z)
+        return x, y, z
 
     def route(self, name: str, waypoints: Sequence[Point]) -> None:
         """The commanded reference as a dashed line."""

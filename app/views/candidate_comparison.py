@@ -10,14 +10,16 @@ from app.views.review_results import FamilyRow, MeasuredResults
 from app.views.shell import Shell
 from rsi_reviews.contracts import CLAUSES, ClauseAnswer
 from rsi_reviews.difference import CandidateDifference
+from rsi_reviews.evaluation_jobs import EvaluationJob
 from rsi_reviews.projections import Review
 
 
 @dataclass(frozen=True)
 class ComparedCandidate:
-    """What the console found of one of the two."""
+    """What the console found of one of the two. `job`: its newest evaluation."""
 
     review: Review
+    job: EvaluationJob | None
     difference: CandidateDifference
     measured: MeasuredResults | None
     clauses: Sequence[ClauseAnswer]
@@ -28,6 +30,7 @@ class ComparedSide:
     """One of the two as it is shown. `better_by` is the paired gain over all families, with its interval."""
 
     review: Review
+    job: EvaluationJob | None
     title: str
     change: tuple[ChangeLine, ...]
     measured: MeasuredResults | None
@@ -69,7 +72,13 @@ def comparison_page(
 ) -> ComparisonPage:
     """`every`: all candidates, newest first, to choose the second from."""
     sides = tuple(
-        ComparedSide(one.review, title_of(one.review), tuple(map(change_line, one.difference.changes)), one.measured)
+        ComparedSide(
+            one.review,
+            one.job,
+            title_of(one.review),
+            tuple(map(change_line, one.difference.changes)),
+            one.measured,
+        )
         for one in found
     )
     others = [one for one in every if one.candidate != first and one.manifest is not None]

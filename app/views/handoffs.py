@@ -17,7 +17,14 @@ from app.views.shell import Shell
 from app.views.svg_floor import polyline
 from app.views.tabbed_list import Group, ListShape
 from harness.contracts.effects import Condition
-from harness.contracts.handoff_events import LONGEST_WAIT_S, SLOWEST_MPS, HandoffEvent, HandoffOpened, ProposedAction
+from harness.contracts.handoff_events import (
+    LONGEST_WAIT_S,
+    SLOWEST_MPS,
+    HandoffEscalated,
+    HandoffEvent,
+    HandoffOpened,
+    ProposedAction,
+)
 from harness.contracts.ids import PlaceId
 from harness.contracts.read_models import HandoffItem
 from harness.contracts.routine_approvals import is_routine
@@ -256,7 +263,7 @@ def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, inputs: Hando
         paused=mission.status == "paused",
         following=_following(handoff, mission),
         similar=similar(inputs.earlier, handoff),
-        lines=history(inputs.told),
+        lines=history(inputs.told, inputs.services),
         reasons=REASONS,
         routine=is_routine(opened.failure, opened.reason),
     )
@@ -480,17 +487,32 @@ def similar(items: Sequence[HandoffItem], handoff: Handoff) -> tuple[HandoffItem
     )
 
 
-def history(events: HandoffEvents) -> tuple[HistoryLine, ...]:
-    """The question's own events, newest last."""
-    return tuple(HistoryLine(position=position, at_s=at_s, text=_sentence(event)) for position, at_s, event in events)
+def history(events: HandoffEvents, services: Sequence[str] = ()) -> tuple[HistoryLine, ...]:
+    """The question's own events, newest last. `services`: those that this installation notifies."""
+    return tuple(
+        HistoryLine(position=position, at_s=at_s, text=_escalated(event, services) or _sentence(event))
+        for position, at_s, event in events
+    )
+
+
+def _escalated(event: HandoffEvent, services: Sequence[str]) -> str:
+    """What an escalation did here, where it is one; nobody is called whom no one configured."""
+    if not isinstance(event, HandoffEscalated):
+        return ""
+    if event.level not in OUTSIDE:
+        text = N_("nobody had taken it; open consoles played a sound where sounds are on")
+    elif services:
+        text = lazy_gettext("nobody had taken it; notified: {services}", services=", ".join(services))
+    else:
+        text = N_("nobody had taken it; no service is configured that could be notified")
+    return lazy_gettext("{what}, asked by {who}", what=text, who=event.actor.name) if event.actor else text
 
 
 def _sentence(event: HandoffEvent) -> str:
     words = "".join(f" {one.lower()}" if one.isupper() else one for one in type(event).__name__).strip()
     words = words.removeprefix("handoff ")
     actor, reason = getattr(event, "actor", None), getattr(event, "reason", "")
-    level, device = getattr(event, "level", ""), getattr(event, "device", "")
-    text = lazy_gettext("{what} {level}", what=word(words), level=word(level)) if level else word(words)
-    text = lazy_gettext("{what} by {who}", what=text, who=actor.name) if actor else text
+    device = getattr(event, "device", "")
+    text = lazy_gettext("{what} by {who}", what=word(words), who=actor.name) if actor else word(words)
     text = lazy_gettext("{what} from {device}", what=text, device=device) if device else text
     return lazy_gettext("{what}: {reason}", what=text, reason=reason) if reason else text

@@ -190,6 +190,8 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "provider": evidence.provider,
     "put_away": alerts.put_away,
     "question": handoffs.question,
+    "author": review.author,
+    "written_reason": review.written_reason,
     "review_tone": candidates.tone,
     "review_status": candidates.status_shown,
     "place_name": places.place_name,

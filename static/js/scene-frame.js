@@ -12,7 +12,11 @@ for (const frame of document.querySelectorAll(".scene iframe")) {
 
 for (const button of document.querySelectorAll("[data-full-screen]")) {
   button.hidden = !document.fullscreenEnabled;
+  const enter = button.textContent;
   button.addEventListener("click", () => document.fullscreenElement ? document.exitFullscreen() : button.parentElement.requestFullscreen());
+  document.addEventListener("fullscreenchange", () => {
+    button.textContent = document.fullscreenElement ? button.dataset.leave : enter;
+  });
 }
 
 document.body.addEventListener("live:resync", () => {

@@ -83,6 +83,17 @@ def test_no_progress_is_replanned_by_the_same_provider_and_then_given_to_another
     assert (switch.action, switch.provider_id) == ("switch_skill", "careful-local-planner")
 
 
+def test_an_execution_that_ended_with_the_very_failure_is_said_once() -> None:
+    state = failing("no_progress")
+    assert state.failure is not None
+    ended = because("execution_over_with_failure", terminal="failed", failure="no_progress")
+    said = sentence(recover(c4(replace(state, failure=replace(state.failure, reason=ended)))).reason)
+    assert said.startswith("No progress. Tried before")
+    other = because("execution_over_with_failure", terminal="failed", failure="fallen")
+    said = sentence(recover(c4(replace(state, failure=replace(state.failure, reason=other)))).reason)
+    assert said.startswith("No progress (the execution ended failed: fallen).")
+
+
 @pytest.mark.ledger("R126", symbol="harness.recovery.ladder:recover")
 def test_an_unsafe_action_stops_safely_and_then_asks_a_person_at_no_cost() -> None:
     stop = recover(c4(failing("unsafe_action")))
