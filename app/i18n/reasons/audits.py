@@ -50,6 +50,7 @@ SENTENCES: Mapping[str, str] = {
     "audited_target_of_other_inputs": N_("the target was proposed from other inputs than the mission's: {inputs}"),
     "audited_verdict_differs": N_("the verdict was {stored:word}; derived again it is {derived:word}"),
     "audited_verdict_unanswered": N_("no verifier answered, yet the verdict is {stored:word}"),
+    "decision_unreadable": N_("position {position}: {reason}"),
     "dossier_erasure_without_event": N_("the dossier says that blob {digest} was erased, but none of its events does"),
     "dossier_goal_of_other_transcript": N_("the goal is not the text of its transcript"),
     "dossier_judgement_differs": N_(
