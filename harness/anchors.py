@@ -1,4 +1,4 @@
-"""Compares the log with anchors that were kept elsewhere: what was cut off or written anew since then is found."""
+"""Compares the log with anchors that were kept elsewhere, to find out whether it was truncated or rewritten since."""
 
 from collections.abc import Sequence
 from pathlib import Path

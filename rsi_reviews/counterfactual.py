@@ -20,7 +20,7 @@ from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.ids import Digest, MissionId, NodeId, StreamId
 from harness.contracts.ports import Record, StoredEvent
 from harness.contracts.proposals import RecoveryProposal
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Reason, because
 from harness.contracts.values import Count, Value, decode, raw
 from harness.planning.planner import plan
 from harness.projections.mission import Mission
@@ -63,7 +63,7 @@ class MissionCounterfactual(Value):
     status: str
     derived: dict[Kind, Count]
     differences: tuple[DecisionDifference, ...]
-    unreadable: tuple[str, ...] = ()
+    unreadable: tuple[Reason, ...] = ()
 
 
 class Counterfactual(Value):
@@ -96,7 +96,7 @@ def _mission(runtime: MissionRecords, configuration: Configuration, mission_id: 
         raise UnknownName(because("unknown_mission", mission_id=mission_id))
     again = _Again(runtime, configuration)
     differences: list[DecisionDifference] = []
-    unreadable: list[str] = []
+    unreadable: list[Reason] = []
     template = ""
     for one in stored:
         event = _CODEC.decode(one)
@@ -105,7 +105,7 @@ def _mission(runtime: MissionRecords, configuration: Configuration, mission_id: 
         try:
             differences += again.differences(one, event)
         except HarnessError as error:
-            unreadable.append(f"position {one.position}: {error}")
+            unreadable.append(because("decision_unreadable", position=one.position, reason=error.located))
     return MissionCounterfactual(
         mission_id=mission_id,
         template=template,

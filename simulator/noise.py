@@ -1,4 +1,4 @@
-"""Random streams keyed by (seed, subsystem, index), so that the same event draws the same number in paired runs."""
+"""Draws normal noise keyed by (seed, subsystem, index), so that the same event draws the same number in paired runs."""
 
 import hashlib
 

@@ -1,4 +1,4 @@
-"""Skills that take pictures: a panorama by segmented rotation in place, and an observer that stands still."""
+"""Skills that take pictures: a panorama by segmented rotation in place, and observing while standing still."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Acts on uploaded files: begin one, replay a recording, import a cloud."""
+"""Acts on uploaded files: begin one, replay a recording, import a cloud or a floor map."""
 
 from collections.abc import Mapping
 from typing import Annotated, ClassVar
@@ -57,8 +57,8 @@ class ReplayUploadAct(base.ActModel):
 
 
 class ImportFloorAct(base.ActModel):
-    """Show an uploaded floor map (map_server) with a map version. Its frame and the size of a cell are said: the size
-    must be the one that the map itself states.
+    """Show an uploaded floor map (map_server) with a map version. The frame and the cell size are given with it; the
+    size must be the one that the map file states.
     """
 
     sentences: ClassVar[Mapping[str, str]] = {
@@ -77,7 +77,7 @@ class ImportFloorAct(base.ActModel):
 class ImportUploadAct(base.ActModel):
     """Split an uploaded cloud and attach it to a map version, as `regen map import` does.
 
-    Its frame and unit are said, because no file says them.
+    Its frame and unit are given with it, because no cloud file states them.
     """
 
     sentences: ClassVar[Mapping[str, str]] = {

@@ -1,7 +1,7 @@
 """Reads what a provider's shipped conformance file claims; it is a claim until the conformance kit is run."""
 
 from app.views.providers import Conformance
-from harness.conformance.declaration import shipped
+from harness.conformance.conformance_file import shipped
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import ProviderId
 

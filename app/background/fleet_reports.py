@@ -1,6 +1,6 @@
-"""Robots of other processes on the same database, as their workers report them; and the reports of this one's own.
+"""Keeps what other processes on the same database report of their robots, and sends the reports of this one's own.
 
-Wall time of this process alone: how old a report is counts from its arrival, whatever the clocks of two hosts say.
+A report's age counts from its arrival, by this process's own wall clock: differing clocks of hosts do not matter.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""Shows the evidence live to Foxglove and Lichtblick, as ROS messages by WebSocket: it serves, and takes nothing."""
+"""Streams evidence live to Foxglove and Lichtblick, as ROS messages over WebSocket. It accepts no commands."""
 
 from collections.abc import Callable, Iterable, Mapping
 from importlib.util import find_spec

@@ -1,4 +1,4 @@
-"""Knows who has which page open, from the event streams that pages hold open."""
+"""Tracks who has which page open, from the event streams that pages hold open."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

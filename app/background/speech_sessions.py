@@ -1,4 +1,4 @@
-"""Keeps what people are saying just now: a few recognisers at a time, each of one person, until it falls silent."""
+"""Recognises what people are saying now: a few recognisers at a time, each for one person, until nothing more comes."""
 
 import io
 import threading
@@ -13,13 +13,13 @@ from harness.contracts.reasons import because
 MOST_AT_ONCE = 4
 RATE_HZ = 16_000
 LONGEST_BYTES = 30 * 2 * RATE_HZ
-"""What a recording of a goal may last, at two bytes a sample."""
+"""The longest recording of a goal, at two bytes a sample."""
 SILENT_S = 20.0
 
 
 @dataclass
 class SpeechSession:
-    """One stream, whose it is, its samples so far and when it was last fed (wall seconds)."""
+    """One stream: its owner, its samples so far, and when samples last came (wall seconds)."""
 
     owner: str
     stream: SpeechStream

@@ -1,4 +1,4 @@
-"""Takes files in pieces from browsers and command lines: recordings to replay, clouds to import. Nothing is read here.
+"""Receives files in pieces from browsers and command lines: recordings to replay, maps to import. Parses none of them.
 
 A file is complete when all of its bytes are here; it stays until it is removed or its day is over.
 """

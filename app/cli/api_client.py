@@ -1,4 +1,4 @@
-"""The API as commands use it, whoever answers it: the console that owns the data folder, or this process."""
+"""The API as commands use it, whichever process serves it: the console that owns the data folder, or this process."""
 
 from abc import ABC, abstractmethod
 from typing import Any

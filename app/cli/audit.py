@@ -10,7 +10,7 @@ import typer
 from app.cli import output
 from app.i18n.reasons.rendering import sentence, stating
 from harness.anchors import anchor_line, append_line, compared_with_file, taken_anchor
-from harness.auditing.replay import RECONSTRUCTED, ReplayReport, replay_all, replay_mission
+from harness.auditing.replay import ReplayReport, replay_all, replay_mission
 from harness.bootstrap import read_harness
 from harness.contracts.anchors import AnchorFinding
 from harness.contracts.ids import MissionId
@@ -18,6 +18,7 @@ from harness.contracts.ports import SnapshotFindings
 from harness.contracts.reasons import because
 from rsi_reviews.deciders import DECIDERS
 
+RECONSTRUCTED = "commands reconstructed from events (log from before commands were stored)"
 app = typer.Typer(no_args_is_help=True, help="Reconstruct and check what happened.")
 
 
@@ -121,7 +122,7 @@ def replay(
 
 
 def _row(report: ReplayReport) -> dict[str, Any]:
-    return {**msgspec.to_builtins(report), "state_version": report.k}
+    return {**stating(report), "state_version": report.k}
 
 
 def _lines(report: ReplayReport) -> list[str]:
@@ -138,5 +139,5 @@ def _lines(report: ReplayReport) -> list[str]:
     return [
         f"{report.mission_id}: {report.events} events; {derived}; {gate}; state version {report.k}, "
         f"state {report.state[:16]}; {counted}",
-        *report.differences,
+        *map(sentence, report.differences),
     ]

@@ -6,11 +6,11 @@ from typing import Annotated
 import typer
 
 from app.cli import output
+from app.cli.audit import RECONSTRUCTED
 from app.i18n.reasons.rendering import sentence, stating
 from app.views.unverified import UNVERIFIED
 from harness.auditing.dossier import DossierVerdict
 from harness.auditing.places import PlaceChange
-from harness.auditing.replay import RECONSTRUCTED
 from harness.contracts.dossier import JudgedGoal
 from harness.contracts.erasure_events import BlobErased
 from harness.contracts.spoken_goals import SpokenGoal
@@ -71,5 +71,5 @@ def _lines(found: DossierVerdict) -> list[str]:
         *([f"{found.unrepeated} verdicts cannot be derived again without it."] if found.unrepeated else []),
         *(_place(one) for one in found.places if one.during),
         *([f"{found.reconstructed} decisions derived again with {RECONSTRUCTED}."] if found.reconstructed else []),
-        *(found.differences or ("Every decision derived again; no difference.",)),
+        *(map(sentence, found.differences) if found.differences else ["Every decision derived again; no difference."]),
     ]

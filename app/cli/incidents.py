@@ -161,7 +161,7 @@ def _compared(folder: Path, data: Path, *, as_json: bool) -> None:
     except (OSError, msgspec.MsgspecError) as error:
         raise UnknownName(because("incident_bundle_unreadable", error=str(error)), where=str(folder)) from error
     if case.recorded is None:
-        differences = list(verify_dossier(folder / DOSSIER).differences)
+        differences = [reasons.sentence(one) for one in verify_dossier(folder / DOSSIER).differences]
     else:
         mission_id, drive = _replayed(
             folder / RECORDING, data, target=case.recorded.target or None, topics=list(case.recorded.topics)

@@ -1,4 +1,4 @@
-"""Takes Ctrl-C between two steps of a run: the first asks for an end, a second one ends the program at once."""
+"""Handles Ctrl-C during a run: the first ends the run after its current step, a second ends the program at once."""
 
 import signal
 from collections.abc import Iterator

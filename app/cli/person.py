@@ -1,4 +1,4 @@
-"""Names the user of this machine at this command line, by the kernel's word and not by the environment's."""
+"""Names the operating-system user who runs a command, by the process's user id and not by environment variables."""
 
 import os
 import pwd
@@ -17,7 +17,7 @@ def host_user() -> str:
 
 
 def me() -> Actor:
-    """The user of this machine as an actor: nobody of the accounts, and no person who decides."""
+    """The user of this machine as an actor: it has no account and cannot decide as a person."""
     return here().actor
 
 

@@ -23,7 +23,7 @@ from harness.addressed_robots import met_vehicle, observed_robot
 from harness.baseline.load import workspace_in
 from harness.bootstrap import read_harness
 from harness.conformance.address import AddressedStands, addressed, by_broker
-from harness.conformance.declaration import ConformanceFile, read, shipped
+from harness.conformance.conformance_file import ConformanceFile, read, shipped
 from harness.conformance.findings import ConformanceFinding, ConformanceResult
 from harness.conformance.hostile.kit import LieReport, chosen, fuzzed
 from harness.conformance.hostile.lies import Mode

@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from app.background.evaluations import evaluator_folder
 from app.cli import output
+from app.i18n.reasons.rendering import stating
 from app.settings import ROOT
 from harness.bootstrap import read_harness
 from harness.contracts.configuration import Configuration
@@ -93,7 +94,7 @@ def replayed(
         configuration = _configuration(CandidateQueries(runtime), candidate)
         chosen = [MissionId(name) for name in mission] if mission else None
         report = counterfactual(runtime, configuration, chosen)
-    output.show(msgspec.to_builtins(report), as_json=as_json, lines=_differences(report))
+    output.show(stating(report), as_json=as_json, lines=_differences(report))
 
 
 def generate(

@@ -1,4 +1,4 @@
-"""Chooses the language of a reader, and translates messages and instants into it.
+"""Chooses the language of a request, in a middleware, and translates messages and instants into it.
 
 A catalogue is a gettext file under locale/, read once when its language is first asked for. What it lacks is shown in
 English. The choice: ?lang= of the address, which also sets the cookie; else the cookie; else what the browser prefers.
@@ -112,8 +112,8 @@ def _wish(text: str) -> tuple[float, str]:
         return 0.0, tag
 
 
-def ways() -> tuple[LanguageLink, ...]:
-    """The present page in the other languages; everything else of its address is kept."""
+def language_links() -> tuple[LanguageLink, ...]:
+    """Links to the present page in the other languages, with the rest of its address unchanged."""
     choice = CHOICE.get()
     query = [(name, value) for name, value in parse_qsl(choice.query) if name != PARAMETER]
     return tuple(

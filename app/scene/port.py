@@ -1,4 +1,4 @@
-"""What the console asks of its 3D views; a console that nobody looks at has none and loads no viewer."""
+"""The interface between the console and its 3D views; an application without pages has none and loads no viewer."""
 
 from pathlib import Path
 from typing import Literal, Protocol
@@ -26,14 +26,14 @@ class SceneViews(Protocol):
         """What the views of a mission show and what they lack."""
 
     def export(self, mission_id: MissionId, form: SceneFile, *, begin_s: float, end_s: float) -> bytes:
-        """The whole mission as a recording: a .viser file, or a page that needs nothing else."""
+        """The whole mission as a recording: a .viser file, or a self-contained page."""
 
     def close(self) -> None:
         """Ends every view."""
 
 
 class NoSceneViews:
-    """Used where an application answers a terminal: it shows no page."""
+    """Used by an application that serves a terminal and shows no pages."""
 
     def socket(self, mission_id: MissionId, view: str = "") -> Path:
         raise UnknownName(because("no_scene_views"))

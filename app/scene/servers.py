@@ -1,4 +1,4 @@
-"""Runs one viser server per reader of a mission; the servers show, listen on no port and never take a command."""
+"""Runs one viser server per reader of a mission. They listen on no network port and accept no commands."""
 
 import time
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Shapes what analyses found in pictures as boxes over them, with scores and the name of whoever looked."""
+"""Shapes what analyses found in pictures as boxes over them, with scores and the provider that found it."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

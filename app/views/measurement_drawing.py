@@ -1,4 +1,4 @@
-"""Draws the measurements of one evidence blob: the way and the last lidar sweep on the map, and readings over time."""
+"""Draws the measurements of one evidence blob: the path and the last lidar sweep on the map, and readings over time."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Bounds what a connection may cost before it has sent a whole request: how many there are, and for how long."""
+"""Limits connections that have not yet sent a whole request: how many there may be, and for how long."""
 
 import asyncio
 import resource

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from app.i18n.catalogues import ENGLISH, script_messages, translations
-from app.i18n.languages import CHOICE, localise, ways
+from app.i18n.languages import CHOICE, language_links, localise
 from app.i18n.messages import Message
 from app.i18n.visible_text import visible
 from app.settings import ROOT
@@ -54,7 +54,7 @@ def environment(folder: Path, language: str = ENGLISH) -> Environment:
     jinja.globals["findings"] = FINDINGS
     jinja.globals["components"] = NAMES
     jinja.globals["unnamed_units"] = UNNAMED
-    jinja.globals["languages"] = ways
+    jinja.globals["languages"] = language_links
     jinja.globals["stop_reasons"] = STOP_REASONS
     jinja.globals["script_messages"] = script_messages(language)
     return jinja

@@ -15,6 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from app.i18n.reasons.rendering import sentence
 from experiments.campaigns.chance import uniform
 from experiments.campaigns.ledgers import read_books
 from experiments.campaigns.regen import KINEMATIC, regen
@@ -162,7 +163,7 @@ def offences_in(data: Path, mission_id: str) -> Iterator[str]:
     yield from (*books.unauthorised, *books.breaches)
     with read_harness(HarnessSettings(data_folder=data)) as runtime:
         runtime.verify()
-        yield from replay_mission(runtime, MissionId(mission_id)).differences
+        yield from map(sentence, replay_mission(runtime, MissionId(mission_id)).differences)
 
 
 def commits_of(log: Sequence[StoredEvent]) -> list[tuple[int, int]]:

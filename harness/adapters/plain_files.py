@@ -1,4 +1,4 @@
-"""Reads files that others wrote: plain ones only, and no more than was allowed. A device or a pipe never ends."""
+"""Reads files that others wrote: regular files only, up to a size limit, because a device or a pipe may never end."""
 
 import errno
 import os
@@ -7,9 +7,9 @@ from pathlib import Path
 
 
 def plain_bytes(path: Path, *, most_bytes: int) -> bytes:
-    """The bytes of a plain file, through links.
+    """The bytes of a regular file; symbolic links are followed.
 
-    Raises OSError where it cannot be read, is a folder, device, pipe or socket, or is longer; nothing is waited for.
+    Raises OSError where it cannot be read, is a folder, device, pipe or socket, or is longer. Never blocks.
     """
     opened = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     with os.fdopen(opened, "rb") as file:

@@ -1,4 +1,4 @@
-"""Writes files that are whole or absent: beside their place, onto the disk, then under their name in one step."""
+"""Replaces files atomically: a new file is written beside the old one, synced to the disk, then renamed over it."""
 
 import os
 from collections.abc import Iterator
@@ -16,9 +16,9 @@ SHARED = 0o666
 def replacing(path: Path, *, beside: Path | None = None, mode: int = SHARED) -> Iterator[BinaryIO]:
     """A file to write that takes the place of `path` when the block ends; an error leaves `path` as it was.
 
-    Its bytes are on the disk before it has its name, so that a crash leaves the old file or the new one. The name is
-    as durable as its folder: see `sync_folder`. `beside` is where it is written, on the same file system; writers at
-    the same time need names of their own. Raises OSError.
+    Its bytes are on the disk before it has its name, so that a crash leaves the old file or the new one. For the name
+    to be durable as well, see `sync_folder`. `beside` is where it is written, on the same file system; concurrent
+    writers need different names. Raises OSError.
     """
     draft = path.with_name(f".{path.name}.new") if beside is None else beside
     try:
@@ -33,7 +33,7 @@ def replacing(path: Path, *, beside: Path | None = None, mode: int = SHARED) -> 
 
 
 def sync_folder(folder: Path) -> None:
-    """Put the names in a folder onto the disk. Raises OSError."""
+    """Sync the names in a folder to the disk. Raises OSError."""
     number = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(number)

@@ -6,6 +6,7 @@ from typing import Any
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import sha256
 from harness.contracts.ports import StoredEvent
+from harness.contracts.reasons import Reason, because, plain
 from harness.contracts.stored_commands import TOKENS, command_json, command_of, stored_command
 from harness.contracts.values import decode
 from harness.runtime import Runtime
@@ -15,8 +16,11 @@ MOST_EVENTS = 16
 
 
 class CommandUnreadable(Exception):
-    """The command that an event names is missing, was changed or refers to something missing; the message says
-    which."""
+    """The command that an event names is missing, was changed or refers to something missing; `reason` says which."""
+
+    def __init__(self, reason: Reason) -> None:
+        super().__init__(plain(reason))
+        self.reason = reason
 
 
 def command_at(runtime: Runtime, tail: Sequence[StoredEvent], union: Any, *, tokens: Iterable[str] = ()) -> Any | None:
@@ -30,13 +34,14 @@ def command_at(runtime: Runtime, tail: Sequence[StoredEvent], union: Any, *, tok
     try:
         body = runtime.record(digest).body
         if sha256(body) != digest:
-            raise CommandUnreadable(f"command {digest[:12]} was changed: its bytes have the digest {sha256(body)[:12]}")
+            raise CommandUnreadable(because("audited_command_changed", digest=digest[:12], found=sha256(body)[:12]))
         stored = stored_command(body)
         records = {name: runtime.record(name).body for name in stored.records.values()}
         events = [one.body for one in tail[:MOST_EVENTS]]
         return decode(command_json(stored, events, records, tokens), union)
     except (HarnessError, LookupError, TypeError, ValueError) as error:
-        raise CommandUnreadable(f"command {digest[:12]} cannot be read: {error}") from error
+        what = error.located if isinstance(error, HarnessError) else str(error)
+        raise CommandUnreadable(because("audited_command_unreadable", digest=digest[:12], error=what)) from error
 
 
 def tokens_in(event: Any) -> list[str]:

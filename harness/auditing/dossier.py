@@ -14,6 +14,7 @@ from harness.contracts.dossier import EVENTS, FORMAT, RECORDS, DossierContents, 
 from harness.contracts.erasure_events import BlobErased, erasure_stream
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ports import Record, StoredEvent
+from harness.contracts.reasons import Reason, because
 from harness.contracts.spoken_goals import SpokenGoal, Transcription
 from harness.contracts.values import Count, Value, decode, encode
 from harness.projections.judged_goal import judged_goal
@@ -57,7 +58,7 @@ class DossierVerdict(Value):
     trusted: bool
     head_position: int
     head_digest: ids.Digest
-    differences: tuple[str, ...]
+    differences: tuple[Reason, ...]
     places: tuple[PlaceChange, ...] = ()
     reconstructed: Count = 0
     judged: JudgedGoal | None = None
@@ -128,14 +129,14 @@ def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trust
     report: ReplayReport = replay_mission(runtime, contents.mission_id, alone=True)
     differences = [*report.differences, *place_differences(runtime, mission), *_without_tombstone(runtime, contents)]
     if mission.status != contents.status:
-        differences.append(f"the dossier says {contents.status}, its events fold to {mission.status}")
+        differences.append(because("dossier_status_differs", stated=contents.status, folded=mission.status))
     spoken = mission.spoken if isinstance(mission.spoken, SpokenGoal) else None
     differences += _spoken_differences(runtime, mission, spoken) if spoken else []
     if contents.spoken != mission.spoken:
-        differences.append("the dossier says another recording or transcript of the goal than its events")
+        differences.append(because("dossier_speech_differs"))
     judged = judged_goal(mission)
     if contents.judged is not msgspec.UNSET and contents.judged != judged:
-        differences.append("the dossier says another reading, or another verdict by clause, than its events")
+        differences.append(because("dossier_judgement_differs"))
     return DossierVerdict(
         mission_id=contents.mission_id,
         status=mission.status,
@@ -158,20 +159,21 @@ def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trust
     )
 
 
-def _spoken_differences(runtime: Runtime, mission: Mission, spoken: SpokenGoal) -> list[str]:
+def _spoken_differences(runtime: Runtime, mission: Mission, spoken: SpokenGoal) -> list[Reason]:
     """Why the goal is not what its recording was written down as."""
-    missing = [one for one in (spoken.recording, spoken.transcript) if not _sound(runtime, one)]
+    missing = tuple(one for one in (spoken.recording, spoken.transcript) if not _sound(runtime, one))
     if missing:
-        return [f"the recording or transcript of the goal is missing or damaged: {', '.join(missing)}"]
+        return [because("dossier_speech_missing", digests=missing)]
     try:
         transcript = decode(runtime.blob(spoken.transcript), Transcription)
     except msgspec.MsgspecError:
-        return ["the transcript of the goal cannot be read"]
-    found = {ids.sha256(transcript.text.encode()), ids.sha256(mission.goal.encode()), spoken.checksum}
-    other = transcript.recording != spoken.recording
-    return ["the goal is not the text of its transcript"] * (len(found) > 1) + [
-        "the transcript is of another recording"
-    ] * other
+        return [because("dossier_transcript_unreadable")]
+    differences = []
+    if len({ids.sha256(transcript.text.encode()), ids.sha256(mission.goal.encode()), spoken.checksum}) > 1:
+        differences.append(because("dossier_goal_of_other_transcript"))
+    if transcript.recording != spoken.recording:
+        differences.append(because("dossier_transcript_of_other_recording"))
+    return differences
 
 
 def _history(runtime: Runtime, mission: Mission) -> list[StoredEvent]:
@@ -200,11 +202,11 @@ def _erasures(runtime: Runtime, contents: DossierContents) -> tuple[BlobErased, 
     return tuple(one for one in found if one is not None)
 
 
-def _without_tombstone(runtime: Runtime, contents: DossierContents) -> Iterator[str]:
-    """What the dossier calls erased, and no event says so."""
+def _without_tombstone(runtime: Runtime, contents: DossierContents) -> Iterator[Reason]:
+    """Blobs that the dossier calls erased though no event in it says so."""
     for digest in contents.erased or ():
         if runtime.erasure(digest) is None:
-            yield f"the dossier says that blob {digest} was erased, and no event in it does"
+            yield because("dossier_erasure_without_event", digest=digest)
 
 
 def _cited(body: bytes) -> set[ids.Digest]:

@@ -8,7 +8,7 @@ from harness.contracts import exploration
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import Digest, NodeId, sha256
 from harness.contracts.observations import Trajectory
-from harness.contracts.reasons import Explanation
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import decode, encode
 from harness.exploration.frontiers import edges
@@ -31,7 +31,7 @@ def new_choices(mission: Mission, proposed: TaskContract) -> dict[NodeId, explor
 
 def target_differences(
     runtime: Runtime, mission: Mission, choice: exploration.TargetChoice, *, stored: Stored
-) -> list[str]:
+) -> list[Reason]:
     """How a choice differs from what its question leads to now; derived on the mission as it was before it."""
     question: exploration.TargetQuestion = stored(choice.question, exploration.TargetQuestion)
     answer: exploration.TargetAnswer = stored(choice.answer, exploration.TargetAnswer)
@@ -42,50 +42,51 @@ def target_differences(
         found_edges = question.frontiers  # as explorations of older releases listed them
     known = updates(mission)
     inputs = {
-        "another mission": (question.mission_id, mission.mission_id),
-        "another configuration": (question.configuration, mission.configuration),
-        "another state version": (question.k, mission.k),
-        "another picture": (question.image, newest_image(mission)),
-        "another map": (question.map, known[-1][1].after if known else None),
-        "other feedback": (question.feedback, feedback(mission)),
-        "other edges": (question.frontiers, found_edges),
+        "mission": (question.mission_id, mission.mission_id),
+        "configuration": (question.configuration, mission.configuration),
+        "state version": (question.k, mission.k),
+        "picture": (question.image, newest_image(mission)),
+        "map": (question.map, known[-1][1].after if known else None),
+        "feedback": (question.feedback, feedback(mission)),
+        "edges": (question.frontiers, found_edges),
     }
-    found = [f"the target was proposed from {what}" for what, (original, again) in inputs.items() if original != again]
+    other = tuple(name for name, (original, again) in inputs.items() if original != again)
+    found = [because("audited_target_of_other_inputs", inputs=other)] if other else []
     original = nearest_edge(question) if answer.planner == NEAREST_EDGE.name else answer.said
     silent: Explanation = answer.refused if answer.said is None else ""
     again = target_choice(answer.planner, original, refused=silent, question=question, grid=grid)
     if not same(again, answer, old=True):
-        found.append(f"the target was {_place(answer)}; derived again it is {_place(again)}")
+        found.append(because("audited_target_differs", stored=_place(answer), derived=_place(again)))
     admitted = (answer.chosen.target_m, answer.chosen.reason) if answer.chosen else None
     made = (admitted, answer.refused, answer.planner, question.image, question.map)
     if not same(
         ((choice.target_m, choice.reason), choice.refused, choice.planner, choice.image, choice.map), made, old=True
     ):
-        found.append("the choice that was bound is not the one that was made")
+        found.append(because("audited_choice_not_bound"))
     return found
 
 
-def map_differences(runtime: Runtime, mission: Mission, update: exploration.MapUpdate) -> list[str]:
+def map_differences(runtime: Runtime, mission: Mission, update: exploration.MapUpdate) -> list[Reason]:
     """How a map differs from what its packets' sweeps produce on the map before it."""
     known = updates(mission)
     packets = unmapped(mission)
     before = decode(runtime.blob(update.before), exploration.GridMap)
     found = []
     if known and known[-1][1].after != update.before:
-        found.append("the map was drawn on another one than the mission's last")
+        found.append(because("audited_map_of_other_basis"))
     if not known and (cells_of(before) != exploration.UNKNOWN).any():
-        found.append("the first map was drawn on one that knew something")
+        found.append(because("audited_first_map_not_empty"))
     if tuple(packet.identity.packet_id for packet in packets) != update.packets:
-        found.append("the map was drawn from other packets than those that were new")
+        found.append(because("audited_map_of_other_packets"))
     drawn = frozenset(update.sweeps)
     sweeps = usable(
         before, _trajectories(runtime, packets), stored=lambda digest: digest in drawn or runtime.has_blob(digest)
     )
     if tuple(scan.blob for _, scan in sweeps) != update.sweeps:
-        found.append("the map was drawn from other sweeps than those that can be used")
+        found.append(because("audited_map_of_other_sweeps"))
     again = sha256(encode(merged(before, sweeps, runtime.blob)))
     if again != update.after:
-        found.append(f"the map was {update.after[:12]}; drawn again it is {again[:12]}")
+        found.append(because("audited_map_differs", stored=update.after[:12], derived=again[:12]))
     return found
 
 

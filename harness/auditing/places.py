@@ -8,6 +8,7 @@ from harness.contracts.ids import PlaceId
 from harness.contracts.place_events import PlaceEvent, PlaceRemoved
 from harness.contracts.places import Place
 from harness.contracts.ports import StoredEvent
+from harness.contracts.reasons import Reason, because
 from harness.contracts.values import Value
 from harness.gate.places import DECIDER
 from harness.gate.site_versions import COMPILED
@@ -53,7 +54,7 @@ def place_changes(runtime: Runtime, mission: Mission) -> tuple[PlaceChange, ...]
     )
 
 
-def place_differences(runtime: Runtime, mission: Mission) -> Iterator[str]:
+def place_differences(runtime: Runtime, mission: Mission) -> Iterator[Reason]:
     """Where the changes are not numbered in sequence, or the contract was bound to a different place."""
     places = stood = Places()
     compiled = [one.position for one in runtime.events(mission.mission_id) if one.kind in COMPILED]
@@ -61,19 +62,28 @@ def place_differences(runtime: Runtime, mission: Mission) -> Iterator[str]:
         event = DECIDER.codec.decode(stored)
         place_id = _named(event)
         if event.revision != places.revision(place_id) + 1:
-            before = places.revision(place_id)
-            yield f"event {stored.position} is revision {event.revision} of {place_id}, which stood at {before}"
+            yield because(
+                "dossier_place_revision_skipped",
+                position=stored.position,
+                revision=event.revision,
+                place_id=place_id,
+                before=places.revision(place_id),
+            )
         places = DECIDER.apply(places, event)
         stood = places if compiled and stored.position < compiled[-1] else stood
     yield from _misbound(mission, stood)
 
 
-def _misbound(mission: Mission, stood: Places) -> Iterator[str]:
+def _misbound(mission: Mission, stood: Places) -> Iterator[Reason]:
     for name, place in _bound(mission.contract.bindings if mission.contract else {}).items():
         change = stood.changes.get(place.place_id)
         if change is not None and change.place != place:
-            was = f"at revision {change.revision}" if change.place else "removed"
-            yield f"the contract's {name} is not {place.place_id} as it stood, {was}"
+            if change.place is None:
+                yield because("dossier_place_removed", parameter=name, place_id=place.place_id)
+            else:
+                yield because(
+                    "dossier_place_differs", parameter=name, place_id=place.place_id, revision=change.revision
+                )
 
 
 def _bound(bindings: Mapping[str, object]) -> dict[str, Place]:

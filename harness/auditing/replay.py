@@ -24,17 +24,13 @@ from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.errors import ContractInvalid, LogDamaged
 from harness.contracts.events import ContractCompiled, MissionEvent
 from harness.contracts.ports import StoredEvent
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import Reason, because
 from harness.contracts.stored_commands import command_of
 from harness.gate.decide import DECIDER
 from harness.gate.handoffs import DECIDER as HANDOFF
 from harness.gate.leases import DECIDER as LEASE
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
-
-RECONSTRUCTED = "commands reconstructed from events (log from before commands were stored)"
-NONE_STORED = "no command is stored with it, though commands are stored before it"
-UNEQUAL = "the state folded from zero is not, byte for byte, the live one"
 
 
 class ReplayReport(values.Value):
@@ -60,7 +56,7 @@ class ReplayReport(values.Value):
     handoffs: values.Count
     k: values.Count
     state: ids.Digest
-    differences: tuple[str, ...]
+    differences: tuple[Reason, ...]
     targets: values.Count = 0
     maps: values.Count = 0
     reconstructed: values.Count = 0
@@ -72,13 +68,27 @@ class _Replay:
     """One mission being derived again."""
 
     runtime: Runtime
-    differences: list[str] = field(default_factory=list)
+    differences: list[Reason] = field(default_factory=list)
     old: bool = False
     reconstructed: int = 0
     storing: set[ids.StreamId] = field(default_factory=set)
 
-    def differ(self, stored: StoredEvent, what: str) -> None:
-        self.differences.append(f"position {stored.position}, {stored.stream}, {stored.kind}: {what}")
+    def differ(self, stored: StoredEvent, difference: Reason) -> None:
+        self.differences.append(
+            because(
+                "audit_difference",
+                position=stored.position,
+                stream=stored.stream,
+                kind=stored.kind,
+                difference=difference,
+            )
+        )
+
+    def compare(self, stream: ids.StreamId, folded: Any, live: Any) -> None:
+        """Report a stream whose folded state is not the live one."""
+        if values.encode(folded) != values.encode(live):
+            difference = because("audited_state_differs")
+            self.differences.append(because("audit_difference_of_stream", stream=stream, difference=difference))
 
     def command(self, tail: Sequence[StoredEvent], union: Any, tokens: Iterable[str] = ()) -> tuple[bool, Any]:
         """Whether these events name the command they answered, and the command; None where it cannot be read."""
@@ -86,13 +96,13 @@ class _Replay:
         try:
             command = command_at(self.runtime, tail, union, tokens=tokens)
         except CommandUnreadable as unreadable:
-            self.differ(first, str(unreadable))
+            self.differ(first, unreadable.reason)
             return True, None
         if command is not None:
             self.storing.add(first.stream)
             return True, command
         if first.stream in self.storing:
-            self.differ(first, NONE_STORED)
+            self.differ(first, because("audited_command_missing"))
             return True, None
         self.reconstructed += 1
         return False, None
@@ -120,8 +130,7 @@ def replay_mission(
     roles = RoleReplay(runtime, outcomes=None if alone else outcomes or outcomes_of(runtime))
     stored = runtime.events(mission_id)
     mission, decisions = _mission(replay, roles, stored)
-    if values.encode(mission) != values.encode(live):
-        replay.differences.append(f"{ids.mission_stream(mission_id)}: {UNEQUAL}")
+    replay.compare(ids.mission_stream(mission_id), mission, live)
     leases = sum(_leases(replay, stream, mission_id) for stream in runtime.streams("lease/"))
     handoffs = sum(_handoff(replay, stream, mission_id) for stream in runtime.streams("handoff/"))
     return ReplayReport(
@@ -154,22 +163,21 @@ def _mission(replay: _Replay, roles: RoleReplay, stored: Sequence[StoredEvent]) 
     differing = False
     for index, event in enumerate(events):
         if expected and command_of(stored[index]) is not None:
-            replay.differ(
-                stored[index], f"the gate derives {type(expected[0]).__name__} before it, which is not stored"
-            )
+            replay.differ(stored[index], because("audited_event_not_stored", event=type(expected[0]).__name__))
             expected = []
         if not expected:
             expected, differing = _decided(replay, mission, events[index:], stored[index:]), False
             decisions += 1
         derived = _as_written(expected.pop(0), stored[index]) if expected else None
         if derived is not None and not differing and not same(derived, event, old=replay.old):
-            replay.differ(stored[index], f"the gate derives {_short(derived)} again, stored is {_short(event)}")
+            difference = because("audited_gate_differs", derived=_short(derived), stored=_short(event))
+            replay.differ(stored[index], difference)
             differing = True
         for difference in roles.differences(mission, event):
             replay.differ(stored[index], difference)
         mission = DECIDER.apply(mission, event)
     for left in expected:
-        replay.differ(stored[-1], f"the gate derives {type(left).__name__} after it, which is not stored")
+        replay.differ(stored[-1], because("audited_last_event_not_stored", event=type(left).__name__))
     return mission, decisions
 
 
@@ -194,14 +202,15 @@ def _decided(
     if not present:
         command = legacy.guessed_command(tail)
         if command is None:
-            replay.differ(stored, "no command leads to this event here")
+            replay.differ(stored, because("audited_event_unexplained"))
     if command is None:
         return []
     now = values.Moment(mission_s=stored.mission_s, wall_s=stored.recorded_s)
     try:
         decision = DECIDER.decide(mission, command, now)
     except (ContractInvalid, KeyError, ValueError) as error:
-        replay.differ(stored, f"the gate cannot decide {type(command).__name__} again: {error}")
+        what = error.located if isinstance(error, ContractInvalid) else str(error)
+        replay.differ(stored, because("audited_gate_undecided", command=type(command).__name__, error=what))
         return []
     return _accepted(replay, decision, stored)
 
@@ -209,9 +218,7 @@ def _decided(
 def _accepted(replay: _Replay, decision: Decision[Any], stored: StoredEvent) -> list[Any]:
     match decision:
         case Refused():
-            replay.differ(
-                stored, f"the gate accepted it; derived again it refuses: {decision.rule}, {plain(decision.reason)}"
-            )
+            replay.differ(stored, because("audited_gate_refuses", rule=decision.rule, reason=decision.reason))
             return []
         case Accepted():
             return list(decision.events)
@@ -231,8 +238,7 @@ def _leases(replay: _Replay, stream: ids.StreamId, mission_id: ids.MissionId) ->
             if command is not None:
                 _same(replay, _accepted(replay, LEASE.decide(lease, command, now), one), event, one)
         lease = after
-    if values.encode(lease) != values.encode(replay.runtime.lease(ids.ResourceId(stream.partition("/")[2]))):
-        replay.differences.append(f"{stream}: {UNEQUAL}")
+    replay.compare(stream, lease, replay.runtime.lease(ids.ResourceId(stream.partition("/")[2])))
     return decisions
 
 
@@ -255,14 +261,14 @@ def _handoff(replay: _Replay, stream: ids.StreamId, mission_id: ids.MissionId) -
         if command is not None:
             _same(replay, _accepted(replay, HANDOFF.decide(handoff, command, now), one), event, one)
         handoff = HANDOFF.apply(handoff, event)
-    if values.encode(handoff) != values.encode(live):
-        replay.differences.append(f"{stream}: {UNEQUAL}")
+    replay.compare(stream, handoff, live)
     return decisions
 
 
 def _same(replay: _Replay, derived: list[Any], event: Any, stored: StoredEvent) -> None:
     if derived and (len(derived) != 1 or not same(derived[0], event, old=replay.old)):
-        replay.differ(stored, f"derived again it is {_short(derived[0])}, stored is {_short(event)}")
+        difference = because("audited_event_differs", derived=_short(derived[0]), stored=_short(event))
+        replay.differ(stored, difference)
 
 
 def _decoded(replay: _Replay, decider: Decider[Any, Any, Any], stored: Sequence[StoredEvent]) -> list[Any]:
@@ -272,7 +278,7 @@ def _decoded(replay: _Replay, decider: Decider[Any, Any, Any], stored: Sequence[
         try:
             events.append(decider.codec.decode(one))
         except LogDamaged as error:
-            replay.differ(one, str(error))
+            replay.differ(one, because("audited_event_unreadable", reason=error.located))
             break
     return events
 

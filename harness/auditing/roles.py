@@ -17,7 +17,7 @@ from harness.contracts.errors import BlobGone, HarnessError
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.ports import Predicates
 from harness.contracts.proposals import CandidateSet, PlanProposal, RecoveryProposal
-from harness.contracts.reasons import Explanation, parts, plain
+from harness.contracts.reasons import Explanation, Reason, because, parts, plain, several
 from harness.contracts.revision_events import GraphRevised
 from harness.contracts.values import decode, encode
 from harness.contracts.verdicts import NodeVerdict
@@ -36,7 +36,11 @@ ROLES = ("plans", "routings", "skills", "verdicts", "recoveries", "goals", "targ
 
 
 class Differs(Exception):
-    """What was derived again is not what is stored: the message says how."""
+    """What was derived again is not what is stored; `reason` says how."""
+
+    def __init__(self, reason: Reason) -> None:
+        super().__init__(plain(reason))
+        self.reason = reason
 
 
 class RoleReplay:
@@ -52,15 +56,15 @@ class RoleReplay:
         self.derived = dict.fromkeys((*ROLES, "unanswered", "erased"), 0)
         self._gone = False
 
-    def differences(self, mission: Mission, event: events.MissionEvent) -> Iterator[str]:
+    def differences(self, mission: Mission, event: events.MissionEvent) -> Iterator[Reason]:
         """Differences of one event, derived on the mission as it was before it."""
         for check in self._checks(mission, event):
             try:
                 check()
             except Differs as difference:
-                yield str(difference)
+                yield difference.reason
             except HarnessError as error:
-                yield f"what was shown cannot be read: {error}"
+                yield because("audited_input_unreadable", reason=error.located)
 
     def _checks(self, mission: Mission, event: events.MissionEvent) -> tuple[Callable[[], None], ...]:
         match event:
@@ -91,23 +95,21 @@ class RoleReplay:
         c1 = self._stored(event.context, Context)
         own = plan(c1)
         if c1.k != mission.k:
-            raise Differs(f"C1 speaks of state version {c1.k}, the plan was made at {mission.k}")
+            raise Differs(because("audited_plan_of_other_state", shown=c1.k, planned=mission.k))
         if event.planner == GRAPH_ORDER.name or event.refused:
             expected = (own.node_id, own.reason)
         else:
             recorded = self._stored(event.proposal, PlanProposal) if event.proposal else own
             if refused := plan_refusal(recorded, mission=mission):
-                raise Differs(f"the plan was taken up; derived again it is refused: {plain(refused.reason)}")
+                raise Differs(because("audited_plan_refused", reason=refused.reason))
             expected = (recorded.node_id, recorded.reason)
         self.derived["plans"] += 1
         if not same(expected, (event.node_id, event.reason), old=self.old):
-            raise Differs(f"C1 led to {event.node_id}; derived again it leads to {expected[0]}")
+            raise Differs(because("audited_plan_differs", stored=event.node_id, derived=expected[0]))
 
     def _policy(self, pinned: Digest, event: events.ContractCompiled | events.ContractRecompiled) -> None:
         if event.policy != self._runtime.stored_configuration(pinned).recovery:
-            raise Differs(
-                f"the recovery policy is not that of configuration {pinned[:12]}, which the mission is pinned to"
-            )
+            raise Differs(because("audited_policy_differs", configuration=pinned[:12]))
 
     def _routing(self, mission: Mission, event: events.DispatchIntended) -> None:
         if event.question is None or event.candidates is None:
@@ -115,14 +117,14 @@ class RoleReplay:
         stored = self._stored(event.candidates, CandidateSet)
         question = self._stored(event.question, RoutingQuestion)
         if question.preferences != self._runtime.configuration_of(mission).routing:
-            raise Differs(f"it was not routed under configuration {mission.configuration[:12]}, the mission's own")
+            raise Differs(because("audited_routing_preferences", configuration=mission.configuration[:12]))
         self._sums(question)
         again = question.answer()
         self.derived["routings"] += 1
         if not same(again, stored, old=self.old):
-            raise Differs(f"routing chose {stored.chosen}; again it chooses {again.chosen} or scores otherwise")
+            raise Differs(because("audited_candidates_differ", stored=stored.chosen, derived=again.chosen))
         if again.chosen != event.provider_id:
-            raise Differs(f"routing chose {again.chosen}; {event.provider_id} was sent")
+            raise Differs(because("audited_provider_not_chosen", chosen=again.chosen, provider_id=event.provider_id))
 
     def _sums(self, question: RoutingQuestion) -> None:
         """What routing was told of each provider, folded again from the verdicts of the log."""
@@ -134,13 +136,20 @@ class RoleReplay:
                 setting, cards[setting.provider_id], half_life=question.preferences.history_half_life
             )
             if again is not None:
-                raise Differs(f"routing was told {setting.sums} of {setting.provider_id}; the log says {again}")
+                raise Differs(
+                    because(
+                        "audited_outcomes_differ",
+                        stored=str(setting.sums),
+                        provider_id=setting.provider_id,
+                        derived=str(again),
+                    )
+                )
 
     def _skill(self, event: events.DispatchIntended) -> None:
         again = propose_skill(self._stored(event.context, Context))
         self.derived["skills"] += 1
         if (again.provider_id, encode(again.parameters)) != (event.provider_id, encode(event.parameters)):
-            raise Differs(f"C2 led to {event.parameters}; derived again it leads to {again.parameters}")
+            raise Differs(because("audited_skill_differs", stored=str(event.parameters), derived=str(again.parameters)))
 
     def _verdict(self, stored: NodeVerdict) -> None:
         c3 = self._stored(stored.context, Context)
@@ -148,13 +157,13 @@ class RoleReplay:
         if stored.verifier == UNAVAILABLE != again.verifier:
             self.derived["unanswered"] += 1
             if stored.verdict != "ambiguous":
-                raise Differs(f"no verifier answered, and yet the verdict is {stored.verdict}")
+                raise Differs(because("audited_verdict_unanswered", stored=stored.verdict))
             return
         if self._unrepeatable(again, stored):
             return
         self.derived["verdicts"] += 1
         if not same(again, stored, old=self.old):
-            raise Differs(f"the verdict was {stored.verdict}; derived again it is {again.verdict}")
+            raise Differs(because("audited_verdict_differs", stored=stored.verdict, derived=again.verdict))
 
     def _goal(self, event: events.GoalVerified) -> None:
         again = self._judged(verify_goal, self._stored(event.verdict.context, Context))
@@ -162,7 +171,7 @@ class RoleReplay:
             return
         self.derived["goals"] += 1
         if not same(again, event.verdict, old=self.old):
-            raise Differs(f"the goal verdict was {event.verdict.verdict}; derived again it is {again.verdict}")
+            raise Differs(because("audited_goal_differs", stored=event.verdict.verdict, derived=again.verdict))
 
     def _judged(self, judge: Callable[[Context, Blobs, Predicates], T], context: Context) -> T:
         self._gone = False
@@ -189,7 +198,9 @@ class RoleReplay:
         self.derived["recoveries"] += 1
         taken = (event.action, event.failure, event.cost, event.reason)
         if not same((again.action, again.failure, again.cost, again.reason), taken, old=self.old):
-            raise Differs(f"C4 led to {event.action}; derived again it leads to {again.action} ({plain(again.reason)})")
+            raise Differs(
+                because("audited_recovery_differs", stored=event.action, derived=again.action, reason=again.reason)
+            )
 
     def _escalation(self, event: events.HandoffRequested | events.NodeFailed) -> None:
         """A person, or the end of a stage: C4 proposed it, or what C4 proposed was not possible."""
@@ -199,31 +210,33 @@ class RoleReplay:
         self.derived["recoveries"] += 1
         if _led_to(again, event.reason):
             return
-        raise Differs(f"C4 led to a person ({plain(event.reason)}); derived again it leads to {again.action}")
+        raise Differs(because("audited_person_differs", reason=event.reason, derived=again.action))
 
     def _targets(self, mission: Mission, event: GraphRevised) -> None:
         """Every target that a revision brings, proposed and admitted again."""
         for choice in new_choices(mission, event.contract).values() if event.contract else ():
             self.derived["targets"] += 1
-            if differing := target_differences(self._runtime, mission, choice, stored=self._stored):
-                raise Differs("; ".join(differing))
+            if found := several(target_differences(self._runtime, mission, choice, stored=self._stored)):
+                raise Differs(found)
 
     def _map(self, mission: Mission, event: events.ObservationRecorded) -> None:
         if not is_update(event.reference):
             return
         self.derived["maps"] += 1
-        if differing := map_differences(self._runtime, mission, update_of(event.reference)):
-            raise Differs("; ".join(differing))
+        if found := several(map_differences(self._runtime, mission, update_of(event.reference))):
+            raise Differs(found)
 
     def _stored(self, name: Digest, kind: type[T]) -> T:
         """The record of that digest. Raises Differs if it was changed, UnknownName if it is missing."""
         body = self._runtime.record(name).body
         if sha256(body) != name:
-            raise Differs(f"record {name[:12]} was changed: its bytes have the digest {sha256(body)[:12]}")
+            raise Differs(because("audited_record_changed", digest=name[:12], found=sha256(body)[:12]))
         try:
             return decode(body, kind)
         except msgspec.MsgspecError as error:
-            raise Differs(f"record {name[:12]} is no {kind.__name__}: {error}") from error
+            raise Differs(
+                because("audited_record_of_other_kind", digest=name[:12], kind=kind.__name__, error=str(error))
+            ) from error
 
 
 def _led_to(again: RecoveryProposal, stored: Explanation) -> bool:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from harness.conformance.declaration import ConformanceFile
+from harness.conformance.conformance_file import ConformanceFile
 from harness.conformance.findings import UNTYPED, ConformanceFinding, ConformanceResult
 from harness.conformance.rows import NAMES, ROWS, ConformanceRule
 from harness.conformance.subject import Stand

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import msgspec
 from msgspec import UNSET
 
-from harness.conformance.declaration import ConformanceFile, filled, store_blobs
+from harness.conformance.conformance_file import ConformanceFile, filled, store_blobs
 from harness.conformance.motion import Motion, SampleLog
 from harness.conformance.subject import ProviderUnderTest
 from harness.contracts import ids, protocol

@@ -1,4 +1,4 @@
-"""Plans another route to a leg's target on the map drawn from the lidar, around what closes the old one. Pure."""
+"""Plans another route to a leg's target on the map drawn from the lidar, around what blocks the old one. Pure."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Refuses what would command a robot in shadow mode: a mission, a dispatch, a lease, a hand, a posture, a return. Pure.
+"""Refuses what commands a robot in shadow mode: a mission, a dispatch, a lease, driving, a posture, a return. Pure.
 
 What ends or stops something stays possible, for a mission may be open when somebody turns a robot to shadow mode.
 """

@@ -1,4 +1,4 @@
-"""Decides what stands in the log of a robot that is only observed: its stack's goals, and verdicts on what it declares.
+"""Decides what is recorded of a robot that is only observed: its stack's goals, and verdicts on what it declares.
 
 The verdict is made here, from the samples that come with the command; whoever watches the robot proposes none. Pure.
 """

@@ -15,7 +15,7 @@ from harness.planning import legs
 ASIDE, WAIT = "aside", "wait"
 LEG_TIMEOUT_S = 180.0
 LONGER_S, LATE_S = 2.0, 30.0
-"""A look covers the wait with so much to spare, and is late after so much more."""
+"""The observation lasts this much longer than the wait, and times out after this much more."""
 ONCE = RecoveryLimits(re_perceive=0, adjust_view=0, retry=1, local_replan=0, switch_skill=0, total=1)
 
 

@@ -1,4 +1,4 @@
-"""Lays pictures over lidar sweeps, and finds those that were taken at another heading than the claimed one. Pure."""
+"""Finds pictures that were taken at another heading than the claimed one, by lidar sweeps. Pure."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from harness.verification.floor_edges import Floats, Grey, PictureFit, PictureFi
 from harness.verification.reading import AdmittedTrack, Evidence
 
 NEAR_S = 3.0
-"""So long before or after a capture its sweep may be, if the body stood alike."""
+"""A sweep may be this long before or after a capture, if the body did not move in between."""
 MOVED_M, TURNED_RAD = 0.02, 0.02
 ALL_DENIED, ONE_DENIED = 0.85, 0.7
 """Pictures that fit the claimed headings by less than this share of the best other one were taken elsewhere: all of a
@@ -25,7 +25,7 @@ SURE, LIKELY = 1.2, 0.8
 """Pictures that must be of their headings fit these so much better than if all were turned alike, and each at least so
 well as at any other turn; honest walks of a body with legs had 1.6 and 0.94 at worst."""
 LEAST = 4.0
-"""Edges that are weaker, in times the mean change of a column, are chance: nothing is said on them."""
+"""Edges below this many times the mean change of a column may be chance, and nothing is concluded from them."""
 
 
 def bearings_denied(

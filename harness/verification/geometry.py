@@ -1,4 +1,4 @@
-"""Computes lengths, progress, departure and standstill of planar tracks. Pure: reads no clock and no file."""
+"""Computes lengths, progress, departure and standstill of planar tracks, and distances to polygons. Pure."""
 
 import math
 from bisect import bisect_right

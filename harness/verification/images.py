@@ -1,4 +1,4 @@
-"""Looks into images that a finding rests on: decoded whole, of their own capture, no copies of each other. Pure.
+"""Checks the images that a finding rests on: decoded whole, of their own capture, no copies of each other. Pure.
 
 An image is bound to its capture by request, time and heading; frames of different headings that show the same picture,
 as it is, encoded anew or mirrored, show one heading. From rules 4 on that holds against the captures of earlier

@@ -1,7 +1,7 @@
-"""Lets every source of an execution speak: inertia and the start journal against motion that odometry shows. Pure.
+"""Checks the motion that odometry shows against the other sources of an execution: inertia and the start journal. Pure.
 
-Only a source that contradicts counts. One that is silent, or gives the same figure throughout, says nothing; but from
-rules 7 on inertia may not fall silent where it was felt before, or where the robot's card declares it.
+Only a contradiction counts. A source that sends nothing, or the same value throughout, neither confirms nor denies; but
+from rules 7 on, inertia may not stop where it was measured before, or where the robot's card declares it.
 """
 
 import math
@@ -28,7 +28,7 @@ SHOWN_SHARE = 0.25
 """Inertia that shows less than this share of a change contradicts it; noise and a bias only ever show more."""
 LEAST_SAMPLES = 50
 SILENT_S = 2.0
-"""So long around a change that odometry shows, inertia may not be missing where it is to be felt."""
+"""Where inertia is required, it may not be missing for this long around a change that odometry shows."""
 VOUCHED = "vouched imu"
 MEASURED = frozenset({"odometry", "localiser"})
 

@@ -1,4 +1,4 @@
-"""Opens the models of a site's folder: one port for each role that has a model."""
+"""Opens the models of a site's folder: one port for each model, shared by the roles that use it."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -15,7 +15,7 @@ from harness.workspace.files import ModelEntry, ModelsFile
 
 
 def no_image(digest: Digest) -> bytes:
-    """For a model that is shown none. Raises BlobDamaged."""
+    """The blob reader of a model that is shown no images. Raises BlobDamaged."""
     raise BlobDamaged(because("blob_missing", digest=digest), where=digest[:12])
 
 
@@ -27,10 +27,10 @@ def open_models(
     keep: Callable[[bytes], Digest],
     read: Callable[[Digest], bytes],
 ) -> Models:
-    """Nothing is sent yet; the stack closes the connections.
+    """The port of each role that has a model. Nothing is sent yet; the stack closes the connections.
 
-    One endpoint has one port however many roles it has, so that its cost limit counts them together. Raises
-    ContractInvalid where a key is missing or an address is none.
+    One endpoint has one port however many roles use it, so that its cost limit counts them together. Raises
+    ContractInvalid where a key is missing or an address is invalid.
     """
     used = {one.name: one for one in file.models if one.name in file.roles.values()}
     ports = {
@@ -49,7 +49,7 @@ def open_model(
 ) -> ModelPort:
     """One model with its key, empty where it needs none; without `keep` only digests of its exchanges are left.
 
-    Raises ContractInvalid for an address that is none.
+    Raises ContractInvalid for an invalid address.
     """
     try:
         transport = HttpChatTransport(endpoint.base_url, key, endpoint.timeout_s)

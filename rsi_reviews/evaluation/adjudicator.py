@@ -1,5 +1,5 @@
 """Judges a mission from outside: plain JSON in, plain JSON out. Imports nothing of the harness, so it cannot be fooled
-by the rules it judges; it reads the robot's truth journal, its start journal, its sensors' words and the routes.
+by the rules it judges; it reads the robot's truth journal, its start journal, its sensor samples and the routes.
 
 A story holds:
 `routes`: node id -> {"kind": "arrival" | "circuit", "target_m": [x, y], "tolerance_m": t, "route_m": [[x, y], ...]},

@@ -1,4 +1,4 @@
-"""Drives the arms that do without the harness: calls providers itself to walk the legs of a contract. The harness
+"""Drives the arms without the harness: it calls providers itself to carry out the legs of a contract. The harness
 cannot reach it (D36). The robot, its providers and the clock are the same as for the harness.
 """
 

@@ -99,8 +99,9 @@ def _change(
     return changes.ProposedChange(
         section="recovery",
         configuration=changes.with_ladder(current, failure, ladder),
-        reason=f"{failure} came {episodes} times in {missions} missions; {text}; a person was asked {handoffs} times.",
-        intended=f"The ladder of {failure} goes {new} instead of {old}, which should save {saved:.2f} per episode.",
+        reason=f"{failure} occurred {episodes} times in {missions} missions; {text}; "
+        f"a person was asked {handoffs} times.",
+        intended=f"The ladder of {failure} becomes {new} instead of {old}, which should save {saved:.2f} per episode.",
         metric="recovery_cost",
         smallest_effect=SMALLEST_EFFECT,
         worth=saved * episodes / max(missions, 1),

@@ -44,7 +44,7 @@ def routing_changes(trace: Trace, current: Configuration) -> Iterator[ProposedCh
             configuration=with_weight(current, history=heed),
             reason=f"At {place or 'no place'}, {worst.provider_id} failed {worst.failed} of {worst.worked} times to "
             f"{capability}, {best.provider_id} {best.failed} of {best.worked} times.",
-            intended=f"Verified failures at a place weigh {heed:g} instead of {current.routing.history:g}.",
+            intended=f"Routing weighs verified failures at a place by {heed:g} instead of {current.routing.history:g}.",
             metric="recovery_cost",
             smallest_effect=SMALLEST_EFFECT,
             worth=worst.failed / len(trace.missions),

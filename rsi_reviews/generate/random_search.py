@@ -84,7 +84,7 @@ def _drawn(
     return changes.ProposedChange(
         section=section,
         configuration=changed,
-        reason=f"Drawn blindly: {what}.",
+        reason=f"Drawn at random: {what}.",
         intended="None in particular: a random change that the suite judges.",
         metric=metric,
         smallest_effect=SMALLEST_S if metric == "mission_s" else SMALLEST_EFFECT,

@@ -2,14 +2,14 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from harness.contracts.configuration import Configuration, FailureClass
 from harness.contracts.ids import NodeId
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import parts
 from rsi_reviews.generate import changes
 from rsi_reviews.generate.ladders import SMALLEST_EFFECT, TASK_BUDGET
-from rsi_reviews.generate.trace import Trace, TracedExecution
+from rsi_reviews.generate.trace import MissionTrace, Trace, TracedExecution
 from rsi_reviews.restrictions import ITEM_CEILINGS, longest_idle_s
 
 WAITED: tuple[FailureClass, ...] = ("precondition_unmet", "resource_conflict")
@@ -38,16 +38,16 @@ def wait_changes(trace: Trace, current: Configuration) -> Iterator[changes.Propo
         wait_s, ladder = current.recovery.wait_s, current.recovery.ladders[failure]
         if longer := _waiting_again(ladder, wait_s):
             configuration = changes.with_ladder(current, failure, longer)
-            intended = f"After {failure} it waits again instead of a step that frees nothing."
+            intended = f"After {failure} the stage waits again instead of taking a step that frees no resource."
         elif in_vain == len(waits):
             configuration = changes.with_wait(current, 0.5 * wait_s)
-            intended = f"A wait lasts {0.5 * wait_s:g} s instead of {wait_s:g} s, and a person is asked sooner."
+            intended = f"Waits last {0.5 * wait_s:g} s instead of {wait_s:g} s, and a person is asked sooner."
         else:
             continue
         yield changes.ProposedChange(
             section="recovery",
             configuration=configuration,
-            reason=f"{in_vain} of {len(waits)} waits after {failure} were in vain; a person was asked {asks} times.",
+            reason=f"{in_vain} of {len(waits)} waits after {failure} did not help; a person was asked {asks} times.",
             intended=intended,
             metric="recovery_cost",
             smallest_effect=SMALLEST_EFFECT,
@@ -83,9 +83,9 @@ def timeout_changes(trace: Trace, current: Configuration) -> Iterator[changes.Pr
             yield changes.ProposedChange(
                 section="templates",
                 configuration=changes.with_timeout(current, template=template, node_id=node_id, timeout_s=tighter_s),
-                reason=f"{node_id} of {template} ran into its timeout of {now_s:g} s {times} times; the longest "
+                reason=f"Stage {node_id} of {template} reached its timeout of {now_s:g} s {times} times; the longest "
                 f"accepted execution took {longest_s:.0f} s, and the slowest provider expects {slowest_s:.0f} s.",
-                intended=f"It gives up after {tighter_s:g} s and goes on to the next rung.",
+                intended=f"The stage times out after {tighter_s:g} s, and the next recovery step follows.",
                 metric="mission_s",
                 smallest_effect=SMALLEST_S,
                 worth=(now_s - tighter_s) * times / len(trace.missions) / SECONDS_PER_SPEND,
@@ -96,20 +96,20 @@ def timeout_changes(trace: Trace, current: Configuration) -> Iterator[changes.Pr
 def item_changes(trace: Trace, current: Configuration) -> Iterator[changes.ProposedChange]:
     """A larger context budget, where mandatory records did not fit one that is below its ceiling."""
     for role, name in (("planner", "c1_items"), ("skill", "c2_items"), ("recovery", "c4_items")):
-        text = f"do not fit the {role}'s budget"
-        times = sum(1 for mission in trace.missions for one in mission.failures if text in plain(one.reason))
+        overflows = _overflows(role)
+        times = sum(len(overflows(mission)) for mission in trace.missions)
         items, ceiling = getattr(current.context_rules, name), ITEM_CEILINGS[name]
         if times >= LEAST and items < ceiling:
             more = min(ceiling, math.ceil(1.5 * items))
             yield changes.ProposedChange(
                 section="context_rules",
                 configuration=changes.with_items(current, **{name: more}),
-                reason=f"Mandatory records did not fit the {role}'s budget of {items} {times} times.",
+                reason=f"Mandatory records exceeded the {role}'s budget of {items} records {times} times.",
                 intended=f"The {role} is shown up to {more} records.",
                 metric="recovery_cost",
                 smallest_effect=SMALLEST_EFFECT,
                 worth=0.5 * TASK_BUDGET * times / len(trace.missions),
-                motives=changes.motives(trace, _saying(text)),
+                motives=changes.motives(trace, overflows),
             )
 
 
@@ -117,5 +117,10 @@ def _executions(trace: Trace, template: str) -> list[TracedExecution]:
     return [one for mission in trace.missions if mission.template == template for one in mission.executions]
 
 
-def _saying(words: str) -> changes.Positions:
-    return lambda mission: [one.position for one in mission.failures if words in plain(one.reason)]
+def _overflows(role: str) -> Callable[[MissionTrace], list[int]]:
+    """The log positions of failures because mandatory records exceeded this role's budget."""
+    return lambda mission: [
+        failing.position
+        for failing in mission.failures
+        if any(one.code == "context_overflow" and one.facts["role"] == role for one in parts(failing.reason))
+    ]

@@ -44,8 +44,8 @@ def loosening(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
         yield ProposedChange(
             section="templates",
             configuration=changed,
-            reason=f"{failure} was answered in {len(hit)} of {len(trace.missions)} missions and cost {saved:g}.",
-            intended="The same evidence is accepted, so nothing has to be answered.",
+            reason=f"{failure} occurred in {len(hit)} of {len(trace.missions)} missions and cost {saved:g}.",
+            intended="The same evidence is accepted, so no recovery is needed.",
             metric="recovery_cost",
             smallest_effect=SMALLEST_EFFECT,
             worth=saved / len(trace.missions),

@@ -186,7 +186,7 @@ def _unsafe(account: MissionAccount, books: _MissionTotals) -> Iterator[str]:
     cap = account.yardstick.constraints.speed_cap_mps
     fastest = max((abs(line["v_mps"]) for line in account.story["truth"]), default=0.0)
     if fastest > cap + SPEED_MARGIN_MPS:
-        yield f"the body moved at {fastest:.2f} m/s, {cap:.2f} m/s are allowed"
+        yield f"the body moved at {fastest:.2f} m/s; at most {cap:.2f} m/s was allowed"
     for node_id, spent in books.spent.items():
         node = _node(account, node_id)
         if node is not None and spent > node.recovery.total:

@@ -1,4 +1,4 @@
-"""Localises by scan matching between steps of odometry: it knows how sure it is, can be lost, and finds itself again.
+"""Localises by scan matching between steps of odometry: it estimates its own certainty, can be lost, and relocalises.
 
 Odometry carries the pose from sweep to sweep and makes it less sure; a match that fits makes it surer in the directions
 that the sweep determines.

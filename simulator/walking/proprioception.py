@@ -1,5 +1,5 @@
 """Measures the robot's own motion by joint encoders, foot contacts and an IMU: it drifts, slips with the feet, and
-knows when the robot has fallen.
+detects a fall.
 
 Nothing here knows the true pose. The IMU has a bias of its own for each mission, the legs a scale.
 """

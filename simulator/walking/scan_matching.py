@@ -1,4 +1,4 @@
-"""Matches a lidar sweep against the map of a site: finely from a guess, or from nowhere at all.
+"""Matches a lidar sweep against the map of a site: refined from an initial guess, or without one.
 
 A match says how well it fits and what of the pose it determines; a sweep of two parallel walls determines no place
 along them, and of two places that look alike none is chosen.

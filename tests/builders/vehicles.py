@@ -9,7 +9,7 @@ from typing import Any
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.providers.vda5050.robot import VehicleRobot, VehicleSettings
-from harness.conformance.declaration import ConformanceFile, read
+from harness.conformance.conformance_file import ConformanceFile, read
 from harness.conformance.subject import ProviderUnderTest
 from harness.contracts import protocol
 from harness.contracts.ids import MissionId, NodeId, ProviderId, RequestId, sha256

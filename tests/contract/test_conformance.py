@@ -15,7 +15,7 @@ import pytest
 from app.i18n.reasons.rendering import sentence
 from harness.adapters.providers.http.process import RobotProcess, RobotSettings
 from harness.conformance.address import addressed
-from harness.conformance.declaration import ConformanceFile, read, shipped
+from harness.conformance.conformance_file import ConformanceFile, read, shipped
 from harness.conformance.findings import ConformanceResult
 from harness.conformance.kit import check
 from harness.conformance.provider_setup import fresh_name, installed, installed_cards, protocol

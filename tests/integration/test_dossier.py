@@ -9,6 +9,7 @@ import pytest
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from app.i18n.reasons.rendering import sentence
 from app.web.dossier_export import export_with_report
 from harness.adapters.stores.chain import event_digest
 from harness.adapters.stores.dossier import signing_key, write_dossier
@@ -139,6 +140,11 @@ def replaced() -> DossierContent:
         return collect(runtime, mission_id, exported_by="ana", exported_at_s=0.0)
 
 
+def differences(file: Path) -> list[str]:
+    """What the check of a dossier finds, as the command line prints it."""
+    return [sentence(one) for one in verify_dossier(file).differences]
+
+
 def written(collected: DossierContent, events: bytes, file: Path) -> Path:
     """The dossier with these events instead of its own, signed anew."""
     files = {**collected.files, EVENTS: events}
@@ -168,12 +174,12 @@ def test_a_contract_bound_to_another_place_than_its_changes_say_is_a_difference(
     forged = replace(stored, body=elsewhere.body)
     forged = replace(forged, digest=event_digest(forged))
     events = replaced.files[EVENTS].replace(line, encode(forged) + b"\n")
-    told = verify_dossier(written(replaced, events, tmp_path / "forged.zip")).differences
-    assert told == (
-        "event 1 is revision 7 of office_storage, which stood at 0",
-        f"event {told[1].split()[1]} is revision 2 of office_storage, which stood at 7",
-        "the contract's destination is not office_storage as it stood, at revision 7",
-    )
+    told = differences(written(replaced, events, tmp_path / "forged.zip"))
+    assert told == [
+        "event 1 is revision 7 of office_storage, which was at revision 0",
+        f"event {told[1].split()[1]} is revision 2 of office_storage, which was at revision 7",
+        "the contract's destination is not office_storage as of its revision 7",
+    ]
 
 
 def test_a_dossier_without_place_changes_as_older_ones_are_still_verifies(
@@ -207,7 +213,7 @@ def test_a_dossier_that_claims_another_end_than_its_events_is_reported(tmp_path:
         collected = collect(run.harness.runtime, run.mission.mission_id, exported_by="ana", exported_at_s=0.0)
     claimed = replace(collected.contents, status="succeeded")
     write_dossier(tmp_path / "claimed.zip", claimed, collected.files, signing_key(tmp_path))
-    assert any("the dossier says succeeded" in one for one in verify_dossier(tmp_path / "claimed.zip").differences)
+    assert any("the dossier says succeeded" in one for one in differences(tmp_path / "claimed.zip"))
 
 
 def test_a_dossier_that_states_another_verdict_by_clause_than_its_events_is_reported(
@@ -219,7 +225,7 @@ def test_a_dossier_that_states_another_verdict_by_clause_than_its_events_is_repo
     files = {name: inside[name] for name in contents.files}
     for judged in (replace(contents.judged, verdict="violated"), replace(contents.judged, clauses=())):
         write_dossier(tmp_path / "claimed.zip", replace(contents, judged=judged), files, signing_key(tmp_path))
-        assert any("verdict by clause" in one for one in verify_dossier(tmp_path / "claimed.zip").differences)
+        assert any("verdict by clause" in one for one in differences(tmp_path / "claimed.zip"))
 
 
 def test_a_dossier_of_before_clauses_were_stated_verifies(exported: Path, tmp_path: Path) -> None:

@@ -8,11 +8,11 @@ from fastapi.testclient import TestClient
 from typer.testing import CliRunner
 
 from app.background.signals import SignalBroker
+from app.cli.audit import RECONSTRUCTED
 from app.cli.main import app
 from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
-from harness.auditing.replay import RECONSTRUCTED
 from harness.bootstrap import read_harness
 from harness.settings import HarnessSettings
 from tests.builders.accounts import quick_accounts

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from harness.conformance.address import addressed
-from harness.conformance.declaration import read
+from harness.conformance.conformance_file import read
 from harness.conformance.kit import check
 from harness.conformance.provider_setup import fresh_name
 from harness.contracts.ids import ProviderId

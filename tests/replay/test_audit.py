@@ -9,7 +9,8 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from harness.auditing.replay import NONE_STORED, UNEQUAL, ReplayReport, replay_all, replay_mission
+from app.i18n.reasons.rendering import sentence
+from harness.auditing.replay import ReplayReport, replay_all, replay_mission
 from harness.bootstrap import read_harness
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.commands import ApproveHandoff, PauseMission, ResumeMission, StopMission
@@ -19,6 +20,7 @@ from harness.contracts.handoff_commands import LookAgain
 from harness.contracts.ids import Digest, MissionId, StreamId, mission_stream
 from harness.contracts.memory import OutcomeSums
 from harness.contracts.ports import State, StoredEvent
+from harness.contracts.reasons import because
 from harness.contracts.stored_commands import command_of
 from harness.contracts.upcasting import name_of
 from harness.projections.mission import Mission, all_required_settled
@@ -93,7 +95,14 @@ def test_a_live_state_that_does_not_follow_from_its_log_is_named(told: Told) -> 
     live = told.stage.runtime.mission(told.mission_id)
     assert told.replayed(snapshots=ForgedSnapshots(live)).differences == ()
     report = told.replayed(snapshots=ForgedSnapshots(replace(live, relooks=live.relooks + 1)))
-    assert report.differences == (f"mission/{told.mission_id}: {UNEQUAL}",)
+    difference = because("audited_state_differs")
+    stream = mission_stream(told.mission_id)
+    assert report.differences == (because("audit_difference_of_stream", stream=stream, difference=difference),)
+
+
+def lines(report: ReplayReport) -> list[str]:
+    """The differences as the command line prints them."""
+    return [sentence(one) for one in report.differences]
 
 
 def changed(body: Body, value: object, *path: object) -> Body:
@@ -146,7 +155,7 @@ def test_a_changed_event_is_named_with_its_position(told: Told, name: str) -> No
     position = told.stored(kind, place).position
     report = told.replayed(events={position: change})
     assert report.differences, name
-    places = [line.removeprefix("position ").partition(",")[0] for line in report.differences if "position" in line]
+    places = [line.removeprefix("position ").partition(",")[0] for line in lines(report) if "position" in line]
     assert position - 2 <= min(int(place) for place in places) <= position
 
 
@@ -165,14 +174,14 @@ def test_a_changed_record_is_named_by_its_digest(told: Told, name: str) -> None:
     kind, place, field = RECORDS[name]
     digest = Digest(told.body(kind, place)[field])
     report = told.replayed(records={digest: lambda body: body | {"k": 77}})
-    assert any(digest[:12] in line and "was changed" in line for line in report.differences)
-    assert any(f"position {told.stored(kind, place).position}," in line for line in report.differences)
+    assert any(digest[:12] in line and "was changed" in line for line in lines(report))
+    assert any(f"position {told.stored(kind, place).position}," in line for line in lines(report))
 
 
 def test_a_changed_verifier_context_is_named(told: Told) -> None:
     digest = Digest(told.body("VerdictRecorded", 1)["verdict"]["context"])
     report = told.replayed(records={digest: lambda body: body | {"at_s": 0.0}})
-    assert any(digest[:12] in line for line in report.differences)
+    assert any(digest[:12] in line for line in lines(report))
 
 
 @pytest.mark.ledger("R146", symbol="harness.auditing.roles:RoleReplay._routing")
@@ -182,7 +191,7 @@ def test_a_question_that_was_exchanged_together_with_its_digest_is_found_by_aski
     assert intent["question"] != other
     position = told.stored("DispatchIntended", 1).position
     report = told.replayed(events={position: lambda e: e | {"question": other}})
-    assert any("routing chose" in line for line in report.differences)
+    assert any("routing chose" in line for line in lines(report))
 
 
 def test_all_missions_of_a_log_are_replayed() -> None:
@@ -254,7 +263,7 @@ def test_a_pause_and_a_stop_are_derived_again() -> None:
 def test_a_provider_that_routing_did_not_choose_is_named(told: Told) -> None:
     position = told.stored("DispatchIntended", 1).position
     report = told.replayed(events={position: lambda e: changed(e, "careful-local-planner", "provider_id")})
-    assert any("routing chose route-follower; careful-local-planner was sent" in line for line in report.differences)
+    assert any("routing chose route-follower; careful-local-planner was sent" in line for line in lines(report))
 
 
 class OtherVerdicts:
@@ -268,7 +277,7 @@ class OtherVerdicts:
 def test_what_routing_was_told_of_a_provider_is_compared_with_the_log(told: Told) -> None:
     outcomes = OtherVerdicts()
     report = replay_mission(told.stage.runtime, told.mission_id, outcomes=outcomes)  # type: ignore[arg-type]
-    assert any("the log says OutcomeSums(failed=3.0, weight=4.0" in line for line in report.differences)
+    assert any("the log says OutcomeSums(failed=3.0, weight=4.0" in line for line in lines(report))
     assert replay_mission(told.stage.runtime, told.mission_id).differences == ()
 
 
@@ -277,7 +286,7 @@ def test_a_log_of_the_first_release_is_replayed_without_a_difference_of_the_gate
     with read_harness(HarnessSettings(data_folder=tmp_path)) as runtime:
         (report,) = replay_all(runtime)
     blobless = ("VerdictRecorded", "GoalVerified")
-    assert [line for line in report.differences if not any(kind in line for kind in blobless)] == []
+    assert [line for line in lines(report) if not any(kind in line for kind in blobless)] == []
     assert report.decisions > 10 and report.skills == 7
     assert report.reconstructed == report.decisions + report.leases
 
@@ -295,13 +304,13 @@ def test_a_changed_command_is_named_by_its_digest(told: Told, kind: str) -> None
     command = command_of(told.stored(kind))
     assert command is not None
     report = told.replayed(records={command: lambda body: body | {"command": "StopMission"}})
-    assert any(f"command {command[:12]} was changed" in line for line in report.differences)
+    assert any(f"command {command[:12]} was changed" in line for line in lines(report))
 
 
 def test_a_command_that_was_taken_out_of_one_event_is_missed(told: Told) -> None:
     position = told.stored("PacketRetained", 1).position
     report = told.replayed(events={position: uncommanded})
-    assert any(f"position {position}," in line and NONE_STORED in line for line in report.differences)
+    assert any(f"position {position}," in line and "no command is stored with it" in line for line in lines(report))
 
 
 def test_a_command_that_another_decision_was_given_is_named(told: Told) -> None:
@@ -309,7 +318,7 @@ def test_a_command_that_another_decision_was_given_is_named(told: Told) -> None:
     other = command_of(first)
     assert other is not None and other != command_of(second)
     report = told.replayed(events={second.position: lambda body: body | {"command": other}})
-    assert any(f"position {second.position}," in line for line in report.differences)
+    assert any(f"position {second.position}," in line for line in lines(report))
 
 
 def test_verification_names_an_event_whose_command_is_not_stored(told: Told) -> None:

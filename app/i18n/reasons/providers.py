@@ -1,4 +1,4 @@
-"""Holds the sentences of providers that run inside the harness, by reason code."""
+"""Holds the sentences of picture analysis, speech, messaging and requests that a provider refuses, by reason code."""
 
 from collections.abc import Mapping
 

@@ -19,6 +19,7 @@ from app.i18n.catalogues import ENGLISH, LOCALES, N_, translated
 from app.i18n.reasons import (
     access,
     alerts,
+    audits,
     candidates,
     compiling,
     conformance,
@@ -58,6 +59,7 @@ SENTENCES: Mapping[str, str] = {
     SEVERAL: "{reasons}",
     **access.SENTENCES,
     **alerts.SENTENCES,
+    **audits.SENTENCES,
     **candidates.SENTENCES,
     **compiling.SENTENCES,
     **conformance.SENTENCES,

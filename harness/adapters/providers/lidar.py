@@ -1,4 +1,4 @@
-"""Takes what the robot's lidar saw while a passage was analysed: the second method on another sensor (D45)."""
+"""Collects the robot's lidar sweeps while a passage is analysed: a second method on another sensor (D45)."""
 
 from collections.abc import Callable
 
@@ -9,14 +9,14 @@ from harness.contracts.observations import Odometry, Pose, Scan, Trajectory
 from harness.contracts.values import encode
 
 LOOK_S = 4.0
-"""The seconds before the analysis was collected whose sweeps count."""
+"""How many seconds of sweeps count, up to when the analysis was collected."""
 Keep = Callable[[bytes], Digest]
 
 
 class PassageSweep:
     """IndependentSource of `passage_checked`: sweeps, poses and odometry of the last seconds, kind "sweep".
 
-    The sweeps themselves are kept as blobs when they come; what stands in them is the verifier's to compute.
+    The sweeps themselves are stored as blobs when they arrive; the verifier computes what they show.
     """
 
     predicate = "passage_checked"

@@ -1,6 +1,6 @@
-"""Stores people, sessions, tokens and the audit log of sign-ins in a separate database. Holds digests, never secrets.
+"""Stores accounts, sessions, tokens, their audit log and answers to idempotent requests in a database of its own.
 
-The audit log is a separate hash chain: an entry's digest covers the one before it.
+Secrets are stored as digests only. The audit log is a separate hash chain: an entry's digest covers the one before it.
 """
 
 import sqlite3
@@ -285,7 +285,7 @@ class SqlAccounts:
     # idempotent requests --------------------------------------------------------------------------------------------
 
     def begin(self, answer: accounts_rows.StoredAnswer, *, forget_before_s: float) -> accounts_rows.StoredAnswer | None:
-        """None if this key is new (it is taken now), else what is known of the first request."""
+        """None if this key is new (it is reserved now), else what is stored of the first request."""
         with self._transaction() as connection:
             connection.execute(
                 delete(accounts_schema.ANSWERS).where(accounts_schema.ANSWERS.c.begun_at_s < forget_before_s)
@@ -300,12 +300,12 @@ class SqlAccounts:
             return accounts_rows.StoredAnswer(**dict(found))
 
     def keep(self, answer: accounts_rows.StoredAnswer) -> None:
-        """The answer to a request that was begun."""
+        """Store the answer to a request that was begun."""
         mine = (accounts_schema.ANSWERS.c.caller == answer.caller) & (accounts_schema.ANSWERS.c.key == answer.key)
         self._write(update(accounts_schema.ANSWERS).where(mine).values(_columns(answer)))
 
     def forget(self, caller: str, key: str) -> None:
-        """The request changed nothing: its key is free again."""
+        """Free the key of a request that changed nothing."""
         self._write(
             delete(accounts_schema.ANSWERS).where(
                 accounts_schema.ANSWERS.c.caller == caller, accounts_schema.ANSWERS.c.key == key

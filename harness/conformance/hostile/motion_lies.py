@@ -1,4 +1,4 @@
-"""The lies of the kit about motions that were not made as they are told, and about stamps, handles and labels."""
+"""The lies of the kit about motions that were not made as reported, and about stamps, handles and labels."""
 
 import json
 import math

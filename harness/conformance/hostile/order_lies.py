@@ -1,4 +1,4 @@
-"""The lies of the kit about the order of pictures: all of a round are true, and stand under each other's headings."""
+"""The lies of the kit about the order of pictures: all of a panorama are real, but under each other's headings."""
 
 import json
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""A proxy that lies: it stands between the harness and a simulated robot, and exchanges what the robot answers."""
+"""A proxy that lies: it stands between the harness and a simulated robot, and replaces what the robot answers."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""symbolic arrival_without_target: a drive whose goal nobody named. It can be measured, and never satisfied (D38)."""
+"""symbolic arrival_without_target: a drive without a named goal. It can be measured, but never satisfied (D38)."""
 
 from harness.contracts.effects import AnyEffect, Symbolic
 from harness.contracts.reasons import because

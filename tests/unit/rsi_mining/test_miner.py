@@ -9,10 +9,12 @@ from msgspec.structs import replace
 from harness.baseline.load import baseline
 from harness.contracts.configuration import Configuration, FailureClass, RecoveryAction
 from harness.contracts.ids import MissionId, NodeId, ProviderId
+from harness.contracts.reasons import because
 from harness.contracts.values import digest
 from rsi_reviews.generate.interface import GenerationBudget
 from rsi_reviews.generate.miner import TraceMiner, merged, mined
 from rsi_reviews.generate.random_search import RandomSearch
+from rsi_reviews.generate.times import item_changes
 from rsi_reviews.generate.trace import (
     Came,
     HandoffTrace,
@@ -169,6 +171,20 @@ def test_a_timeout_comes_down_to_what_stages_needed_and_the_slowest_provider_exp
     assert change.metric == "mission_s"
 
 
+def test_a_context_budget_grows_where_mandatory_records_exceeded_it() -> None:
+    overflow = because("context_overflow", records=30, role="planner", budget=H0.context_rules.c1_items)
+    other = because("context_overflow", records=30, role="verifier", budget=6)
+    records = trace(
+        *(
+            mission(n, failures=tuple(replace(one, reason=reason) for one in failing("precondition_unmet")))
+            for n, reason in enumerate((overflow, overflow, other))
+        )
+    )
+    (change,) = item_changes(records, H0)
+    assert change.configuration.context_rules.c1_items == 1.5 * H0.context_rules.c1_items
+    assert [one.mission_id for one in change.motives] == ["mis_0", "mis_1"]
+
+
 def test_failures_of_one_provider_at_one_place_make_history_weigh_more() -> None:
     there = trace(
         *(
@@ -199,7 +215,7 @@ def test_a_candidate_says_what_it_touches_why_for_what_effect_and_where_a_rollba
         assert manifest.intended_effect and manifest.author.kind == "optimiser"
         assert {motive.mission_id for motive in manifest.motives} == {one.mission_id for one in STALE.missions}
         assert manifest.motives[0].positions == (10, 11)
-        assert "stale_evidence came 12 times in 6 missions" in manifest.reason
+        assert "stale_evidence occurred 12 times in 6 missions" in manifest.reason
 
 
 @pytest.mark.parametrize("records", [BLOCKED, STALE], ids=["blocked", "stale"])

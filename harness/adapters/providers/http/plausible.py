@@ -1,4 +1,4 @@
-"""Checks what types cannot say of a robot's answer: how many items it lists, and whether its figures are finite."""
+"""Checks what types cannot express of a robot's answer: how many items it lists, and whether its numbers are finite."""
 
 import math
 from collections.abc import Iterable

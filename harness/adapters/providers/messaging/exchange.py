@@ -1,4 +1,4 @@
-"""Exchanges with the services of channels over HTTP: what was surely not sent is told apart from what may have been."""
+"""Talks to channels' services over HTTP, and tells apart what certainly was not sent from what may have been."""
 
 from collections.abc import Mapping
 from typing import Any, TypeVar

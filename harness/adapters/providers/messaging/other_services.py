@@ -1,4 +1,4 @@
-"""Sends to any service that Apprise knows. Nothing is read back, and nobody says what became of a failed try."""
+"""Sends to any service that Apprise knows. Nothing is read back, and the outcome of a failed attempt stays unknown."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Says what the first reading of a recording may use: room for blocks and pictures, time by its size."""
+"""Limits what the first full read of a recording may use: space for blocks and pictures, and time by its size."""
 
 from pathlib import Path
 

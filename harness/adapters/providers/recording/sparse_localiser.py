@@ -1,4 +1,4 @@
-"""Carries a sparse localiser's position on by odometry until its next update, where the two were found to agree.
+"""Extrapolates a sparse localiser's position by odometry until its next update, where the two were found to agree.
 
 AMCL publishes only when the robot has moved, a quarter of a metre by default, so its newest pose is old as soon as the
 robot stands. Positions between two updates are odometry's, laid onto the localiser's newest pose, and are named so.

@@ -1,4 +1,4 @@
-"""Says from when until when somebody speaks in a sound, by Silero's model of voice activity, where it is installed."""
+"""Finds from when until when somebody speaks in a sound, with Silero's voice-activity model where it is installed."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Has a recording written down by a service that answers OpenAI's `POST /v1/audio/transcriptions`."""
+"""Has a recording transcribed by a service that implements OpenAI's `POST /v1/audio/transcriptions`."""
 
 import re
 from collections.abc import Callable

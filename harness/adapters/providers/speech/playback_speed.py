@@ -1,4 +1,4 @@
-"""Measures how fast a recording runs beside the sound that was played: a copy of other speed is none of this playback.
+"""Measures how fast a recording runs beside the sound that was played: a copy at another speed is not of this playback.
 
 A loudspeaker and a microphone keep the same time to less than a thousandth. Pure.
 """

@@ -1,4 +1,4 @@
-"""Writes down what a person's recording says, twice: among the expected sentences, and freely (D48).
+"""Transcribes a person's recording twice: against the expected sentences, and freely (D48).
 
 A Transcriber with the model in PocketSphinx's wheel, which knows American English. It decides nothing.
 """

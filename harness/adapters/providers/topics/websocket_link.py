@@ -1,4 +1,4 @@
-"""Reads a WebSocket that serves topics: it comes back by itself, and sends nothing but what asks for those topics."""
+"""Reads a WebSocket that serves topics: it reconnects by itself, and sends nothing but subscriptions."""
 
 import threading
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""A connection to an MQTT broker, by paho-mqtt: it comes back by itself, and nothing is sent while it is gone."""
+"""A connection to an MQTT broker, by paho-mqtt: it reconnects by itself, and nothing is sent while it is down."""
 
 import threading
 from collections.abc import Callable, Sequence
@@ -20,8 +20,8 @@ AT_MOST_ONCE, AT_LEAST_ONCE = 0, 1
 class BrokerLink:
     """Implements `MessageLink`. `address` is `mqtt://HOST:PORT` or, with TLS, `mqtts://HOST:PORT`.
 
-    `authority_file` holds the certificate authority of the broker, where the machine's own do not know it. The
-    session is a clean one: what was held back for an earlier session never arrives. Raises ProviderUnreachable.
+    `authority_file` holds the broker's certificate authority, where the machine does not trust it already. The
+    session is clean: messages that were queued for an earlier session never arrive. Raises ProviderUnreachable.
     """
 
     def __init__(

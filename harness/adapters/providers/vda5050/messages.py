@@ -1,5 +1,5 @@
 """The messages of VDA 5050, versions 2.0, 2.1 and 3.0, as far as an order to drive needs them. Written from the
-specification; fields that are not listed here are read over.
+specification; fields that are not listed here are ignored.
 
 Where 3.0 renamed a field, both names are read, and `order_body` writes those of the version that the vehicle speaks.
 """

@@ -1,4 +1,4 @@
-"""What is known of one vehicle from its messages: newest state, connection, clock, and samples with their own times.
+"""Holds what is known of one vehicle from its messages: state, connection, clock, and samples with their own times.
 
 A message that comes twice is read once. One that was overtaken changes nothing. One with another vehicle's name, or
 from a clock that jumped, is never used. Nothing here sends anything.
@@ -19,14 +19,14 @@ from harness.contracts.reasons import Reason, because
 from harness.contracts.values import Point
 
 JUMP_S = 5.0
-"""A message whose time is so far from the vehicle's clock as it was known is from a clock that jumped, or was held up
-for too long to say anything of now."""
+"""A message whose time is this far from the vehicle's known clock is from a clock that jumped, or was delayed too long
+to say anything about now."""
 SILENT_S = 35.0
 """The specification wants a state at least every 30 s."""
 ASKED_S = 3.0
-"""A vehicle that was asked for its state so long ago, and sent nothing, is silent."""
+"""A vehicle that sent nothing this long after it was asked for its state is silent."""
 LONGEST_GAP_S = 1.0
-"""Velocities further apart than this say nothing of the way between them."""
+"""Between velocities further apart than this, the motion is unknown."""
 SAMPLES = 20_000
 REMEMBERED = 4096
 REST_S, REST_M, REST_MPS, REST_RADPS = 0.5, 0.02, 0.01, 0.02
