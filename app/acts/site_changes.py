@@ -15,9 +15,6 @@ from harness.contracts import site_events
 from harness.contracts.ids import PlaceId
 from harness.contracts.places import Route, Site
 
-MOST_WAYPOINTS = 1000
-LONGEST_YAML = 200_000
-LONGEST_ROBOT_YAML = 20_000
 TYPED_AS = {"waypoints_m": "waypoints"}
 """What the fields are called on the form, where it is not the field's own name."""
 
@@ -36,7 +33,9 @@ class SaveRouteAct(base.Act):
     }
     start: base.Slug
     end: base.Slug
-    waypoints_m: Annotated[tuple[tuple[Metres, Metres], ...], Field(min_length=2, max_length=MOST_WAYPOINTS)]
+    waypoints_m: Annotated[
+        tuple[tuple[Metres, Metres], ...], Field(min_length=2, max_length=site_events.MOST_WAYPOINTS)
+    ]
     aliases: Annotated[tuple[ShortText, ...], Field(max_length=MOST_ALIASES)] = ()
     basis: base.Count = 0
     reason: base.Reason
@@ -76,9 +75,11 @@ class SaveTemplateAct(base.Act):
 
     becomes = site_events.SaveTemplate
     sentences: ClassVar[Mapping[str, str]] = {
-        "text": lazy_gettext("Write the mission as YAML, of at most {count} characters.", count=LONGEST_YAML),
+        "text": lazy_gettext(
+            "Write the mission as YAML, of at most {count} characters.", count=site_events.LONGEST_TEMPLATE
+        ),
     }
-    text: Annotated[str, StringConstraints(min_length=1, max_length=LONGEST_YAML)]
+    text: Annotated[str, StringConstraints(min_length=1, max_length=site_events.LONGEST_TEMPLATE)]
     basis: base.Count = 0
     reason: base.Reason
 
@@ -101,10 +102,10 @@ class SaveRobotAct(base.Act):
     becomes = site_events.SaveRobot
     sentences: ClassVar[Mapping[str, str]] = {
         "text": lazy_gettext(
-            "Write the robot's entry as YAML, of at most {count} characters.", count=LONGEST_ROBOT_YAML
+            "Write the robot's entry as YAML, of at most {count} characters.", count=site_events.LONGEST_ROBOT
         ),
     }
-    text: Annotated[str, StringConstraints(min_length=1, max_length=LONGEST_ROBOT_YAML)]
+    text: Annotated[str, StringConstraints(min_length=1, max_length=site_events.LONGEST_ROBOT)]
     basis: base.Count = 0
     reason: base.Reason
 

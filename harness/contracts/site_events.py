@@ -14,9 +14,12 @@ from harness.contracts.places import Route
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Count, Name
 
-TemplateText = Annotated[str, msgspec.Meta(min_length=1, max_length=200_000)]
+MOST_WAYPOINTS = 1000
+LONGEST_TEMPLATE, LONGEST_ROBOT = 200_000, 20_000
+"""Of a mission's YAML and of a robot's entry, in characters."""
+TemplateText = Annotated[str, msgspec.Meta(min_length=1, max_length=LONGEST_TEMPLATE)]
 """A mission's YAML as a person wrote it, with its comments."""
-RobotText = Annotated[str, msgspec.Meta(min_length=1, max_length=20_000)]
+RobotText = Annotated[str, msgspec.Meta(min_length=1, max_length=LONGEST_ROBOT)]
 """The YAML of one entry of robots.yaml. It names where secrets stand and holds none."""
 
 

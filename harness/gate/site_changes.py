@@ -17,8 +17,6 @@ from harness.contracts.values import Moment
 from harness.gate.places import FARTHEST_M, stale_basis
 from harness.projections.site_changes import SiteChanges, apply
 
-MOST_WAYPOINTS = 1000
-
 
 def decide(changes: SiteChanges, command: site_events.SiteCommand, now: Moment) -> Decision[site_events.SiteEvent]:
     """Refuse a change based on an older revision, and a route with impossible positions."""
@@ -100,8 +98,8 @@ def decide(changes: SiteChanges, command: site_events.SiteCommand, now: Moment) 
 
 
 def _nowhere(route: Route) -> Refused | None:
-    if not 2 <= len(route.waypoints_m) <= MOST_WAYPOINTS:
-        return refused("route_size", because("route_size_invalid", most=MOST_WAYPOINTS))
+    if not 2 <= len(route.waypoints_m) <= site_events.MOST_WAYPOINTS:
+        return refused("route_size", because("route_size_invalid", most=site_events.MOST_WAYPOINTS))
     if not all(isfinite(value) and abs(value) <= FARTHEST_M for value in chain.from_iterable(route.waypoints_m)):
         return refused("nowhere", because("place_nowhere", limit_km=FARTHEST_M / 1000))
     return None
