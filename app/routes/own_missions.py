@@ -4,31 +4,33 @@ Every version is kept. The missions of the configuration are not among them: the
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 from fastapi import APIRouter
-from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.responses import HTMLResponse, Response
 
 from app.acts.site_changes import RemoveTemplateAct, SaveTemplateAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext, reasoned
+from app.i18n.messages import lazy_gettext
+from app.routes.edited import Shown, answered, left
 from app.routes.site_routes import changed, site_history
 from app.views import template_editor
+from app.views.editor_fields import versions
 from app.views.forms import Wrong
-from app.views.place_editor import Version
 from app.views.template_editor import OwnMissionsPage, own_missions
 from app.views.yaml_form import YamlForm, wrong_text, yaml_form
 from app.web.rendering import render
 from harness.baseline.load import shipped_missions
 from harness.contracts.actors import Actor
-from harness.contracts.decisions import Refused
 from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.reasons import because
-from harness.contracts.site_events import TemplateRemoved, TemplateSaved
+from harness.contracts.site_events import SiteEvent, TemplateRemoved, TemplateSaved
 from harness.contracts.tasks import TaskTemplate
 from harness.workspace.proposed_changes import read_mission
 
 router = APIRouter(prefix="/own-missions")
+EDITOR = "own-missions/edit.html"
 FIRST = """\
 name: there
 version: "1"
@@ -54,7 +56,7 @@ def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
 
 @router.get("/new")
 def new(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
-    return render("own-missions/edit.html", _form(console, actor, {"text": FIRST}, new=True))
+    return render(EDITOR, _form(console, actor, {"text": FIRST}, new=True)([]))
 
 
 @router.post("/new")
@@ -64,7 +66,7 @@ def add(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
 
 @router.get("/{name}/edit")
 def edit(console: ConsoleDep, actor: ActorDep, name: str) -> HTMLResponse:
-    return render("own-missions/edit.html", _form(console, actor, _as_it_is(console, name)))
+    return render(EDITOR, _form(console, actor, _as_it_is(console, name))([]))
 
 
 @router.post("/{name}/edit")
@@ -76,15 +78,10 @@ def save(console: ConsoleDep, actor: ActorDep, name: str, typed: FormDep) -> Res
 @router.post("/{name}/remove")
 def remove(console: ConsoleDep, actor: ActorDep, name: str, typed: FormDep) -> Response:
     wrong_removal(console, name)
-    now = _as_it_is(console, name)
-    act = RemoveTemplateAct.from_form(typed)
+    act, form = RemoveTemplateAct.from_form(typed), _form(console, actor, _as_it_is(console, name))
     if isinstance(act, tuple):
-        return render("own-missions/edit.html", _form(console, actor, now, act), status=422)
-    decision = changed(console, act.to_command(actor, name=name))
-    if isinstance(decision, Refused):
-        page = _form(console, actor, now, [Wrong("", reasoned(decision.reason))])
-        return render("own-missions/edit.html", page, status=409)
-    return RedirectResponse("/own-missions", status_code=303)
+        return left(EDITOR, form, act)
+    return answered(EDITOR, form, changed(console, act.to_command(actor, name=name)), then="/own-missions")
 
 
 def reading(console: Console, text: str, name: str) -> tuple[TaskTemplate | None, tuple[HarnessError, ...]]:
@@ -109,36 +106,34 @@ def wrong_removal(console: Console, name: str) -> None:
 
 
 def _save(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> Response:
-    act = SaveTemplateAct.from_form(typed)
+    act, form = SaveTemplateAct.from_form(typed), _form(console, actor, typed, new=new)
     if isinstance(act, tuple):
-        return render("own-missions/edit.html", _form(console, actor, typed, act, new=new), status=422)
+        return left(EDITOR, form, act)
     read, errors = reading(console, act.text, typed.get("name", ""))
     if read is None:
-        wrong = wrong_text(errors)
-        return render("own-missions/edit.html", _form(console, actor, typed, wrong, new=new), status=422)
+        return left(EDITOR, form, wrong_text(errors))
     if new:
         act = act.model_copy(update={"basis": console.runtime.site_changes().template_revision(read.name)})
     decision = changed(console, act.to_command(actor, template=read))
-    if isinstance(decision, Refused):
-        page = _form(console, actor, typed, [Wrong("", reasoned(decision.reason))], new=new)
-        return render("own-missions/edit.html", page, status=409)
-    return RedirectResponse(f"/own-missions#{read.name}", status_code=303)
+    return answered(EDITOR, form, decision, then=f"/own-missions#{read.name}")
 
 
-def _form(
-    console: Console, actor: Actor, typed: dict[str, str], wrong: Sequence[Wrong] = (), *, new: bool = False
-) -> YamlForm:
+def _form(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> Shown:
     name = typed.get("name", "")
     title = N_("Add a mission") if new else lazy_gettext("Mission {name}", name=name)
-    return yaml_form(
-        console.shell(title, "places", actor),
-        typed,
-        basis=console.runtime.site_changes().template_revision(name),
-        wrong=wrong,
-        versions=_versions(console, name),
-        new=new,
-        removed=not new and all(one.name != name for one in console.runtime.beside),
-    )
+
+    def shown(wrong: Sequence[Wrong]) -> YamlForm:
+        return yaml_form(
+            console.shell(title, "places", actor),
+            typed,
+            basis=console.runtime.site_changes().template_revision(name),
+            wrong=wrong,
+            versions=versions(site_history(console), partial(_version, name)),
+            new=new,
+            removed=not new and all(one.name != name for one in console.runtime.beside),
+        )
+
+    return shown
 
 
 def _as_it_is(console: Console, name: str) -> dict[str, str]:
@@ -156,21 +151,17 @@ def _as_it_is(console: Console, name: str) -> dict[str, str]:
     return {"name": name, "text": console.site_files.missions.get(name, "")}
 
 
-def _versions(console: Console, name: str) -> tuple[Version, ...]:
-    """Every change to this mission, newest first."""
-    found = []
-    for one in reversed(site_history(console)):
-        match one:
-            case TemplateSaved() if one.template.name == name:
-                text = lazy_gettext(
-                    "{title}, version {version}, {count} stages",
-                    title=one.template.title,
-                    version=one.template.version,
-                    count=len(one.template.nodes),
-                )
-            case TemplateRemoved() if one.name == name:
-                text = N_("removed")
-            case _:
-                continue
-        found.append(Version(revision=one.revision, text=text, who=one.actor.name, reason=one.reason, at_s=one.at_s))
-    return tuple(found)
+def _version(name: str, change: SiteEvent) -> str:
+    """What a change did to this mission; empty for a change to something else."""
+    match change:
+        case TemplateSaved(template=template) if template.name == name:
+            return lazy_gettext(
+                "{title}, version {version}, {count} stages",
+                title=template.title,
+                version=template.version,
+                count=len(template.nodes),
+            )
+        case TemplateRemoved() if change.name == name:
+            return N_("removed")
+        case _:
+            return ""

@@ -4,31 +4,32 @@ Every version is kept. Robots are connected when the harness starts, so that a c
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 from fastapi import APIRouter
-from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.responses import HTMLResponse, Response
 
 from app.acts.site_changes import RemoveRobotAct, SaveRobotAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext, reasoned
+from app.i18n.messages import lazy_gettext
+from app.routes.edited import Shown, answered, left
 from app.routes.site_routes import changed, site_history
 from app.views import robot_editor
+from app.views.editor_fields import versions
 from app.views.forms import Wrong
-from app.views.place_editor import Version
 from app.views.robot_editor import OwnRobot, OwnRobotsPage
 from app.views.yaml_form import YamlForm, wrong_text, yaml_form
 from app.web.rendering import render
 from harness.contracts.actors import Actor
-from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, UnknownName
 from harness.contracts.reasons import because
-from harness.contracts.site_events import RobotRemoved, RobotSaved
+from harness.contracts.site_events import RobotRemoved, RobotSaved, SiteEvent
 from harness.workspace.files import RobotEntry, SimulatedRobotEntry, kind_of
 from harness.workspace.robot_entries import SECRET_PREFIX, entry_of, entry_texts, read_robot, text_of, with_changes
 
 router = APIRouter(prefix="/own-robots")
-PAGE = "/own-robots"
+PAGE, EDITOR = "/own-robots", "own-robots/edit.html"
 FIRST = f"""\
 name: robot-1
 kind: http
@@ -53,7 +54,7 @@ def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
 
 @router.get("/new")
 def new(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
-    return render("own-robots/edit.html", _form(console, actor, {"text": FIRST}, new=True))
+    return render(EDITOR, _form(console, actor, {"text": FIRST}, new=True)([]))
 
 
 @router.post("/new")
@@ -63,7 +64,7 @@ def add(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
 
 @router.get("/{name}/edit")
 def edit(console: ConsoleDep, actor: ActorDep, name: str) -> HTMLResponse:
-    return render("own-robots/edit.html", _form(console, actor, _as_it_is(console, name)))
+    return render(EDITOR, _form(console, actor, _as_it_is(console, name))([]))
 
 
 @router.post("/{name}/edit")
@@ -74,16 +75,11 @@ def save(console: ConsoleDep, actor: ActorDep, name: str, typed: FormDep) -> Res
 
 @router.post("/{name}/remove")
 def remove(console: ConsoleDep, actor: ActorDep, name: str, typed: FormDep) -> Response:
-    now = _as_it_is(console, name)
-    act = RemoveRobotAct.from_form(typed)
+    act, form = RemoveRobotAct.from_form(typed), _form(console, actor, _as_it_is(console, name))
     if isinstance(act, tuple):
-        return render("own-robots/edit.html", _form(console, actor, now, act), status=422)
+        return left(EDITOR, form, act)
     wrong_removal(console, name)
-    decision = changed(console, act.to_command(actor, name=name))
-    if isinstance(decision, Refused):
-        page = _form(console, actor, now, [Wrong("", reasoned(decision.reason))])
-        return render("own-robots/edit.html", page, status=409)
-    return RedirectResponse(PAGE, status_code=303)
+    return answered(EDITOR, form, changed(console, act.to_command(actor, name=name)), then=PAGE)
 
 
 def listed(console: Console) -> tuple[OwnRobot, ...]:
@@ -132,36 +128,34 @@ def wrong_removal(console: Console, name: str) -> None:
 
 
 def _save(console: Console, actor: Actor, typed: Mapping[str, str], *, new: bool = False) -> Response:
-    act = SaveRobotAct.from_form(typed)
+    act, form = SaveRobotAct.from_form(typed), _form(console, actor, typed, new=new)
     if isinstance(act, tuple):
-        return render("own-robots/edit.html", _form(console, actor, typed, act, new=new), status=422)
+        return left(EDITOR, form, act)
     entry, errors = reading(console, act.text, typed.get("name", ""))
     if entry is None:
-        page = _form(console, actor, typed, wrong_text(errors), new=new)
-        return render("own-robots/edit.html", page, status=422)
+        return left(EDITOR, form, wrong_text(errors))
     if new:
         act = act.model_copy(update={"basis": console.runtime.site_changes().robot_revision(entry.name)})
     decision = changed(console, act.to_command(actor, name=entry.name))
-    if isinstance(decision, Refused):
-        page = _form(console, actor, typed, [Wrong("", reasoned(decision.reason))], new=new)
-        return render("own-robots/edit.html", page, status=409)
-    return RedirectResponse(f"{PAGE}#{entry.name}", status_code=303)
+    return answered(EDITOR, form, decision, then=f"{PAGE}#{entry.name}")
 
 
-def _form(
-    console: Console, actor: Actor, typed: Mapping[str, str], wrong: Sequence[Wrong] = (), *, new: bool = False
-) -> YamlForm:
+def _form(console: Console, actor: Actor, typed: Mapping[str, str], *, new: bool = False) -> Shown:
     name = typed.get("name", "")
     title = N_("Add a robot") if new else lazy_gettext("Robot {name}", name=name)
-    return yaml_form(
-        console.shell(title, "robots", actor),
-        typed,
-        basis=console.runtime.site_changes().robot_revision(name),
-        wrong=wrong,
-        versions=_versions(console, name),
-        new=new,
-        removed=not new and all(one.name != name for one in entries(console)),
-    )
+
+    def shown(wrong: Sequence[Wrong]) -> YamlForm:
+        return yaml_form(
+            console.shell(title, "robots", actor),
+            typed,
+            basis=console.runtime.site_changes().robot_revision(name),
+            wrong=wrong,
+            versions=versions(site_history(console), partial(_version, name)),
+            new=new,
+            removed=not new and all(one.name != name for one in entries(console)),
+        )
+
+    return shown
 
 
 def _as_it_is(console: Console, name: str) -> dict[str, str]:
@@ -178,19 +172,16 @@ def _as_it_is(console: Console, name: str) -> dict[str, str]:
     return {"name": name, "text": saved[-1].text if saved else texts[name]}
 
 
-def _versions(console: Console, name: str) -> tuple[Version, ...]:
-    """Every change to this robot, newest first."""
-    found = []
-    for one in reversed(site_history(console)):
-        match one:
-            case RobotSaved() if one.name == name:
-                entry = entry_of(one.text, where=name)
-                text = robot_editor.KINDS[kind_of(entry)]
-                if not isinstance(entry, SimulatedRobotEntry):
-                    text = lazy_gettext("{kind}, {address}", kind=text, address=entry.identity)
-            case RobotRemoved() if one.name == name:
-                text = N_("removed")
-            case _:
-                continue
-        found.append(Version(revision=one.revision, text=text, who=one.actor.name, reason=one.reason, at_s=one.at_s))
-    return tuple(found)
+def _version(name: str, change: SiteEvent) -> str:
+    """What a change did to this robot; empty for a change to something else."""
+    match change:
+        case RobotSaved() if change.name == name:
+            entry = entry_of(change.text, where=name)
+            kind = robot_editor.KINDS[kind_of(entry)]
+            if isinstance(entry, SimulatedRobotEntry):
+                return kind
+            return lazy_gettext("{kind}, {address}", kind=kind, address=entry.identity)
+        case RobotRemoved() if change.name == name:
+            return N_("removed")
+        case _:
+            return ""

@@ -3,15 +3,17 @@
 from collections.abc import Sequence
 
 from fastapi import APIRouter
-from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.responses import HTMLResponse, Response
 
 from app.acts.places import RemovePlaceAct, SavePlaceAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext, reasoned
+from app.i18n.messages import lazy_gettext
+from app.routes.edited import Shown, answered, left
 from app.views import place_editor
+from app.views.editor_fields import versions
 from app.views.forms import Wrong
-from app.views.place_editor import PlaceForm, Version
+from app.views.place_editor import PlaceForm
 from app.views.places import PlacesPage, site_map
 from app.web.rendering import render
 from harness.contracts import place_events
@@ -25,6 +27,7 @@ from harness.contracts.places import Place
 from harness.contracts.reasons import because
 
 router = APIRouter(prefix="/places")
+EDITOR = "places/edit.html"
 EVENTS: Codec[place_events.PlaceEvent] = Codec(place_events.PlaceEvent)
 
 
@@ -42,7 +45,7 @@ def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
 
 @router.get("/new")
 def new(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
-    return render("places/edit.html", _form(console, actor, {}, new=True))
+    return render(EDITOR, _form(console, actor, {}, new=True)([]))
 
 
 @router.post("/new")
@@ -50,14 +53,14 @@ def add(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
     place_id = typed.get("place_id", "")
     if any(one.place_id == place_id for one in console.runtime.site.places):
         wrong = [Wrong("place_id", lazy_gettext("There is a place {place_id} already.", place_id=place_id))]
-        return render("places/edit.html", _form(console, actor, typed, wrong, new=True), status=422)
+        return left(EDITOR, _form(console, actor, typed, new=True), wrong)
     removed_at = console.runtime.places().revision(PlaceId(place_id))
     return _save(console, actor, typed | {"basis": str(removed_at)}, new=True)
 
 
 @router.get("/{place_id}/edit")
 def edit(console: ConsoleDep, actor: ActorDep, place_id: PlaceId) -> HTMLResponse:
-    return render("places/edit.html", _form(console, actor, _as_it_is(console, place_id)))
+    return render(EDITOR, _form(console, actor, _as_it_is(console, place_id))([]))
 
 
 @router.post("/{place_id}/edit")
@@ -68,15 +71,10 @@ def save(console: ConsoleDep, actor: ActorDep, place_id: PlaceId, typed: FormDep
 
 @router.post("/{place_id}/remove")
 def remove(console: ConsoleDep, actor: ActorDep, place_id: PlaceId, typed: FormDep) -> Response:
-    place = _as_it_is(console, place_id)
-    act = RemovePlaceAct.from_form(typed)
+    act, form = RemovePlaceAct.from_form(typed), _form(console, actor, _as_it_is(console, place_id))
     if isinstance(act, tuple):
-        return render("places/edit.html", _form(console, actor, place, act), status=422)
-    decision = decided(console, act.to_command(actor, place_id=place_id))
-    if isinstance(decision, Refused):
-        page = _form(console, actor, place, [Wrong("", reasoned(decision.reason))])
-        return render("places/edit.html", page, status=409)
-    return RedirectResponse("/places", status_code=303)
+        return left(EDITOR, form, act)
+    return answered(EDITOR, form, decided(console, act.to_command(actor, place_id=place_id)), then="/places")
 
 
 def decided(console: Console, command: place_events.PlaceCommand) -> Accepted[AnyEvent] | Refused:
@@ -91,36 +89,32 @@ def saved(console: Console, actor: Actor, place_id: PlaceId, act: SavePlaceAct) 
 
 
 def _save(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> Response:
-    act = SavePlaceAct.from_form(typed)
+    act, form = SavePlaceAct.from_form(typed), _form(console, actor, typed, new=new)
     place_id = PlaceId(typed.get("place_id", ""))
     wrong = list(act) if isinstance(act, tuple) else []
     names = (typed.get("name", "").strip(),) if isinstance(act, tuple) else (act.name, *act.aliases)
     wrong = place_editor.wrong_names(place_id, names, console.runtime.site) + wrong
     if wrong or isinstance(act, tuple):
-        return render("places/edit.html", _form(console, actor, typed, wrong, new=new), status=422)
-    decision = saved(console, actor, place_id, act)
-    if isinstance(decision, Refused):
-        page = _form(console, actor, typed, [Wrong("", reasoned(decision.reason))], new=new)
-        return render("places/edit.html", page, status=409)
-    return RedirectResponse(f"/places#{place_id}", status_code=303)
+        return left(EDITOR, form, wrong)
+    return answered(EDITOR, form, saved(console, actor, place_id, act), then=f"/places#{place_id}")
 
 
-def _form(
-    console: Console, actor: Actor, typed: dict[str, str], wrong: Sequence[Wrong] = (), *, new: bool = False
-) -> PlaceForm:
-    title = (
-        N_("Add a place") if new else lazy_gettext("Place {name}", name=typed.get("name") or typed.get("place_id", ""))
-    )
+def _form(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> Shown:
     place_id = PlaceId(typed.get("place_id", ""))
-    return place_editor.place_form(
-        console.shell(title, "places", actor),
-        console.runtime.site,
-        typed,
-        basis=console.runtime.places().revision(place_id),
-        wrong=wrong,
-        versions=_versions(console, place_id),
-        new=new,
-    )
+    title = N_("Add a place") if new else lazy_gettext("Place {name}", name=typed.get("name") or place_id)
+
+    def shown(wrong: Sequence[Wrong]) -> PlaceForm:
+        return place_editor.place_form(
+            console.shell(title, "places", actor),
+            console.runtime.site,
+            typed,
+            basis=console.runtime.places().revision(place_id),
+            wrong=wrong,
+            versions=versions(_changes(console, place_id), _version),
+            new=new,
+        )
+
+    return shown
 
 
 def _as_it_is(console: Console, place_id: PlaceId) -> dict[str, str]:
@@ -137,18 +131,8 @@ def _before(console: Console, place_id: PlaceId) -> Place | None:
     return saved[-1].place if saved else console.runtime.shipped_place(place_id)
 
 
-def _versions(console: Console, place_id: PlaceId) -> tuple[Version, ...]:
-    """Every change to this place, newest first."""
-    return tuple(
-        Version(
-            revision=one.revision,
-            text="removed" if isinstance(one, place_events.PlaceRemoved) else _summary(one.place),
-            who=one.actor.name,
-            reason=one.reason,
-            at_s=one.at_s,
-        )
-        for one in reversed(_changes(console, place_id))
-    )
+def _version(change: place_events.PlaceEvent) -> str:
+    return N_("removed") if isinstance(change, place_events.PlaceRemoved) else _summary(change.place)
 
 
 def _summary(place: Place) -> str:

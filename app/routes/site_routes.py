@@ -1,17 +1,19 @@
 """/routes: the reference routes of the site; add, change and remove them. Every version is kept."""
 
 from collections.abc import Sequence
+from functools import partial
 
 from fastapi import APIRouter
-from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.responses import HTMLResponse, Response
 
 from app.acts.site_changes import RemoveRouteAct, SaveRouteAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext, reasoned
+from app.i18n.messages import lazy_gettext
+from app.routes.edited import Shown, answered, left
 from app.views import route_editor
+from app.views.editor_fields import versions
 from app.views.forms import Wrong
-from app.views.place_editor import Version
 from app.views.places import length_m
 from app.views.route_editor import RouteForm
 from app.web.rendering import render
@@ -26,12 +28,13 @@ from harness.contracts.site_events import RouteRemoved, RouteSaved, SiteCommand,
 from harness.workspace.proposed_changes import authorised_refusals, route_refusals
 
 router = APIRouter(prefix="/routes")
+EDITOR = "routes/edit.html"
 EVENTS: Codec[SiteEvent] = Codec(SiteEvent)
 
 
 @router.get("/new")
 def new(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
-    return render("routes/edit.html", _form(console, actor, {}, new=True))
+    return render(EDITOR, _form(console, actor, {}, new=True)([]))
 
 
 @router.post("/new")
@@ -39,14 +42,14 @@ def add(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
     name = typed.get("name", "").strip()
     if any(one.name == name for one in console.runtime.site.routes):
         wrong = [Wrong("name", lazy_gettext("There is a route {name} already.", name=name))]
-        return render("routes/edit.html", _form(console, actor, typed, wrong, new=True), status=422)
+        return left(EDITOR, _form(console, actor, typed, new=True), wrong)
     removed_at = console.runtime.site_changes().route_revision(name)
     return _save(console, actor, typed | {"name": name, "basis": str(removed_at)}, new=True)
 
 
 @router.get("/{name}/edit")
 def edit(console: ConsoleDep, actor: ActorDep, name: str) -> HTMLResponse:
-    return render("routes/edit.html", _form(console, actor, _as_it_is(console, name)))
+    return render(EDITOR, _form(console, actor, _as_it_is(console, name))([]))
 
 
 @router.post("/{name}/edit")
@@ -57,17 +60,12 @@ def save(console: ConsoleDep, actor: ActorDep, name: str, typed: FormDep) -> Res
 
 @router.post("/{name}/remove")
 def remove(console: ConsoleDep, actor: ActorDep, name: str, typed: FormDep) -> Response:
-    route = _as_it_is(console, name)
-    act = RemoveRouteAct.from_form(typed)
+    act, form = RemoveRouteAct.from_form(typed), _form(console, actor, _as_it_is(console, name))
     wrong = list(act) if isinstance(act, tuple) else []
     wrong += route_editor.wrong_fields(authorised_refusals(name, console.runtime.site))
     if wrong or isinstance(act, tuple):
-        return render("routes/edit.html", _form(console, actor, route, wrong), status=422)
-    decision = changed(console, act.to_command(actor, name=name))
-    if isinstance(decision, Refused):
-        page = _form(console, actor, route, [Wrong("", reasoned(decision.reason))])
-        return render("routes/edit.html", page, status=409)
-    return RedirectResponse("/places#routes", status_code=303)
+        return left(EDITOR, form, wrong)
+    return answered(EDITOR, form, changed(console, act.to_command(actor, name=name)), then="/places#routes")
 
 
 def changed(console: Console, command: SiteCommand) -> Accepted[AnyEvent] | Refused:
@@ -81,34 +79,32 @@ def site_history(console: Console) -> list[SiteEvent]:
 
 
 def _save(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> Response:
-    act = SaveRouteAct.from_form(typed)
+    act, form = SaveRouteAct.from_form(typed), _form(console, actor, typed, new=new)
     if isinstance(act, tuple):
-        return render("routes/edit.html", _form(console, actor, typed, list(act), new=new), status=422)
+        return left(EDITOR, form, act)
     route = act.route(typed["name"], console.runtime.site)
     wrong = route_editor.wrong_fields(route_refusals(route, console.runtime.site, console.site_files.floor))
     if wrong:
-        return render("routes/edit.html", _form(console, actor, typed, wrong, new=new), status=422)
-    decision = changed(console, act.to_command(actor, route=route))
-    if isinstance(decision, Refused):
-        page = _form(console, actor, typed, [Wrong("", reasoned(decision.reason))], new=new)
-        return render("routes/edit.html", page, status=409)
-    return RedirectResponse("/places#routes", status_code=303)
+        return left(EDITOR, form, wrong)
+    return answered(EDITOR, form, changed(console, act.to_command(actor, route=route)), then="/places#routes")
 
 
-def _form(
-    console: Console, actor: Actor, typed: dict[str, str], wrong: Sequence[Wrong] = (), *, new: bool = False
-) -> RouteForm:
+def _form(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> Shown:
     name = typed.get("name", "")
     title = N_("Add a route") if new else lazy_gettext("Route {name}", name=name)
-    return route_editor.route_form(
-        console.shell(title, "places", actor),
-        console.runtime.site,
-        typed,
-        basis=console.runtime.site_changes().route_revision(name),
-        wrong=wrong,
-        versions=_versions(console, name),
-        new=new,
-    )
+
+    def shown(wrong: Sequence[Wrong]) -> RouteForm:
+        return route_editor.route_form(
+            console.shell(title, "places", actor),
+            console.runtime.site,
+            typed,
+            basis=console.runtime.site_changes().route_revision(name),
+            wrong=wrong,
+            versions=versions(site_history(console), partial(_version, name)),
+            new=new,
+        )
+
+    return shown
 
 
 def _as_it_is(console: Console, name: str) -> dict[str, str]:
@@ -125,22 +121,18 @@ def _before(console: Console, name: str) -> Route | None:
     return saved[-1] if saved else console.runtime.shipped_route(name)
 
 
-def _versions(console: Console, name: str) -> tuple[Version, ...]:
-    """Every change to this route, newest first."""
-    found = []
-    for one in reversed(site_history(console)):
-        match one:
-            case RouteSaved() if one.route.name == name:
-                text = lazy_gettext(
-                    "{start} to {end}, {count} waypoints, {length} m",
-                    start=one.route.start,
-                    end=one.route.end,
-                    count=len(one.route.waypoints_m),
-                    length=f"{length_m(one.route):.2f}",
-                )
-            case RouteRemoved() if one.name == name:
-                text = N_("removed")
-            case _:
-                continue
-        found.append(Version(revision=one.revision, text=text, who=one.actor.name, reason=one.reason, at_s=one.at_s))
-    return tuple(found)
+def _version(name: str, change: SiteEvent) -> str:
+    """What a change did to this route; empty for a change to something else."""
+    match change:
+        case RouteSaved(route=route) if route.name == name:
+            return lazy_gettext(
+                "{start} to {end}, {count} waypoints, {length} m",
+                start=route.start,
+                end=route.end,
+                count=len(route.waypoints_m),
+                length=f"{length_m(route):.2f}",
+            )
+        case RouteRemoved() if change.name == name:
+            return N_("removed")
+        case _:
+            return ""

@@ -7,6 +7,7 @@ from math import degrees, hypot, isfinite
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext
+from app.views.editor_fields import FieldValue, Version
 from app.views.forms import Wrong
 from app.views.places import SiteMap, site_map
 from app.views.shell import Shell
@@ -14,25 +15,6 @@ from harness.contracts.places import Place, Site
 
 SLUG = re.compile(r"[a-z][a-z0-9_]{0,39}")
 NEAR_M = 0.4
-
-
-@dataclass(frozen=True)
-class FieldValue:
-    """The value of a field, and what is wrong with it."""
-
-    value: str
-    wrong: str
-
-
-@dataclass(frozen=True)
-class Version:
-    """One change to what is edited, as it stands in the log."""
-
-    revision: int
-    text: str
-    who: str
-    reason: str
-    at_s: float
 
 
 @dataclass(frozen=True)

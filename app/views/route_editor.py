@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from msgspec import UNSET
 
 from app.i18n.messages import reasoned
+from app.views.editor_fields import FieldValue, Version
 from app.views.forms import SelectOption, Wrong
-from app.views.place_editor import FieldValue, Version
 from app.views.places import SiteMap, site_map
 from app.views.shell import Shell
 from app.views.svg_floor import polyline

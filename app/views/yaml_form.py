@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from app.i18n.languages import explained
+from app.views.editor_fields import FieldValue, Version
 from app.views.forms import Wrong
-from app.views.place_editor import FieldValue, Version
 from app.views.shell import Shell
 from harness.contracts.errors import HarnessError
 
