@@ -1,4 +1,4 @@
-"""What the editors of places, routes, missions and robots share: fields as they were left, and versions from the log."""
+"""What the editors of places, routes, missions and robots share: fields as they were left, versions from the log."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
