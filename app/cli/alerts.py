@@ -16,7 +16,6 @@ from harness.adapters.clock import SystemClock
 from harness.bootstrap import read_harness
 
 app = typer.Typer(no_args_is_help=True, help="See what went wrong, one row per cause, and look after it.")
-Reason = Annotated[str, typer.Option(help="Why; it stands in the log.")]
 AlertArgument = Annotated[str, typer.Argument(help="As `regen alert list` names it.")]
 
 
@@ -61,7 +60,7 @@ def ack(
 @app.command()
 def shelve(
     alert_id: AlertArgument,
-    reason: Reason,
+    reason: output.Why,
     minutes: Annotated[float, typer.Option(help="For how long, at most 1440.", min=0.1, max=1440)] = 60.0,
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
@@ -73,7 +72,7 @@ def shelve(
 
 @app.command()
 def suppress(
-    alert_id: AlertArgument, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
+    alert_id: AlertArgument, reason: output.Why, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
 ) -> None:
     """Put it out of the way until somebody restores it."""
     with api_without_robots(data) as api:

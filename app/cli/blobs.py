@@ -19,7 +19,7 @@ app = typer.Typer(no_args_is_help=True, help="Erase photographs and voice; list 
 @app.command()
 def erase(
     digest: Annotated[str, typer.Argument(help="SHA-256 of the photograph or voice, as the evidence page shows it.")],
-    reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
+    reason: output.Why,
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
 ) -> None:

@@ -20,7 +20,6 @@ from harness.contracts.values import encode
 from harness.projections.handoffs import Handoff
 
 app = typer.Typer(no_args_is_help=True, help="Answer the questions that missions ask people.")
-Reason = Annotated[str, typer.Option(help="Why; it stands in the log.")]
 Claim = Annotated[str, typer.Option("--claim", help="Your token: any word; name it again to act on your claim.")]
 Claimed = Annotated[str, typer.Option("--claim", help="Your token, if you claimed it.")]
 ActOf = Callable[[Handoff], Act]
@@ -71,7 +70,7 @@ def _claimed(verb: str) -> Callable[..., None]:
 def _held(verb: str, success: str) -> Callable[..., None]:
     def command(
         handoff_id: str,
-        reason: Reason,
+        reason: output.Why,
         data: output.Data = output.DEFAULT_DATA,
         as_json: output.Json = False,
         token: Claim = "terminal",
@@ -99,7 +98,10 @@ def look(handoff_id: str, data: output.Data = output.DEFAULT_DATA, as_json: outp
 @app.command("extend")
 @app.command("on-my-way", hidden=True)
 def extend(
-    handoff_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False, reason: Reason = "on my way"
+    handoff_id: str,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
+    reason: output.Why = "on my way",
 ) -> None:
     """Let it wait longer: once, as long as the zone allows."""
     _post(data, handoff_id, "on-my-way", lambda _: acts.ExtendDeadlineAct.of(reason=reason), as_json=as_json)
@@ -108,7 +110,7 @@ def extend(
 @app.command("ask-colleague")
 def ask_colleague(
     handoff_id: str,
-    reason: Reason,
+    reason: output.Why,
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
 ) -> None:
@@ -142,7 +144,7 @@ def choose(
 def approve(
     handoff_id: str,
     digest: Annotated[str, typer.Option(help="The digest that `regen handoff list` printed.")],
-    reason: Reason,
+    reason: output.Why,
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
     token: Claimed = "",
@@ -160,7 +162,7 @@ def approve(
 @app.command()
 def reject(
     handoff_id: str,
-    reason: Reason,
+    reason: output.Why,
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
     token: Claimed = "",
@@ -181,7 +183,7 @@ def reject(
 def take_control(
     handoff_id: str,
     device: Annotated[str, typer.Option(help="What you drive it from; everybody sees it.")],
-    reason: Reason,
+    reason: output.Why,
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
     token: Claim = "terminal",

@@ -37,7 +37,7 @@ CASE, DOSSIER, TIMELINE, RECORDING = "case.json", "dossier.zip", "timeline.json"
 def incident(
     source: Annotated[str, typer.Argument(help="A recording, a mission of this folder, or with --again a bundle.")],
     out: Annotated[Path | None, typer.Option("--out", help="The bundle's folder; incident-MISSION without it.")] = None,
-    reason: Annotated[str, typer.Option(help="Why; it stands in the log with the case.")] = "incident",
+    reason: Annotated[str, typer.Option(help="Why; it is stored in the log with the case.")] = "incident",
     target: Annotated[str | None, typer.Option(help="X,Y in metres: where the recorded drive was to end.")] = None,
     topic: Annotated[list[str] | None, typer.Option(help="ROLE=TOPIC, as for `regen mission replay`.")] = None,
     again: Annotated[bool, typer.Option("--again", help="Run a bundle's case again and compare.")] = False,

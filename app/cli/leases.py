@@ -1,6 +1,6 @@
 """regen lease: list leases, and release a quarantined one in a person's name on what the robot reports now."""
 
-from typing import Annotated, Any
+from typing import Any
 from urllib.parse import quote
 
 import msgspec
@@ -44,7 +44,7 @@ def _row(lease: Lease) -> dict[str, Any]:
 @app.command()
 def free(
     resource: str,
-    reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
+    reason: output.Why,
     data: output.Data = output.DEFAULT_DATA,
     site: output.Site = None,
     as_json: output.Json = False,

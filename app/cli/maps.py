@@ -31,7 +31,7 @@ def import_cloud(
         typer.Option(help="1 for metres, 0.001 for millimetres; asked for where it is missing.", min=1e-6, max=1e6),
     ] = None,
     replace: Annotated[bool, typer.Option("--replace", help="Show it instead of the map's present cloud.")] = False,
-    reason: Annotated[str, typer.Option(help="Why; it stands in the log.")] = "imported",
+    reason: output.Why = "imported",
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
 ) -> None:

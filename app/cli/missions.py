@@ -406,7 +406,7 @@ def events(mission_id: str, data: output.Data = output.DEFAULT_DATA, as_json: ou
 @app.command()
 def stop(
     mission_id: str,
-    reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
+    reason: output.Why,
     data: output.Data = output.DEFAULT_DATA,
     site: output.Site = None,
     as_json: output.Json = False,
@@ -422,7 +422,7 @@ def stop(
 @app.command()
 def withdraw(
     mission_id: str,
-    reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
+    reason: output.Why,
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
 ) -> None:
@@ -436,7 +436,7 @@ def withdraw(
 def dispute(
     mission_id: str,
     condition: Annotated[str, typer.Option(help="The accepted condition, as `regen mission events` shows it.")],
-    reason: Annotated[str, typer.Option(help="Why it is wrong; it stands in the log.")],
+    reason: Annotated[str, typer.Option(help="Why it is wrong; it is stored in the log.")],
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
 ) -> None:

@@ -23,6 +23,7 @@ from harness.settings import HarnessSettings
 
 Data = Annotated[Path, typer.Option("--data", help="Data folder; one owner at a time.", envvar="REGEN_DATA_FOLDER")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+Why = Annotated[str, typer.Option("--reason", help="Why; it is stored in the log.")]
 DEFAULT_DATA = Path("var")
 SITE_DATA = "var"
 Site = Annotated[

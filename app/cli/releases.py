@@ -13,13 +13,15 @@ from app.cli.api import api_without_robots
 from app.cli.rsi import CandidateName, sheet_lines
 from app.cli.rsi import app as app
 
-Reason = Annotated[str, typer.Option(help="Why; it stands in the log.")]
 Shown = Annotated[str, typer.Option("--digest", help="The digest that `regen rsi show` printed.")]
 
 
 def _stated(kind: type[acts.CandidateAct]) -> Callable[..., None]:
     def command(
-        candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
+        candidate: CandidateName,
+        reason: output.Why,
+        data: output.Data = output.DEFAULT_DATA,
+        as_json: output.Json = False,
     ) -> None:
         _post(kind, candidate, {"reason": reason}, data=data, as_json=as_json)
 
@@ -30,7 +32,7 @@ def _bound(kind: type[acts.CandidateAct]) -> Callable[..., None]:
     def command(
         candidate: CandidateName,
         digest: Shown,
-        reason: Reason,
+        reason: output.Why,
         data: output.Data = output.DEFAULT_DATA,
         as_json: output.Json = False,
     ) -> None:
@@ -51,7 +53,7 @@ for make, verbs in (
 def release(
     candidate: CandidateName,
     digest: Shown,
-    reason: Reason,
+    reason: output.Why,
     robot: Annotated[str, typer.Option(help="The robot that tries it first.")] = "vbot-1",
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
@@ -65,7 +67,7 @@ def release(
 def adjudicate(
     candidate: CandidateName,
     mission: Annotated[str, typer.Option(help="A mission that ended under it.")],
-    reason: Reason,
+    reason: output.Why,
     finding: Annotated[str, typer.Option(help="sound, false_completion, duplicate_start, safety_violation.")] = "sound",
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
@@ -78,7 +80,7 @@ def adjudicate(
 @app.command()
 def policy(
     kind: Annotated[str, typer.Option(help="two_person or single_operator.")],
-    reason: Reason,
+    reason: output.Why,
     quorum: Annotated[int, typer.Option(help="Approvals that are needed.", min=1, max=10)] = 1,
     cooling_off_s: Annotated[float, typer.Option(help="What a single operator waits, seconds.", min=0.0)] = 0.0,
     data: output.Data = output.DEFAULT_DATA,

@@ -27,7 +27,6 @@ HEAD = [
     "driver",
 ]
 app = typer.Typer(no_args_is_help=True, help="See and stop the robots of a running console.")
-Reason = Annotated[str, typer.Option(help="Why; it stands in the log.")]
 
 
 @app.command("list")
@@ -42,21 +41,21 @@ def stop(
     robot: str,
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
-    reason: Annotated[str, typer.Option(help="Why; it stands in the log, and may be left out.")] = "",
+    reason: Annotated[str, typer.Option(help="Why; it is stored in the log, and may be left out.")] = "",
 ) -> None:
     """Stop whatever moves one robot: its mission, a person's hand, its way to safety. Exit 1 if that was refused."""
     _stopped(data, StopRobotAct.of(reason=reason), robot=robot, as_json=as_json)
 
 
 @app.command("stop-all")
-def stop_all(reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
+def stop_all(reason: output.Why, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Ask every mission of every robot to stop. Exit 1 if one could not be asked."""
     _stopped(data, StopRobotsAct.of(reason=reason), as_json=as_json)
 
 
 @app.command()
 def safe(
-    reason: Reason,
+    reason: output.Why,
     robot: Annotated[str, typer.Argument(help="Which; --all instead for every robot.")] = "",
     every: Annotated[bool, typer.Option("--all", help="Stop and send every robot, each for itself.")] = False,
     data: output.Data = output.DEFAULT_DATA,
@@ -74,7 +73,9 @@ def safe(
 
 
 @app.command()
-def stand(robot: str, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
+def stand(
+    robot: str, reason: output.Why, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
+) -> None:
     """Have a robot stand up again."""
     act = OrderPostureAct.of(posture="standing", reason=reason)
     _show(_owner(data).post(f"/robots/{robot}/posture", act.body()), as_json=as_json)
@@ -83,7 +84,7 @@ def stand(robot: str, reason: Reason, data: output.Data = output.DEFAULT_DATA, a
 @app.command()
 def autonomy(
     level: Annotated[str, typer.Argument(help=f"One of {', '.join(LEVELS)}.")],
-    reason: Reason,
+    reason: output.Why,
     mission: Annotated[str, typer.Option(help="One mission; without it the limit of the whole fleet.")] = "",
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,

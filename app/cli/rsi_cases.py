@@ -13,7 +13,7 @@ from rsi_reviews.suite_growth import AddedCase
 
 def case(
     mission_id: Annotated[str, typer.Argument(help="A failed mission, or one with a disputed completion.")],
-    reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
+    reason: output.Why,
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
 ) -> None:

@@ -1,6 +1,7 @@
 """Infers the commands behind a mission's events in logs from before commands were stored (D57, R146). Pure."""
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 from harness.contracts import commands, events
 from harness.contracts.control import AutonomySet, SetAutonomy
@@ -12,10 +13,18 @@ from harness.contracts.revision_events import (
     ConstraintsTightened,
     GraphRevised,
 )
+from harness.contracts.values import Value
 
+Command = TypeVar("Command", bound=Value)
 Tail = Sequence[events.MissionEvent]
 LONGEST = 5
 """No command has more events than this: an approval, a spend, a plan, an intent, an attestation."""
+
+
+def command_from(kind: type[Command], event: object, **instead: object) -> Command:
+    """A command whose fields the event holds under the same names, but for those given `instead`."""
+    held = {name: getattr(event, name) for name in kind.__struct_fields__ if hasattr(event, name)}
+    return kind(**held | instead)
 
 
 def guessed_command(tail: Tail) -> commands.MissionCommand | None:
@@ -26,32 +35,15 @@ def guessed_command(tail: Tail) -> commands.MissionCommand | None:
 def _started(tail: Tail) -> commands.MissionCommand | None:
     match tail:
         case [events.MissionCreated() as created, events.ContractCompiled() as compiled, *_]:
-            return commands.CreateMission(
-                mission_id=created.mission_id,
-                robot_id=created.robot_id,
-                goal=created.goal,
-                template=created.template,
-                requested_by=created.requested_by,
-                configuration=created.configuration,
+            return command_from(
+                commands.CreateMission,
+                created,
                 contract=compiled.contract,
                 policy=compiled.policy,
-                seed=created.seed,
-                labels=created.labels,
-                autonomy=created.autonomy,
-                replay=created.replay,
-                trial=created.trial,
                 rules=compiled.rules,
-                channel=created.channel,
-                spoken=created.spoken,
             )
         case [events.ContractRecompiled() as again, *_]:
-            return commands.RecompileContract(
-                configuration=again.configuration,
-                contract=again.contract,
-                policy=again.policy,
-                trial=again.trial,
-                rules=again.rules,
-            )
+            return command_from(commands.RecompileContract, again)
         case [events.MissionActivated(), *_]:
             return commands.ActivateMission()
         case _:
@@ -63,31 +55,17 @@ def _work(tail: Tail) -> commands.MissionCommand | None:
         case [events.PacketRetained() as retained, events.VerdictRecorded() as recorded, *_]:
             return commands.CompleteNode(packet=retained.packet, verdict=recorded.verdict)
         case [events.GoalVerified() as verified, *_]:
-            return commands.JudgeGoal(verdict=verified.verdict)
+            return command_from(commands.JudgeGoal, verified)
         case [events.InvocationAccepted() as accepted, *_]:
-            return commands.AcceptInvocation(invocation_id=accepted.invocation_id, handle=accepted.handle)
+            return command_from(commands.AcceptInvocation, accepted)
         case [events.InvocationResumed() as resumed, *_]:
-            return commands.ResumeInvocation(invocation_id=resumed.invocation_id)
+            return command_from(commands.ResumeInvocation, resumed)
         case [events.InvocationEnded() as ended, events.FailureClassified() as failure, *_]:
-            return commands.EndInvocation(
-                invocation_id=ended.invocation_id,
-                status=ended.status,
-                failure=ended.failure,
-                reason=ended.reason,
-                at_s=failure.at_s,
-            )
+            return command_from(commands.EndInvocation, ended, at_s=failure.at_s)
         case [events.PreconditionRefused() as refused, events.FailureClassified() as failure, *_]:
-            return commands.RefusePrecondition(
-                node_id=refused.node_id, precondition=refused.precondition, reason=refused.reason, at_s=failure.at_s
-            )
+            return command_from(commands.RefusePrecondition, refused, at_s=failure.at_s)
         case [events.FailureClassified() as failure, *_]:
-            return commands.ReportFailure(
-                node_id=failure.node_id,
-                invocation_id=failure.invocation_id,
-                failure=failure.failure,
-                reason=failure.reason,
-                at_s=failure.at_s,
-            )
+            return command_from(commands.ReportFailure, failure)
         case _:
             return _dispatched(tail)
 
@@ -126,11 +104,9 @@ def _dispatched(tail: Tail) -> commands.MissionCommand | None:
 
 
 def _attestation(seen: AttestationRecorded) -> RecordAttestation:
-    return RecordAttestation(
-        handoff_id=seen.handoff_id,
-        node_id=seen.node_id,
-        condition_id=seen.condition_id,
-        actor=seen.actor,
+    return command_from(
+        RecordAttestation,
+        seen,
         statement=str(seen.reference.values["statement"]),
         seen_s=seen.reference.from_s,
         blob=seen.reference.blob,
@@ -155,31 +131,21 @@ def _proposal(paid: events.RecoveryAuthorised) -> RecoveryProposal:
 def _recovered(tail: Tail) -> commands.MissionCommand | None:
     match tail:
         case [events.RecoveryAuthorised() as step, events.InvocationStopRequested() as requested, *_]:
-            return commands.StopInvocation(
-                invocation_id=requested.invocation_id,
-                reason=requested.reason,
-                recovery=_proposal(step),
-                recovery_context=step.context,
+            return command_from(
+                commands.StopInvocation, requested, recovery=_proposal(step), recovery_context=step.context
             )
         case [events.InvocationStopRequested() as requested, *_]:
             return commands.StopInvocation(invocation_id=requested.invocation_id, reason=requested.reason)
         case [events.RecoveryAuthorised(until_s=float() as until_s) as step, *_]:
-            return commands.AuthoriseWait(
-                node_id=step.node_id, proposal=_proposal(step), context=step.context, until_s=until_s
-            )
+            return command_from(commands.AuthoriseWait, step, proposal=_proposal(step), until_s=until_s)
         case [events.NodeFailed() as failed, *_]:
-            return commands.FailNode(node_id=failed.node_id, reason=failed.reason, context=failed.context)
+            return command_from(commands.FailNode, failed)
         case [GraphRevised(contract=None), *_]:
             return None
         case [GraphRevised() as revised, *_]:
             if revised.contract is None:
                 return None
-            return ReviseContract(
-                node_id=revised.responsible,
-                contract=revised.contract,
-                planner=revised.proposed_by,
-                reason=revised.reason,
-            )
+            return command_from(ReviseContract, revised, node_id=revised.responsible, planner=revised.proposed_by)
         case _:
             return None
 
@@ -187,40 +153,27 @@ def _recovered(tail: Tail) -> commands.MissionCommand | None:
 def _spoken(tail: Tail) -> commands.MissionCommand | None:
     match tail:
         case [events.HandoffRequested() as requested, *_]:
-            return commands.AskPerson(
-                handoff_id=requested.handoff_id,
-                node_id=requested.node_id,
-                failure=requested.failure,
-                reason=requested.reason,
-                context=requested.context,
-            )
-        case [
-            events.HandoffAnswered(decision="rejected" | "expired" | "superseded" | "closed" as decision) as answered,
-            *_,
-        ]:
-            return commands.AnswerMission(
-                handoff_id=answered.handoff_id, decision=decision, actor=answered.actor, reason=answered.reason
-            )
+            return command_from(commands.AskPerson, requested)
+        case [events.HandoffAnswered(decision="rejected" | "expired" | "superseded" | "closed") as answered, *_]:
+            return command_from(commands.AnswerMission, answered)
         case [AutonomySet() as said, *_]:
-            return SetAutonomy(autonomy=said.autonomy, scope=said.scope, actor=said.actor, reason=said.reason)
+            return command_from(SetAutonomy, said)
         case [events.MissionPaused() as paused, *_]:
-            return commands.PauseMission(actor=paused.actor, reason=paused.reason)
+            return command_from(commands.PauseMission, paused)
         case [events.MissionResumed() as resumed, *_]:
-            return commands.ResumeMission(actor=resumed.actor, reason=resumed.reason)
+            return command_from(commands.ResumeMission, resumed)
         case [events.StopRequested() as requested, *_]:
-            return commands.StopMission(actor=requested.actor, reason=requested.reason)
+            return command_from(commands.StopMission, requested)
         case [events.StopAcknowledged() as acknowledged, *_]:
-            return commands.AcknowledgeStop(
-                static=acknowledged.static, measured=acknowledged.measured, reason=acknowledged.reason
-            )
+            return command_from(commands.AcknowledgeStop, acknowledged)
         case [CompletionDisputed() as disputed, *_]:
-            return DisputeCompletion(condition_id=disputed.condition_id, actor=disputed.actor, reason=disputed.reason)
+            return command_from(DisputeCompletion, disputed)
         case [
             events.FailureReported(),
-            events.MissionEnded(status="failed" | "cancelled" | "safe_stopped" | "handed_off" as status) as ended,
+            events.MissionEnded(status="failed" | "cancelled" | "safe_stopped" | "handed_off") as ended,
             *_,
         ]:
-            return commands.EndMission(status=status, reason=ended.reason)
+            return command_from(commands.EndMission, ended)
         case _:
             return None
 
@@ -228,16 +181,14 @@ def _spoken(tail: Tail) -> commands.MissionCommand | None:
 def _noted(tail: Tail) -> commands.MissionCommand | None:
     match tail:
         case [events.ObservationRecorded() as noted, *_]:
-            return commands.RecordObservation(
-                node_id=noted.node_id, reference=noted.reference, contradicts=noted.contradicts
-            )
+            return command_from(commands.RecordObservation, noted)
         case [events.EpochChanged() as changed, *_]:
-            return commands.ChangeEpoch(map_version=changed.map_version, reason=changed.reason)
+            return command_from(commands.ChangeEpoch, changed)
         case [events.VetoRaised() as raised, *_]:
-            return commands.RaiseVeto(layer=raised.layer, reason=raised.reason)
+            return command_from(commands.RaiseVeto, raised)
         case [events.VetoCleared() as cleared, *_]:
-            return commands.ClearVeto(layer=cleared.layer, reason=cleared.reason)
+            return command_from(commands.ClearVeto, cleared)
         case [ConstraintsTightened() as tightened, *_]:
-            return TightenConstraints(layer=tightened.layer, constraints=tightened.constraints, reason=tightened.reason)
+            return command_from(TightenConstraints, tightened)
         case _:
             return None

@@ -1,6 +1,7 @@
 """Analyses a passage as a provider: reads the cited frames, finds obstructions and stores a report bound to them."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -8,7 +9,7 @@ import msgspec
 from harness.adapters.pictures import PICTURES
 from harness.adapters.providers import local
 from harness.adapters.providers.models.faces import Pixels
-from harness.adapters.providers.models.passage import METHOD, OrientedFrame, analyse
+from harness.adapters.providers.models.passage import METHOD, OrientedFrame, Report, analyse
 from harness.contracts import capabilities
 from harness.contracts.effects import Relational
 from harness.contracts.errors import ProviderFailed
@@ -82,30 +83,18 @@ class OpenCvAnalysis(local.LocalProvider):
             position=parameters.position,
             passage=parameters.passage,
         )
-        if not report.findings and report.in_view < LEAST_IN_VIEW:
-            return not_seen(report.in_view, len(parameters.images))
-        blob = self._blobs.put(encode(report))
-        declared = {"obstructions": float(len(report.findings)), "blocked": float(report.blocked)}
-        values = {**declared, "in_view": report.in_view}
-        return local.Result(
-            message=report.text,
-            drafts=(local.ReceiptDraft(kind="analysis", text=report.text, blob=blob, values=values),),
-            declared=declared,
-            blobs=(blob, *report.cited),
-            proposes=claims(request, Relational, {"report": blob, "images": parameters.images, **declared}),
-        )
+        return analysed(request, report, parameters.images, store=self._blobs.put)
 
     def _pixels(self, image: Digest) -> Pixels:
-        size = (self._camera.height_px, self._camera.width_px)
         body = self._blobs.get(image)
         try:
             decoded = PICTURES.pixels(body)
         except ProviderFailed as error:
-            unusable = because("frame_unusable", digest=image, width_px=size[1], height_px=size[0])
+            unusable = because(
+                "frame_unusable", digest=image, width_px=self._camera.width_px, height_px=self._camera.height_px
+            )
             raise ProviderFailed(unusable, where=CARD.provider_id) from error
-        if decoded.shape[:2] != size:
-            other = because("frame_of_other_size", digest=image, width_px=size[1], height_px=size[0])
-            raise ProviderFailed(other, where=CARD.provider_id)
+        check_size(image, decoded, self._camera, CARD.provider_id)
         return decoded
 
 
@@ -131,6 +120,31 @@ def check_frames(parameters: AnalysisRequest, provider: ProviderId) -> None:
         raise ProviderFailed(unfit, where=provider)
     if len(parameters.passage) < 3:
         raise ProviderFailed(because("passage_no_polygon"), where=provider)
+
+
+def check_size(image: Digest, pixels: Pixels, camera: Camera, provider: ProviderId) -> None:
+    """Raise ProviderFailed for an image that has another size than the camera's."""
+    if pixels.shape[:2] != (camera.height_px, camera.width_px):
+        other = because("frame_of_other_size", digest=image, width_px=camera.width_px, height_px=camera.height_px)
+        raise ProviderFailed(other, where=provider)
+
+
+def analysed(
+    request: StartRequest, report: Report, images: tuple[Digest, ...], *, store: Callable[[bytes], Digest]
+) -> local.Outcome:
+    """The result with the stored report; a failure where nothing was found in a passage that was hardly seen."""
+    if not report.findings and report.in_view < LEAST_IN_VIEW:
+        return not_seen(report.in_view, len(images))
+    blob = store(encode(report))
+    declared = {"obstructions": float(len(report.findings)), "blocked": float(report.blocked)}
+    values = {**declared, "in_view": report.in_view}
+    return local.Result(
+        message=report.text,
+        drafts=(local.ReceiptDraft(kind="analysis", text=report.text, blob=blob, values=values),),
+        declared=declared,
+        blobs=(blob, *report.cited),
+        proposes=claims(request, Relational, {"report": blob, "images": images, **declared}),
+    )
 
 
 def poses_disagree(parameters: AnalysisRequest) -> local.Failed | None:

@@ -1,7 +1,7 @@
 """Analyses a passage with a vision-language model: what it points at in the pictures is measured on the floor.
 
 The model says where in which picture something stands; place, width and share of the passage follow from the camera and
-the measured pose, and the sentence that is told further is the harness's own. It is a proposal: the lidar checks it.
+the measured pose, and the sentence that is passed on is the harness's own. It is a proposal: the lidar checks it.
 """
 
 import math
@@ -16,16 +16,16 @@ from harness.adapters.providers import local
 from harness.adapters.providers.models import passage
 from harness.adapters.providers.models.analysis import CARD as GEOMETRY
 from harness.adapters.providers.models.analysis import (
-    LEAST_IN_VIEW,
     AnalysisRequest,
+    analysed,
     analysis_request,
     check_frames,
+    check_size,
     not_seen,
     poses_disagree,
 )
 from harness.adapters.providers.models.projection import Floats, View
 from harness.contracts.capabilities import Estimates, Latency
-from harness.contracts.effects import Relational
 from harness.contracts.errors import ModelFailed, ProviderFailed
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.models import MessageImage, ModelPort, ModelReply, question
@@ -33,8 +33,7 @@ from harness.contracts.observations import Camera
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import StartRequest
 from harness.contracts.reasons import because
-from harness.contracts.values import Point, Value, encode
-from harness.provider_protocol.proposals import claims
+from harness.contracts.values import Point, Value
 
 METHOD = "vlm-boxes-1"
 CARD = msgspec.structs.replace(
@@ -121,30 +120,16 @@ class VlmAnalysis(local.LocalProvider):
             return local.Failed(failure="provider_failed", message=error.located)
         found = [self._measured(one, parameters, numbers, views) for one in reply.value.things[:MOST_THINGS]]
         report = _report(parameters, [one for one in found if one is not None], seen=seen, reply=reply, by=self._model)
-        if not report.findings and report.in_view < LEAST_IN_VIEW:
-            return not_seen(report.in_view, len(views))
-        blob = self._blobs.put(encode(report))
-        declared = {"obstructions": float(len(report.findings)), "blocked": float(report.blocked)}
-        values = {**declared, "in_view": report.in_view}
-        return local.Result(
-            message=report.text,
-            drafts=(local.ReceiptDraft(kind="analysis", text=report.text, blob=blob, values=values),),
-            declared=declared,
-            blobs=(blob, *report.cited),
-            proposes=claims(request, Relational, {"report": blob, "images": parameters.images, **declared}),
-        )
+        return analysed(request, report, parameters.images, store=self._blobs.put)
 
     def _ask(
         self, parameters: AnalysisRequest, numbers: Sequence[int], views: Sequence[View]
     ) -> ModelReply[PointedThings]:
         """What the model answers to the images `numbers`. Raises ModelFailed, or ProviderFailed for another size."""
-        size = (self._camera.height_px, self._camera.width_px)
         outlines = []
         for number, index in enumerate(numbers):
             image = parameters.images[index]
-            if PICTURES.pixels(self._blobs.get(image)).shape[:2] != size:
-                other = because("frame_of_other_size", digest=image, width_px=size[1], height_px=size[0])
-                raise ProviderFailed(other, where=CARD.provider_id)
+            check_size(image, PICTURES.pixels(self._blobs.get(image)), self._camera, CARD.provider_id)
             outlines.append(f"Image {number}: the passage floor is outlined by {_outline(views[index], parameters)}.")
         images = [MessageImage(digest=parameters.images[index]) for index in numbers]
         query = question("visual_analysis", instructions=INSTRUCTIONS, text="\n".join(outlines), images=images)
