@@ -20,6 +20,9 @@ hypothesis.settings.register_profile("regenharness", deadline=None)
 hypothesis.settings.load_profile("regenharness")
 ROOT = Path(__file__).resolve().parent.parent
 MUJOCO_MISSIONS = 6
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+"""Set before anything loads numpy, and for every process that a test starts: the threads of a pool wait busily, and
+there are more test processes than processors."""
 COST = {"architecture": 0, "unit": 1, "contract": 2, "replay": 3, "integration": 4, "faults": 5, "browser": 6}
 WAITING = ("tests/browser/", "tests/faults/", "tests/integration/")
 """Where tests start processes and wait for them; those of the other folders compute."""
@@ -56,6 +59,8 @@ class SharedOnOneWorker(LoadScopeScheduling):
     """
 
     def _assign_work_unit(self, node: WorkerController) -> None:
+        if node not in self.registered_collections:
+            return  # a worker in the place of one that died: it is asked again once it has collected its tests
         waiting = node is not self.nodes[-1]
         for scope in self.workqueue:
             if scope.startswith(WAITING) is waiting:

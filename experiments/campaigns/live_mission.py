@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Literal
 
@@ -37,13 +38,15 @@ class LogReader:
 
     def __init__(self, data: Path) -> None:
         self._data = data
+        self._known: tuple[tuple[int, int], ...] = ()
         self.seen: dict[int, str] = {}
         self.mission_id = self.asked = ""
         self.status = "never created"
 
     def look(self) -> None:
-        """Read what is new; nothing while there is no log yet, or while it is busy."""
-        if not (self._data / "events.db").exists():
+        """Read what is new; nothing while there is no log yet, while it is busy, or while its files stay as they are."""
+        files = self._files()
+        if not files or files == self._known:
             return
         try:
             store = SqlEventStore(prepare(self._data).log_url)
@@ -54,6 +57,16 @@ class LogReader:
                 store.close()
         except HarnessError:
             return
+        self._known = files
+
+    def _files(self) -> tuple[tuple[int, int], ...]:
+        """Size and time of the log's files; none while there is no log."""
+        found = []
+        for name in ("events.db", "events.db-wal"):
+            with suppress(FileNotFoundError):
+                stat = (self._data / name).stat()
+                found.append((stat.st_size, stat.st_mtime_ns))
+        return tuple(found)
 
     def is_over(self) -> bool:
         """Whether the mission is over or waits for a person."""

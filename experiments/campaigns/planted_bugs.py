@@ -18,7 +18,8 @@ from experiments.campaigns.regen import ROOT
 from harness.contracts.values import Value
 
 Check = Literal["simulation", "races", "suspended", "hammer", "declared"]
-LEFT_BEHIND = ("__pycache__", "*.pyc")
+HALF_WRITTEN = "*.pyc.*"
+"""Compiled files are copied with their sources, whose times they were made for; another process may be writing one."""
 COPIED = ("harness", "simulator", "rsi_reviews", "experiments", "tools")
 PREDICATES = 'return ""'
 RED, GREEN = 9, 0
@@ -240,7 +241,7 @@ def _function(tree: ast.AST, path: Sequence[str]) -> ast.FunctionDef | None:
 
 def _copied(tree: Path) -> None:
     for name in COPIED:
-        shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns(*LEFT_BEHIND))
+        shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns(HALF_WRITTEN))
 
 
 def _checked(tree: Path, check: Check, *, missions: int, seed: int) -> subprocess.CompletedProcess[str]:

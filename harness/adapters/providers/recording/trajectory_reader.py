@@ -11,8 +11,8 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from harness.adapters.providers.recording import messages, raw_messages
 from harness.adapters.providers.recording.ros_message_types import RosMessageTypes
@@ -217,7 +217,7 @@ def _quaternion(matrix: Matrix) -> Matrix:
     """Not a number where the matrix is no rotation: such a pose is counted as unusable."""
     if not np.isfinite(matrix).all() or abs(np.linalg.det(matrix) - 1.0) > 0.01:
         return np.full(4, math.nan)
-    return np.asarray(Rotation.from_matrix(matrix).as_quat())
+    return np.asarray(scipy.spatial.transform.Rotation.from_matrix(matrix).as_quat())
 
 
 def _unchanged(pose: Spatial) -> Spatial:
@@ -229,7 +229,7 @@ def _robot_axes(pose: Spatial) -> Spatial:
     moved = _FROM_CAMERA @ np.array(pose.position)
     if not np.isfinite(pose.turn).all() or not any(pose.turn):
         return _spatial(moved, pose.turn)
-    turned = _FROM_CAMERA @ Rotation.from_quat(pose.turn).as_matrix() @ _FROM_CAMERA.T
+    turned = _FROM_CAMERA @ scipy.spatial.transform.Rotation.from_quat(pose.turn).as_matrix() @ _FROM_CAMERA.T
     return _spatial(moved, _quaternion(turned))
 
 

@@ -82,5 +82,5 @@ def _likeness(recorded: Features, reference: Features) -> float:
     first, last = np.clip(starts, 0, None), np.clip(starts + reference.shape[1], None, recorded.shape[1])
     local = np.sqrt(np.maximum(along[last] - along[first], 1e-9))
     covered = (last - first) >= 0.8 * min(recorded.shape[1], reference.shape[1])
-    value = products[starts % size] / (local * np.linalg.norm(reference))
+    value = products[starts % size] / (local * np.sqrt(np.square(reference).sum()))
     return float(np.where(covered, value, 0.0).max())
