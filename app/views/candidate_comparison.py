@@ -10,17 +10,19 @@ from app.views.review_results import FamilyRow, MeasuredResults
 from app.views.shell import Shell
 from rsi_reviews.contracts import CLAUSES, ClauseAnswer
 from rsi_reviews.difference import CandidateDifference
+from rsi_reviews.evaluation_jobs import EvaluationJob
 from rsi_reviews.projections import Review
 
 
 @dataclass(frozen=True)
 class ComparedCandidate:
-    """What the console found of one of the two."""
+    """What the console found of one of the two. `job` is its newest evaluation, if this console ran one."""
 
     review: Review
     difference: CandidateDifference
     measured: MeasuredResults | None
     clauses: Sequence[ClauseAnswer]
+    job: EvaluationJob | None
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,7 @@ class ComparedSide:
     title: str
     change: tuple[ChangeLine, ...]
     measured: MeasuredResults | None
+    job: EvaluationJob | None
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,13 @@ def comparison_page(
 ) -> ComparisonPage:
     """`every`: all candidates, newest first, to choose the second from."""
     sides = tuple(
-        ComparedSide(one.review, title_of(one.review), tuple(map(change_line, one.difference.changes)), one.measured)
+        ComparedSide(
+            review=one.review,
+            title=title_of(one.review),
+            change=tuple(map(change_line, one.difference.changes)),
+            measured=one.measured,
+            job=one.job,
+        )
         for one in found
     )
     others = [one for one in every if one.candidate != first and one.manifest is not None]
