@@ -9,11 +9,11 @@ from rsi_reviews.rollback import DESK
 
 RULES: Mapping[str, str] = {DESK.name: N_("the release rules")}
 """The harness's own actors by name; every other name was given by a person."""
-REASONS: Mapping[str, str] = {
-    "evaluate: begin": N_("The evaluation was started."),
-    "evaluate: results": N_("Every case was run; these are the results."),
+STEPS: Mapping[str, str] = {
+    "begin": N_("The evaluation was started."),
+    "results": N_("Every case was run; these are the results."),
 }
-"""What a program signs an evaluation's steps with, as a person says it."""
+"""The steps of an evaluation, which a program signs in a person's name with `evaluate: STEP`."""
 
 
 def actor_name(actor: Actor) -> str:
@@ -28,4 +28,7 @@ def is_rule(actor: Actor) -> bool:
 
 def signed_reason(reason: Explanation) -> Explanation:
     """The reason that somebody signed with; the words of a program as a sentence."""
-    return REASONS.get(reason, reason) if isinstance(reason, str) else reason
+    if not isinstance(reason, str):
+        return reason
+    program, _, step = reason.partition(": ")
+    return STEPS.get(step, reason) if program == "evaluate" else reason
