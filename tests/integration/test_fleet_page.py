@@ -151,3 +151,10 @@ def test_a_robot_that_somebody_drives_is_manual_whatever_its_autonomy() -> None:
     assert operating_mode(None, driven=True, autonomy="autonomous") == "manual"
     assert operating_mode(None, driven=False, autonomy="autonomous") == "automatic"
     assert operating_mode(None, driven=False, autonomy="approve_each_motion") == "semi_automatic"
+
+
+def test_a_filter_with_nothing_to_choose_is_not_shown(site: Site) -> None:
+    alone = site.browser.get("/fleet").text
+    assert 'name="mode"' in alone and 'name="worker"' not in alone
+    site.report()
+    assert 'name="worker"' in site.browser.get("/fleet").text
