@@ -322,7 +322,9 @@ def _words(paper: _ReportDocument, title: str, told_so: Sequence[DeclaredResult]
         for one in told_so
     ]
     paper.rows(
-        (lazy_gettext("what"), lazy_gettext("says"), lazy_gettext("by"), lazy_gettext("at (UTC)")), body, (16, 40, 33, 11)
+        (lazy_gettext("what"), lazy_gettext("says"), lazy_gettext("by"), lazy_gettext("at (UTC)")),
+        body,
+        (16, 40, 33, 11),
     )
 
 
