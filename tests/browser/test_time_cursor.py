@@ -252,6 +252,20 @@ def test_two_readers_see_two_instants_in_3d(
     take_picture(other, "cursor-begin", whole=False)
 
 
+def test_the_button_of_the_3d_view_says_whether_it_fills_the_screen(served: Served, open_page: OpenPage) -> None:
+    page = open_page(width=1000, height=800)
+    served.enter(page)
+    page.goto(served.mission)
+    button = page.locator("[data-full-screen]")
+    expect(button).to_have_text("Full screen")
+    button.click()
+    expect(button).to_have_text("Leave full screen")
+    assert page.evaluate("document.fullscreenElement.className") == "scene"
+    button.click()
+    expect(button).to_have_text("Full screen")
+    assert page.evaluate("document.fullscreenElement") is None
+
+
 def light(picture: bytes) -> int:
     """How many pixels of a screenshot are neither the dark ground nor its grid; without the button above it and the
     cursor that may lie over its foot."""
