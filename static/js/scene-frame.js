@@ -14,7 +14,6 @@ for (const frame of document.querySelectorAll(".scene iframe")) {
 
 for (const button of document.querySelectorAll("[data-full-screen]")) {
   button.hidden = !document.fullscreenEnabled;
-  const enter = button.textContent;
   button.addEventListener("click", () => document.fullscreenElement ? document.exitFullscreen() : button.parentElement.requestFullscreen());
   button.parentElement.addEventListener("fullscreenchange", () => {
     button.textContent = document.fullscreenElement ? tr("Leave full screen") : tr("Full screen");

@@ -114,17 +114,6 @@ def instant(page: Page) -> tuple[int, str | None, set[str]]:
     return place(page), page.locator("#frames .now img").get_attribute("src"), lefts(page)
 
 
-def test_the_3d_view_fills_the_screen_and_its_button_leaves_it_again(page: Page) -> None:
-    button = page.locator("[data-full-screen]")
-    expect(button).to_have_text("Full screen")
-    button.click()
-    expect(button).to_have_text("Leave full screen")
-    assert page.evaluate("document.fullscreenElement?.className") == "scene"
-    button.click()
-    expect(button).to_have_text("Full screen")
-    assert page.evaluate("document.fullscreenElement") is None
-
-
 def test_keys_step_through_the_events_and_every_region_follows(page: Page, served: Served) -> None:
     page.keyboard.press("Home")
     expect(page).to_have_url(re.compile(r"\?t=0$"))
