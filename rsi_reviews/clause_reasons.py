@@ -10,10 +10,13 @@ from rsi_reviews.contracts import ClauseAnswer, Metric
 from rsi_reviews.projections import Review
 
 
-def clause_reason(answer: ClauseAnswer, review: Review) -> Explanation:
-    """The reason of one clause; the recorded sentence where the answer has no numbers."""
+def clause_reason(answer: ClauseAnswer, review: Review, *, status: str = "") -> Explanation:
+    """The reason of one clause; the recorded sentence where the answer has no numbers.
+
+    `status` is the candidate's status as it is shown beside the clauses, where that is not the recorded one.
+    """
     if answer.clause == "release_authorised":
-        return _authorised(answer, review)
+        return _authorised(answer, review, status or review.status)
     if not answer.numbers:
         return answer.sentence
     match answer.clause:
@@ -76,10 +79,8 @@ def _metric_better(answer: ClauseAnswer, metric: Metric) -> Reason:
     return because("clause_not_looked", bounds=bounds)
 
 
-def _authorised(answer: ClauseAnswer, review: Review) -> Reason:
+def _authorised(answer: ClauseAnswer, review: Review, status: str) -> Reason:
     if answer.answer == "pass" and review.authorised is not None:
         by = review.authorised.by
         return because("clause_authorised", actor=by.actor.name, at_s=by.at_s, approvals=len(review.approvals))
-    if answer.answer == "inconclusive":
-        return because("clause_not_authorised_yet")
-    return because("clause_not_authorised", status=review.status)
+    return because("clause_not_authorised", status=status)

@@ -117,6 +117,6 @@ def release_clause(review: Review) -> ClauseAnswer:
     return ClauseAnswer(
         clause="release_authorised",
         answer="fail" if over else "inconclusive",
-        sentence=f"not authorised, {review.status}" if over else "not authorised",
+        sentence=f"not authorised, {review.status}",
         numbers={"approvals": float(len(review.approvals))},
     )

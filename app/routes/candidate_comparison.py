@@ -27,10 +27,10 @@ def page_of(console: Console, actor: Actor, first: str, second: str) -> Comparis
         found.append(
             ComparedCandidate(
                 review=releases.review(name),
-                job=console.evaluations.newest(name) if console.evaluations else None,
                 difference=releases.diff(name),
                 measured=results[1] if results else None,
                 clauses=releases.clauses(name),
+                job=console.evaluations.newest(name) if console.evaluations else None,
             )
         )
     shell = console.shell(N_("Two candidates"), "candidates", actor)

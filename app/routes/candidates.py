@@ -33,6 +33,7 @@ from rsi_reviews.contracts import Subject
 from rsi_reviews.counterfactual import counterfactual
 from rsi_reviews.evaluation_jobs import EvaluationJob
 from rsi_reviews.events import CandidateEvent, ReviewOpened
+from rsi_reviews.projections import Review
 
 router = APIRouter(prefix="/candidates")
 REPLAYED = 40
@@ -157,11 +158,11 @@ def _subject_in(console: Console, candidate: str, digest: str) -> Subject | None
 
 def board_of(console: Console, actor: Actor, params: CandidateListParams) -> BoardPage:
     reviews = console.releases.reviews()
-    progress = {one.candidate: console.evaluated.progress(one) for one in reviews if one.status == "evaluating"}
+    jobs = {one.candidate: _job(console, one) for one in reviews if one.status == "evaluating"}
+    progress = {one.candidate: _progress(console, one, jobs[one.candidate]) for one in reviews if one.candidate in jobs}
     shell = console.shell("Candidates", "candidates", actor)
-    refused, jobs = console.releases.refused_proposals(), console.evaluations
-    newest = {name: jobs.newest(name) for name in progress} if jobs else {}
-    return candidates.board_page(shell, reviews, console.releases.pointer(), params, progress, refused, newest)
+    refused = console.releases.refused_proposals()
+    return candidates.board_page(shell, reviews, console.releases.pointer(), params, progress, refused, jobs)
 
 
 def page_of(
@@ -181,7 +182,7 @@ def page_of(
         versions=releases.versions(),
         known=_known(console, [one.mission_id for one in review.manifest.motives] if review.manifest else []),
         loads=_loads(console, review.manifest.rollback if review.manifest else review.baseline),
-        progress=console.evaluated.progress(review) if review.status == "evaluating" else "",
+        progress=_progress(console, review, _job(console, review)),
     )
     shell = console.shell(candidates.title_of(review), "candidates", actor, topics=(f"candidate/{name}",))
     return review_page(
@@ -195,6 +196,15 @@ def page_of(
         left=left,
         invited=present().invited,
     )
+
+
+def _job(console: Console, review: Review) -> EvaluationJob | None:
+    return console.evaluations.newest(review.candidate) if console.evaluations else None
+
+
+def _progress(console: Console, review: Review, job: EvaluationJob | None) -> str:
+    """How far its evaluation is; empty where nothing evaluates it, also after it was cancelled."""
+    return console.evaluated.progress(review) if candidates.status_shown(review, job) == "evaluating" else ""
 
 
 def cases_of(console: Console, actor: Actor, candidate: str, *, change: str, family: str, skip: int) -> CasesPage:

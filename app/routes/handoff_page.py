@@ -73,7 +73,7 @@ def page_of(
         told=events,
         earlier=_earlier(console, opened),
         live_at=_live_at(console, mission.mission_id),
-        services=tuple(console.settings.notify),
+        notified=handoffs.notified_of((one for _, one in console.alerts.all()), opened, events),
         scene=scene,
         form=form,
         places={one.place_id: one.name for one in console.runtime.site.places},

@@ -2,7 +2,9 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import takewhile
 from math import cos, dist, sin
+from typing import Literal
 
 import numpy as np
 import viser
@@ -19,8 +21,8 @@ FORBIDDEN = (236, 92, 92)
 ZONE, REGION, PASSAGE = (104, 114, 125), (84, 130, 190), (196, 138, 74)
 STAGES = ((64, 156, 255), (92, 201, 160), (240, 178, 85), (176, 132, 235), (236, 112, 128), (120, 200, 230))
 LINE_M = 0.05
-LABEL_WIDTH_M, LABEL_HEIGHT_M = 3.0, 0.5
-"""Labels nearer than a width to each other stand at different heights, so that both can be read."""
+LABELS_APART_M, LABEL_STEP_M = 3.0, 0.8
+"""Labels nearer to each other than this are drawn one above the other, so much higher each."""
 HULL = (
     ("body", (0.62, 0.26, 0.16), (0.0, 0.0, 0.36)),
     ("head", (0.16, 0.18, 0.14), (0.37, 0.0, 0.42)),
@@ -32,6 +34,7 @@ HULL = (
 """A four-legged body as boxes: name, size and centre in metres, ahead, left and up from where it stands."""
 LYING = (0.7071068, 0.7071068, 0.0, 0.0)
 Point = tuple[float, float]
+LabelAnchor = Literal["top-left", "bottom-center"]
 
 
 class Drawing:
@@ -49,7 +52,7 @@ class Drawing:
         self._camera = server.initial_camera
         self._robot: viser.FrameHandle | None = None
         self._nodes: dict[str, viser.SceneNodeHandle] = {}
-        self._labels: dict[str, tuple[float, float, float]] = {}
+        self._labels: dict[str, Point] = {}
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
@@ -72,40 +75,42 @@ class Drawing:
         self._scene.add_cylinder(
             f"/anchor/{name}", radius=0.25, height=0.03, color=ANCHOR, position=(x, y, 0.02), wxyz=LYING
         )
-        self._scene.add_label(
-            f"/label/{name}", name, position=self._free(f"/label/{name}", x, y, 0.6), anchor="bottom-center"
-        )
+        self._label(f"/label/{name}", name, (x, y), height_m=0.6, anchor="bottom-center")
 
     def forbidden(self, name: str, region_m: Sequence[Point]) -> None:
         """A zone that the contract forbids, as a closed outline."""
-        self._outline(f"/forbidden/{name}", f"keep out: {name}", region_m, colour=FORBIDDEN, width_m=LINE_M)
+        self._outline(f"/forbidden/{name}", region_m, colour=FORBIDDEN, width_m=LINE_M)
+        self._label(f"/forbidden/{name}/label", f"keep out: {name}", self._middle(region_m), height_m=0.3)
 
     def part_of_site(self, name: str, kind: str, region_m: Sequence[Point]) -> None:
-        """A zone, a region of a place or a passage of the site's map, on the floor; zones with their names."""
+        """A zone, a region of a place or a passage of the site's map, on the floor; a zone with its name, unless
+        another label stands there already.
+        """
         colour = {"zone": ZONE, "region": REGION}.get(kind, PASSAGE)
-        label = name if kind == "zone" else ""
-        self._outline(f"/site/{kind}/{name}", label, region_m, colour=colour, width_m=LINE_M / 2)
+        self._outline(f"/site/{kind}/{name}", region_m, colour=colour, width_m=LINE_M / 2)
+        label, at = f"/site/{kind}/{name}/label", self._middle(region_m)
+        if kind == "zone" and not self._near(label, at):
+            self._label(label, name, at, height_m=0.3)
 
-    def _outline(
-        self, path: str, label: str, region_m: Sequence[Point], *, colour: tuple[int, int, int], width_m: float
-    ) -> None:
+    def _outline(self, path: str, region_m: Sequence[Point], *, colour: tuple[int, int, int], width_m: float) -> None:
         corners = np.array([(*self._local(p), 0.04) for p in (*region_m, region_m[0])], dtype=np.float32)
         pairs = np.stack([corners[:-1], corners[1:]], axis=1)
         self._scene.add_line_segments(path, pairs, colors=colour, thickness=width_m)
-        if label:
-            x, y = corners[:-1, 0].mean(), corners[:-1, 1].mean()
-            self._scene.add_label(f"{path}/label", label, position=self._free(path, float(x), float(y), 0.3))
 
-    def _free(self, name: str, x: float, y: float, lowest_m: float) -> tuple[float, float, float]:
-        """Where the label of this name stands: above those that it would cover."""
-        near = [
-            z for one, (ax, ay, z) in self._labels.items() if one != name and dist((x, y), (ax, ay)) < LABEL_WIDTH_M
-        ]
-        z = lowest_m
-        while any(abs(z - one) < LABEL_HEIGHT_M for one in near):
-            z += LABEL_HEIGHT_M
-        self._labels[name] = (x, y, z)
-        return x, y, z
+    def _label(self, path: str, text: str, at: Point, *, height_m: float, anchor: LabelAnchor = "top-left") -> None:
+        """A label at a point of the local frame, above those that stand near it."""
+        height_m += LABEL_STEP_M * self._near(path, at)
+        self._labels[path] = at
+        self._scene.add_label(path, text, position=(*at, height_m), anchor=anchor)
+
+    def _near(self, path: str, at: Point) -> int:
+        """How many labels that were drawn before stand where this one would overlap them."""
+        before = takewhile(lambda one: one[0] != path, self._labels.items())
+        return sum(dist(at, other) < LABELS_APART_M for _, other in before)
+
+    def _middle(self, region_m: Sequence[Point]) -> Point:
+        xs, ys = zip(*map(self._local, region_m), strict=True)
+        return (sum(xs) / len(xs), sum(ys) / len(ys))
 
     def route(self, name: str, waypoints: Sequence[Point]) -> None:
         """The commanded reference as a dashed line."""

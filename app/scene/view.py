@@ -61,14 +61,14 @@ class SceneView:
 
     def _new_drawing(self, plan: ScenePlan) -> Drawing:
         drawing = self._drawing = Drawing(self._server, origin_m=plan.origin_m)
-        for name, kind, region in plan.site:
-            drawing.part_of_site(name, kind, region)
         for name, route in plan.routes:
             drawing.route(name, route)
         for name, at_m in plan.anchors:
             drawing.anchor(name, at_m)
         for name, region in plan.forbidden:
             drawing.forbidden(name, region)
+        for name, kind, region in plan.site:
+            drawing.part_of_site(name, kind, region)
         if plan.corners:
             drawing.look_at(plan.corners)
         self._level = 0 if self._feed.cloud.count > SMALL and not self._whole else len(LEVELS_M)

@@ -16,13 +16,13 @@ from rsi_reviews.projections import Review
 
 @dataclass(frozen=True)
 class ComparedCandidate:
-    """What the console found of one of the two. `job`: its newest evaluation."""
+    """What the console found of one of the two. `job` is its newest evaluation, if this console ran one."""
 
     review: Review
-    job: EvaluationJob | None
     difference: CandidateDifference
     measured: MeasuredResults | None
     clauses: Sequence[ClauseAnswer]
+    job: EvaluationJob | None
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,10 @@ class ComparedSide:
     """One of the two as it is shown. `better_by` is the paired gain over all families, with its interval."""
 
     review: Review
-    job: EvaluationJob | None
     title: str
     change: tuple[ChangeLine, ...]
     measured: MeasuredResults | None
+    job: EvaluationJob | None
 
 
 @dataclass(frozen=True)
@@ -73,11 +73,11 @@ def comparison_page(
     """`every`: all candidates, newest first, to choose the second from."""
     sides = tuple(
         ComparedSide(
-            one.review,
-            one.job,
-            title_of(one.review),
-            tuple(map(change_line, one.difference.changes)),
-            one.measured,
+            review=one.review,
+            title=title_of(one.review),
+            change=tuple(map(change_line, one.difference.changes)),
+            measured=one.measured,
+            job=one.job,
         )
         for one in found
     )

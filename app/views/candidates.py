@@ -11,6 +11,7 @@ from app.views.list_params import Filter, Option, Paging, address
 from app.views.refused_proposals import RefusedRow, refused_rows
 from app.views.shell import Shell
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import Explanation
 from rsi_reviews.clause_reasons import clause_reason
 from rsi_reviews.contracts import ClauseAnswer, Manifest
 from rsi_reviews.difference import NAMES
@@ -161,6 +162,11 @@ def status_shown(review: Review, job: EvaluationJob | None) -> str:
     if review.status == "evaluating" and job is not None:
         return {"cancelled": EVALUATION_CANCELLED, "failed": EVALUATION_FAILED}.get(job.status, str(review.status))
     return str(review.status)
+
+
+def clause_sentence(answer: ClauseAnswer, review: Review, job: EvaluationJob | None) -> Explanation:
+    """Why a clause was answered so, with the status that people see."""
+    return clause_reason(answer, review, status=status_shown(review, job))
 
 
 def tone(status: str) -> str:

@@ -9,6 +9,7 @@ from itertools import pairwise
 from math import dist
 
 from app.i18n.messages import lazy_gettext, reasoned, word
+from app.i18n.reasons.rendering import beside
 from app.views.explored_floor import ExploredFloor, explored_floor
 from app.views.missions import MissionHeader, head
 from app.views.shell import Shell
@@ -210,7 +211,9 @@ def _given_up(leg: NodeState) -> str:
     if leg.status != "failed" or not leg.failures:
         return ""
     last = leg.failures[-1]
-    return lazy_gettext("given up: {failure}. {reason}", failure=word(last.failure), reason=last.reason)
+    return lazy_gettext(
+        "given up: {failure}. {reason}", failure=word(last.failure), reason=beside(last.failure, last.reason)
+    )
 
 
 def _known(word_of: exploration.AnyFeedback) -> str:
@@ -221,7 +224,10 @@ def _known(word_of: exploration.AnyFeedback) -> str:
             return lazy_gettext("({x}, {y}) was reached, {moved} m on the way.", **place, moved=f"{moved_m:.1f}")
         case exploration.BlockedTarget(failure=failure, reason=reason):
             return lazy_gettext(
-                "({x}, {y}) was given up: {failure}. {reason}", **place, failure=word(failure), reason=reason
+                "({x}, {y}) was given up: {failure}. {reason}",
+                **place,
+                failure=word(failure),
+                reason=beside(failure, reason),
             )
         case exploration.MapChanged(opened_m2=opened, closed_m2=closed):
             return lazy_gettext(

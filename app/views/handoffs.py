@@ -1,6 +1,7 @@
 """Shapes the list of handoffs and the page of one: the question, what happens without an answer, and what followed."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from msgspec import UnsetType
@@ -16,6 +17,7 @@ from app.views.seen_around import SeenAround
 from app.views.shell import Shell
 from app.views.svg_floor import polyline
 from app.views.tabbed_list import Group, ListShape
+from harness.contracts.alert_events import AlertNotified
 from harness.contracts.effects import Condition
 from harness.contracts.handoff_events import (
     LONGEST_WAIT_S,
@@ -29,6 +31,7 @@ from harness.contracts.ids import PlaceId
 from harness.contracts.read_models import HandoffItem
 from harness.contracts.routine_approvals import is_routine
 from harness.contracts.values import Point
+from harness.projections.alerts import Alert
 from harness.projections.handoffs import Handoff, HandoffAnswer
 from harness.projections.mission import Mission
 from harness.projections.missions_list import stage_sentence
@@ -44,8 +47,12 @@ FRESH_S = 60.0
 WAIT_S, WAIT_ASIDE_S = 30.0, 60.0
 """How long a start waits that is offered at one press."""
 REASONS = (N_("seen on camera"), N_("checked on site"), N_("path is clear now"), N_("not safe"))
-OUTSIDE = frozenset({"next_person", "outside"})
-"""The levels of escalation at which external services are notified, where the installation has any."""
+UNCLAIMED = {
+    "sound": N_("announced in the open consoles"),
+    "next_person": N_("nobody took it for a minute"),
+    "outside": N_("nobody took it for three minutes"),
+}
+"""What had happened when a level of escalation was due. Who was notified is in the record of the alert."""
 NO_ANSWER = {
     "hold": N_("the robot stays where it is"),
     "lie_down": N_("the robot lies down where it is"),
@@ -63,6 +70,7 @@ HandoffEvents = Sequence[tuple[int, float, HandoffEvent]]
 ENDED = ("rejected", "expired", "superseded", "closed")
 KNOWN = ("confirmed", "failed", "unknown")
 TAKING_UP = ("HandoffApproved", "HandoffRejected", "HandoffAttested", "HandoffHandedBack", "HandoffClosed")
+OVER = (*TAKING_UP, "HandoffExpired", "HandoffSuperseded")
 
 
 @dataclass(frozen=True)
@@ -161,7 +169,8 @@ class HandoffInputs:
     """What the page is made from beside the handoff and its mission.
 
     `live_at` is x and y in metres and yaw in radians, by the robot's localiser; None where it is not connected.
-    `services` are the external services that this installation notifies; `places` are the names of the site's places.
+    `notified` are the notifications that external services accepted meanwhile; `places` are the names of the site's
+    places.
     """
 
     now_s: float
@@ -172,7 +181,7 @@ class HandoffInputs:
     live_at: tuple[float, float, float] | None
     scene: HandoffScene
     form: HandoffForm
-    services: tuple[str, ...] = ()
+    notified: tuple[AlertNotified, ...] = ()
     places: Mapping[PlaceId, str] = field(default_factory=dict)
 
 
@@ -256,14 +265,14 @@ def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, inputs: Hando
         route=_route(opened.proposal),
         hold=_holding(handoff, inputs),
         viewers=tuple(name for name in inputs.viewers if name != inputs.person),
-        notified=inputs.services if set(handoff.escalated) & OUTSIDE else (),
+        notified=tuple(dict.fromkeys(one.service for one in inputs.notified)),
         options=_options(opened, mission, inputs.places),
         attestable=_attestable(opened, mission),
         steps=steps(handoff, mission, inputs.told),
         paused=mission.status == "paused",
         following=_following(handoff, mission),
         similar=similar(inputs.earlier, handoff),
-        lines=history(inputs.told, inputs.services),
+        lines=history(inputs.told),
         reasons=REASONS,
         routine=is_routine(opened.failure, opened.reason),
     )
@@ -487,28 +496,32 @@ def similar(items: Sequence[HandoffItem], handoff: Handoff) -> tuple[HandoffItem
     )
 
 
-def history(events: HandoffEvents, services: Sequence[str] = ()) -> tuple[HistoryLine, ...]:
-    """The question's own events, newest last. `services`: those that this installation notifies."""
+def history(events: HandoffEvents) -> tuple[HistoryLine, ...]:
+    """The question's own events, newest last."""
+    return tuple(HistoryLine(position=position, at_s=at_s, text=_sentence(event)) for position, at_s, event in events)
+
+
+def notified_of(alerts: Iterable[Alert], opened: HandoffOpened, events: HandoffEvents) -> tuple[AlertNotified, ...]:
+    """The notifications of this mission that a service accepted while the question stood."""
+    over = next((at_s for _, at_s, event in events if type(event).__name__ in OVER), math.inf)
     return tuple(
-        HistoryLine(position=position, at_s=at_s, text=_escalated(event, services) or _sentence(event))
-        for position, at_s, event in events
+        note
+        for one in alerts
+        if one.newest is not None and one.newest.mission_id == opened.mission_id
+        for note in one.notified
+        if note.outcome == "sent" and opened.opened_at_s <= note.at_s <= over
     )
 
 
-def _escalated(event: HandoffEvent, services: Sequence[str]) -> str:
-    """What an escalation did here, where it is one; nobody is called whom no one configured."""
-    if not isinstance(event, HandoffEscalated):
-        return ""
-    if event.level not in OUTSIDE:
-        text = N_("nobody had taken it; open consoles played a sound where sounds are on")
-    elif services:
-        text = lazy_gettext("nobody had taken it; notified: {services}", services=", ".join(services))
-    else:
-        text = N_("nobody had taken it; no service is configured that could be notified")
-    return lazy_gettext("{what}, asked by {who}", what=text, who=event.actor.name) if event.actor else text
+def _escalation(event: HandoffEscalated) -> str:
+    if event.actor is not None:
+        return lazy_gettext("{who} asked a colleague", who=event.actor.name)
+    return UNCLAIMED[event.level]
 
 
 def _sentence(event: HandoffEvent) -> str:
+    if isinstance(event, HandoffEscalated):
+        return _escalation(event)
     words = "".join(f" {one.lower()}" if one.isupper() else one for one in type(event).__name__).strip()
     words = words.removeprefix("handoff ")
     actor, reason = getattr(event, "actor", None), getattr(event, "reason", "")

@@ -14,13 +14,10 @@ from app.views.review_results import MeasuredResults
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
 from harness.contracts.ids import Digest
-from harness.contracts.reasons import Explanation
 from rsi_reviews.contracts import ClauseAnswer, Subject
 from rsi_reviews.difference import CandidateDifference, FieldChange
-from rsi_reviews.events import Signed
 from rsi_reviews.pointers import Pointer, Uptake
 from rsi_reviews.projections import ENDED, Review
-from rsi_reviews.rollback import DESK
 
 CLAUSE_NAMES = {
     "contracts_preserved": N_("Safety and evidence contracts are preserved"),
@@ -35,16 +32,6 @@ MOST = "_share_at_most"
 VERDICTS = {"pass": "satisfied", "fail": "violated", "inconclusive": "ambiguous", "error": "violated"}
 PARTS = {"proposed": N_("proposed it"), "wrote_earlier": N_("wrote an earlier one"),
          "launched": N_("launched its evaluation"), "edited_suite": N_("edited its suite")}  # fmt: skip
-
-
-def author(actor: Actor) -> str:
-    """Who did something to a candidate: a person's name, or what acts by the rules here."""
-    return N_("the release service") if actor.role == DESK.role else actor.name
-
-
-def written_reason(by: Signed) -> Explanation:
-    """Why, as somebody wrote it; empty where an evaluation's own program filled it in."""
-    return "" if by.key.startswith("evaluate:") else by.reason
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,12 @@ from typing import Literal, assert_never
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed, word
+from app.i18n.reasons.rendering import beside
+from app.views.actors import actor_name
 from harness.contracts import events
 from harness.contracts.control import AutonomySet
 from harness.contracts.models import ModelAdvice
+from harness.contracts.reasons import Reason
 from harness.contracts.revision_events import (
     AttestationRecorded,
     CompletionDisputed,
@@ -149,7 +152,7 @@ def sentence(event: events.MissionEvent) -> str:
                 "{node_id}: {failure}. {reason}",
                 node_id=event.node_id,
                 failure=word(event.failure),
-                reason=event.reason,
+                reason=beside(event.failure, event.reason),
             )
         case events.RecoveryAuthorised():
             price = lazy_gettext("costs {cost}", cost=event.cost) if event.cost else "free"
@@ -173,6 +176,8 @@ def sentence(event: events.MissionEvent) -> str:
             )
         case ConstraintsTightened():
             return lazy_gettext("{layer} added a restriction: {reason}", layer=event.layer, reason=event.reason)
+        case events.HandoffRequested(node_id=node_id, reason=Reason(code="next_step") as reason):
+            return lazy_gettext("{node_id}: a person is asked. {reason}", node_id=node_id, reason=reason)
         case events.HandoffRequested():
             return lazy_gettext(
                 "{node_id}: a person is asked, after {failure}. {reason}",
@@ -213,7 +218,9 @@ def sentence(event: events.MissionEvent) -> str:
                 reason=event.reason,
             )
         case events.MissionPaused():
-            return lazy_gettext("{actor} paused the mission: {reason}", actor=event.actor.name, reason=event.reason)
+            return lazy_gettext(
+                "{actor} paused the mission: {reason}", actor=actor_name(event.actor), reason=event.reason
+            )
         case events.MissionResumed():
             return lazy_gettext("{actor} resumed the mission: {reason}", actor=event.actor.name, reason=event.reason)
         case events.StopRequested():

@@ -6,6 +6,7 @@ from math import hypot
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed, reasoned, word
+from app.i18n.reasons.rendering import beside
 from app.i18n.task_texts import task_text
 from app.views.measures import Measure, quantity
 from app.views.timeline import TimelineEntry
@@ -271,8 +272,10 @@ def _note(state: NodeState) -> str:
     """Why a stage is not simply going on."""
     if state.waiting_for:
         return reasoned(state.waiting_for)
-    if state.failure is not None:
-        return lazy_gettext("{failure}: {reason}", failure=word(state.failure.failure), reason=state.failure.reason)
+    if (failed := state.failure) is not None:
+        return lazy_gettext(
+            "{failure}: {reason}", failure=word(failed.failure), reason=beside(failed.failure, failed.reason)
+        )
     if state.attempt > 1 or state.spends:
         attempts = listed(word(spend.action) for spend in state.spends)
         if not attempts:

@@ -12,6 +12,7 @@ from markupsafe import escape
 from app.i18n.messages import lazy_gettext, listed, word
 from app.i18n.task_texts import task_text
 from app.views import (
+    actors,
     alerts,
     canary,
     candidates,
@@ -33,8 +34,8 @@ from app.views import (
     timeline,
     unverified,
 )  # fmt: skip
+from harness.contracts.actors import Actor
 from harness.contracts.values import encode
-from rsi_reviews.clause_reasons import clause_reason
 from rsi_reviews.difference import NAMES
 
 
@@ -94,6 +95,11 @@ def named(name: str) -> str:
     return escape(name)
 
 
+def acting(actor: Actor) -> str:
+    """Who acted: a name that somebody gave is not translated, a rule of the harness is."""
+    return actors.actor_name(actor) if actors.is_rule(actor) else named(actor.name)
+
+
 def pretty(value: Any) -> str:
     """A value as indented JSON."""
     return json.dumps(value, indent=2, ensure_ascii=False, sort_keys=True)
@@ -137,6 +143,8 @@ VALUES: dict[str, Callable[..., str]] = {
     "number": measures.number,
 }
 ITEMS: dict[str, Callable[..., Any]] = {
+    "actor_name": acting,
+    "is_rule": actors.is_rule,
     "alert_state": alerts.TITLES.__getitem__,
     "alert_text": alerts.text,
     "alert_title": alerts.title,
@@ -156,7 +164,7 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "condition_rows": measures.condition_rows,
     "goal_conditions": missions.goal_conditions,
     "task_text": task_text,
-    "clause_reason": clause_reason,
+    "clause_reason": candidates.clause_sentence,
     "declared": evidence.declared,
     "degrees": degrees,
     "event_family": timeline.family,
@@ -190,9 +198,8 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "provider": evidence.provider,
     "put_away": alerts.put_away,
     "question": handoffs.question,
-    "author": review.author,
-    "written_reason": review.written_reason,
     "review_tone": candidates.tone,
+    "signed_reason": actors.signed_reason,
     "review_status": candidates.status_shown,
     "place_name": places.place_name,
     "safe_place": places.safe_place,

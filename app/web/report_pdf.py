@@ -298,8 +298,8 @@ def _stages(paper: _ReportDocument, page: ReportPage) -> None:
     ]
     head = (
         lazy_gettext("stage"),
-        lazy_gettext("dispatched"),
-        lazy_gettext("accepted"),
+        lazy_gettext("dispatched (UTC)"),
+        lazy_gettext("accepted (UTC)"),
         lazy_gettext("took"),
         lazy_gettext("attempts"),
     )
@@ -322,7 +322,9 @@ def _words(paper: _ReportDocument, title: str, told_so: Sequence[DeclaredResult]
         for one in told_so
     ]
     paper.rows(
-        (lazy_gettext("what"), lazy_gettext("says"), lazy_gettext("by"), lazy_gettext("at")), body, (16, 40, 33, 11)
+        (lazy_gettext("what"), lazy_gettext("says"), lazy_gettext("by"), lazy_gettext("at (UTC)")),
+        body,
+        (16, 40, 33, 11),
     )
 
 
@@ -386,6 +388,6 @@ def _actions(paper: _ReportDocument, page: ReportPage) -> None:
     paper.title_line(lazy_gettext("What people decided and recovery spent"))
     if page.actions:
         rows = [(clock(one.at_s), one.who, one.text) for one in page.actions]
-        paper.rows((lazy_gettext("at"), lazy_gettext("who"), lazy_gettext("what")), rows, (14, 26, 60))
+        paper.rows((lazy_gettext("at (UTC)"), lazy_gettext("who"), lazy_gettext("what")), rows, (14, 26, 60))
     else:
         paper.paragraph(lazy_gettext("Nobody had to decide anything and recovery spent nothing."))

@@ -1,6 +1,6 @@
 """The recovery role: proposes the next step of the failure's ladder. Pure: it never authorises (R134)."""
 
-from harness.contracts.configuration import FailureClass, RecoveryAction
+from harness.contracts.configuration import RecoveryAction
 from harness.contracts.contexts import Context
 from harness.contracts.ids import ProviderId
 from harness.contracts.proposals import RecoveryProposal
@@ -63,21 +63,15 @@ def _reason(
     step: state.LadderStep, standing: state.RecoveryState, *, reasons: Explanation, provider: ProviderId | None
 ) -> Reason:
     """For a person: what failed, what was tried, what is next, what is left."""
-    explained = reasons and not _says_no_more(reasons, standing.failure)
     failure = because("failure", failure=standing.failure)
     return because(
         "next_step",
-        failure=because("failure_explained", failure=standing.failure, why=reasons) if explained else failure,
+        failure=because("failure_explained", failure=standing.failure, why=reasons) if reasons else failure,
         tried=standing.tried() or ("nothing",),
         following=_following(step, provider),
         left_node=standing.left_node,
         left_mission=standing.left_mission,
     )
-
-
-def _says_no_more(why: Explanation, failure: FailureClass) -> bool:
-    """Whether a reason repeats the class of failure, such as an execution that ended with that very code."""
-    return isinstance(why, Reason) and (why.code, why.facts.get("failure")) == ("execution_over_with_failure", failure)
 
 
 def _following(step: state.LadderStep, provider: ProviderId | None) -> Reason:

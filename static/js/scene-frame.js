@@ -1,4 +1,6 @@
 // The 3D view's frame: the page's own words on it follow once it is loaded; it is opened anew after a lost link.
+import { tr } from "./translations.js";
+
 const NOTICE = '.mantine-Notification-root[style*="orange"]';
 
 for (const frame of document.querySelectorAll(".scene iframe")) {
@@ -12,10 +14,9 @@ for (const frame of document.querySelectorAll(".scene iframe")) {
 
 for (const button of document.querySelectorAll("[data-full-screen]")) {
   button.hidden = !document.fullscreenEnabled;
-  const enter = button.textContent;
   button.addEventListener("click", () => document.fullscreenElement ? document.exitFullscreen() : button.parentElement.requestFullscreen());
-  document.addEventListener("fullscreenchange", () => {
-    button.textContent = document.fullscreenElement ? button.dataset.leave : enter;
+  button.parentElement.addEventListener("fullscreenchange", () => {
+    button.textContent = document.fullscreenElement ? tr("Leave full screen") : tr("Full screen");
   });
 }
 

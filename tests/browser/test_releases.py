@@ -233,6 +233,11 @@ def test_on_a_phone_nothing_is_cut_off_and_axe_finds_nothing(served: Served, tak
         page.goto(served.address + path)
         assert page.evaluate("document.documentElement.scrollWidth") <= 390, path
         assert path not in looked or broken(page, LEVELS) == [], path
+    page.goto(f"{served.address}/releases")
+    look = page.locator("tr", has_text="look 1").locator("time").bounding_box()
+    assert look is not None and look["x"] + look["width"] <= 390
+    wide = page.locator(".scroll:has(.stacked)")
+    assert wide.evaluate_all("boxes => boxes.filter(box => box.scrollWidth > box.clientWidth).length") == 0
     page.goto(f"{served.address}/candidates/{name}")
     take_picture(page, "review-phone")
     page.emulate_media(color_scheme="dark")

@@ -114,17 +114,6 @@ def instant(page: Page) -> tuple[int, str | None, set[str]]:
     return place(page), page.locator("#frames .now img").get_attribute("src"), lefts(page)
 
 
-def test_the_3d_view_fills_the_screen_and_its_button_leaves_it_again(page: Page) -> None:
-    button = page.locator("[data-full-screen]")
-    expect(button).to_have_text("Full screen")
-    button.click()
-    expect(button).to_have_text("Leave full screen")
-    assert page.evaluate("document.fullscreenElement?.className") == "scene"
-    button.click()
-    expect(button).to_have_text("Full screen")
-    assert page.evaluate("document.fullscreenElement") is None
-
-
 def test_keys_step_through_the_events_and_every_region_follows(page: Page, served: Served) -> None:
     page.keyboard.press("Home")
     expect(page).to_have_url(re.compile(r"\?t=0$"))
@@ -250,6 +239,20 @@ def test_two_readers_see_two_instants_in_3d(
     wait_until(page, apart, "a whole mission that lights more pixels than its beginning")
     take_picture(page, "cursor-end", whole=False)
     take_picture(other, "cursor-begin", whole=False)
+
+
+def test_the_button_of_the_3d_view_says_whether_it_fills_the_screen(served: Served, open_page: OpenPage) -> None:
+    page = open_page(width=1000, height=800)
+    served.enter(page)
+    page.goto(served.mission)
+    button = page.locator("[data-full-screen]")
+    expect(button).to_have_text("Full screen")
+    button.click()
+    expect(button).to_have_text("Leave full screen")
+    assert page.evaluate("document.fullscreenElement.className") == "scene"
+    button.click()
+    expect(button).to_have_text("Full screen")
+    assert page.evaluate("document.fullscreenElement") is None
 
 
 def light(picture: bytes) -> int:

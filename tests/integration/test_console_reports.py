@@ -185,3 +185,14 @@ def test_what_the_analysis_found_is_drawn_over_its_picture_on_the_report_in_the_
     bare = replace(page, pictures=tuple(replace(one, marked=None) for one in page.pictures))
     with_boxes, without = (report_pdf(one, bodies, fonts=FONTS, made_s=0.0) for one in (page, bare))
     assert len(with_boxes.body) > len(without.body)
+
+
+def test_every_time_of_day_in_a_report_and_beside_its_evidence_names_its_clock(
+    page: ReportPage, operator: TestClient
+) -> None:
+    report = operator.get(f"/missions/{page.mission_id}/report").text
+    packet = operator.get(f"/missions/{page.mission_id}?node=analyze").text
+    for text in (report, packet):
+        shown = re.sub(r"<[^>]*>", " ", re.sub(r"<(style|script).*?</\1>", "", text, flags=re.DOTALL))
+        times = re.findall(r"(?<![\d:.])\d{2}:\d{2}:\d{2}(?![\d:.])(\s+\S+)?", shown)
+        assert len(times) > 5 and {one.strip() for one in times} <= {"UTC", "UTC,", "UTC."}, times

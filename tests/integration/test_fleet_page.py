@@ -13,7 +13,7 @@ from harness.contracts.control import CONTROL, LimitAutonomy
 from harness.contracts.decisions import Accepted
 from harness.contracts.fleet import WorkerReport
 from harness.contracts.ids import RobotId
-from tests.builders.consoles import Stand
+from tests.builders.consoles import Stand, console_stand
 from tests.builders.fleets import ONE, TWO, fleet_stand, run_together, started
 from tests.builders.reported_robots import moving, pose_at
 
@@ -151,3 +151,10 @@ def test_a_robot_that_somebody_drives_is_manual_whatever_its_autonomy() -> None:
     assert operating_mode(None, driven=True, autonomy="autonomous") == "manual"
     assert operating_mode(None, driven=False, autonomy="autonomous") == "automatic"
     assert operating_mode(None, driven=False, autonomy="approve_each_motion") == "semi_automatic"
+
+
+def test_a_filter_with_nothing_to_choose_is_not_shown(site: Site) -> None:
+    with console_stand() as unnamed:
+        alone = unnamed.operator().get("/fleet").text
+    assert 'name="mode"' in alone and 'name="worker"' not in alone
+    assert 'name="worker"' in site.browser.get("/fleet").text

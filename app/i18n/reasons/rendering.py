@@ -52,7 +52,7 @@ from app.i18n.reasons import (
     vocabulary,
 )
 from harness.contracts.errors import HarnessError
-from harness.contracts.reasons import RECORDED, SEVERAL, Explanation, Reason, plain
+from harness.contracts.reasons import RECORDED, SEVERAL, Explanation, Reason, because, plain
 
 SENTENCES: Mapping[str, str] = {
     RECORDED: "{text}",
@@ -120,6 +120,8 @@ BETWEEN: Mapping[str, tuple[str, str, str]] = {"en": (", ", "; ", " or "), "zh-H
 """What stands between names, between sentences, and before the last of several that are offered."""
 ENDS: Mapping[str, str] = {"en": ". ", "zh-Hans": "。"}
 """What ends a sentence before the next."""
+EXPLAINING = frozenset({"failure_explained", "given_up_for_good"})
+"""Codes that name a failure and then say why."""
 WHERE = N_("Where: {where}")
 INSTANTS: Mapping[str, str] = {"instant": "yyyy-MM-dd HH:mm:ss", "clock": "HH:mm:ss"}
 """How an instant, in seconds since the Unix epoch, is written: with its date, or by its time of day."""
@@ -140,11 +142,29 @@ def sentence(reason: Explanation, language: str = ENGLISH) -> str:
         warnings.warn(f"the reason {reason.code!r} has no sentence", stacklevel=2)
         return plain(reason)
     try:
-        text = _Formatter(language).vformat(translated(message, language), (), reason.facts).strip()
+        text = _Formatter(language).vformat(translated(message, language), (), _facts(reason)).strip()
     except (KeyError, ValueError, TypeError) as wrong:
         warnings.warn(f"the facts of {reason!r} do not fill its sentence: {wrong!r}", stacklevel=2)
         return plain(reason)
     return TWO_STOPS.sub(lambda found: found[0][0], text)
+
+
+def beside(failure: str, reason: Explanation) -> Explanation:
+    """The reason where its failure is named beside it: that word is not said a second time."""
+    if (
+        isinstance(reason, Reason)
+        and reason.code == "execution_over_with_failure"
+        and reason.facts["failure"] == failure
+    ):
+        return because("execution_over", terminal=reason.facts["terminal"])
+    return reason
+
+
+def _facts(reason: Reason) -> Mapping[str, Any]:
+    failure = reason.facts.get("failure")
+    if reason.code not in EXPLAINING or not isinstance(failure, str):
+        return reason.facts
+    return {name: beside(failure, one) if isinstance(one, Reason) else one for name, one in reason.facts.items()}
 
 
 def _message(reason: Reason) -> str | None:

@@ -46,8 +46,7 @@ SENTENCES: Mapping[str, str] = {
         "would have one."
     ),
     "clause_none_worse": N_("None of {metrics:words} is worse, overall and by family."),
-    "clause_not_authorised_yet": N_("Nobody has authorised its release."),
-    "clause_not_authorised": N_("No authorisation holds; the candidate is {status:word}."),
+    "clause_not_authorised": N_("No authorisation holds. Status of the candidate: {status:word}."),
     "clause_not_confirmed": N_("{bounds}; the held-out look {look} did not confirm it."),
     "clause_not_looked": N_("{bounds}; the held-out look was not taken."),
     "clause_not_reached": N_("{bounds}, which is not reached."),

@@ -76,3 +76,15 @@ def test_what_a_permission_lets_somebody_do_is_said_in_the_reader_s_language() -
 @pytest.mark.parametrize("code", sorted(evaluations.SENTENCES))
 def test_an_error_of_an_evaluation_has_a_sentence_in_every_language(code: str) -> None:
     assert rendering.translated(evaluations.SENTENCES[code], "zh-Hans") != evaluations.SENTENCES[code]
+
+
+def test_a_failure_that_the_execution_ended_with_is_named_once() -> None:
+    def told(ended_with: str) -> str:
+        why = because("execution_over_with_failure", terminal="failed", failure=ended_with)
+        return rendering.sentence(because("failure_explained", failure="no_progress", why=why))
+
+    assert told("no_progress") == "no progress (the execution ended failed)"
+    assert told("blocked") == "no progress (the execution ended failed: blocked)"
+    alone = because("execution_over_with_failure", terminal="failed", failure="no_progress")
+    assert rendering.sentence(alone) == "the execution ended failed: no progress"
+    assert rendering.sentence(rendering.beside("no_progress", alone)) == "the execution ended failed"

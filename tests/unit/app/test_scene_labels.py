@@ -1,30 +1,42 @@
-"""Labels of the 3D view that would cover each other stand at different heights."""
+"""Labels of the 3D view: what stands close together is drawn one above the other, and a zone gives way to a place."""
 
-from contextlib import closing
-from types import SimpleNamespace
+from collections.abc import Iterator
 
+import pytest
 import viser
 
-from app.scene.drawing import LABEL_HEIGHT_M, Drawing
+from app.scene.drawing import LABEL_STEP_M, LABELS_APART_M, Drawing
+
+ROOM = ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))
 
 
-def test_labels_near_each_other_stand_at_different_heights_and_a_drawn_one_keeps_its_own() -> None:
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    with closing(SimpleNamespace(close=server.stop)):
-        drawing = Drawing(server, origin_m=(0.0, 0.0))
-        heights = []
-        added = server.scene.add_label
+@pytest.fixture
+def server() -> Iterator[viser.ViserServer]:
+    made = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield made
+    made.stop()
 
-        def add_label(name: str, text: str, *, position: tuple[float, float, float], **shown: object) -> object:
-            heights.append((text, position[2]))
-            return added(name, text, position=position, **shown)  # type: ignore[arg-type]
 
-        server.scene.add_label = add_label  # type: ignore[method-assign]
-        drawing.anchor("office", (0.0, 0.0))
-        drawing.anchor("desk", (0.5, 0.5))
-        drawing.forbidden("stairs", [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
-        drawing.anchor("dock", (20.0, 0.0))
-        drawing.anchor("office", (0.0, 0.0))
-    found = [z for _, z in heights[:3]]
-    assert all(abs(a - b) >= LABEL_HEIGHT_M for i, a in enumerate(found) for b in found[:i])
-    assert heights[3] == ("dock", heights[0][1]) and heights[4] == heights[0]
+def labels(server: viser.ViserServer) -> dict[str, float]:
+    """Text and height of every label."""
+    handles = server.scene._handle_from_node_name.values()
+    return {one.text: float(one.position[2]) for one in handles if isinstance(one, viser.LabelHandle)}
+
+
+def test_places_that_are_close_have_their_labels_one_above_the_other(server: viser.ViserServer) -> None:
+    drawing = Drawing(server, origin_m=(0.0, 0.0))
+    drawing.anchor("dock", (0.0, 0.0))
+    drawing.anchor("rack", (LABELS_APART_M - 0.1, 0.0))
+    drawing.anchor("door", (0.0, LABELS_APART_M + 0.1))
+    drawing.anchor("dock", (0.0, 0.0))
+    found = labels(server)
+    assert found["rack"] == pytest.approx(found["door"] + LABEL_STEP_M) == pytest.approx(found["dock"] + LABEL_STEP_M)
+
+
+def test_a_zone_is_not_named_where_a_label_stands_and_a_forbidden_one_always_is(server: viser.ViserServer) -> None:
+    drawing = Drawing(server, origin_m=(0.0, 0.0))
+    drawing.anchor("shelf", (2.0, 2.5))
+    drawing.forbidden("pit", ROOM)
+    drawing.part_of_site("storage", "zone", ROOM)
+    drawing.part_of_site("office", "zone", [(x + 10.0, y) for x, y in ROOM])
+    assert set(labels(server)) == {"shelf", "keep out: pit", "office"}

@@ -88,7 +88,7 @@ def test_an_execution_that_ended_with_the_very_failure_is_said_once() -> None:
     assert state.failure is not None
     ended = because("execution_over_with_failure", terminal="failed", failure="no_progress")
     said = sentence(recover(c4(replace(state, failure=replace(state.failure, reason=ended)))).reason)
-    assert said.startswith("No progress. Tried before")
+    assert said.startswith("No progress (the execution ended failed). Tried before")
     other = because("execution_over_with_failure", terminal="failed", failure="fallen")
     said = sentence(recover(c4(replace(state, failure=replace(state.failure, reason=other)))).reason)
     assert said.startswith("No progress (the execution ended failed: fallen).")
