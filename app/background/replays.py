@@ -47,8 +47,8 @@ class OpensRecording(Protocol):
 class ReplayJobs(Background):
     """`ask`, `cancel` and the queries are for any thread; `step` does what is next, `watch` does so in the background.
 
-    `close` ends the replay that runs; its mission ends failed. What ran when a console ended otherwise is closed by the next
-    one; its upload is still there.
+    `close` ends the replay that runs; its mission ends failed. What ran when a console ended otherwise is closed by the
+    next one; its upload is still there.
     """
 
     def __init__(self, opens: OpensRecording, *, changed: Callable[[str], None] = lambda name: None) -> None:
