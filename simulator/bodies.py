@@ -105,14 +105,6 @@ class UprightBody:
     stance: tuple[float, ...] = ()
     can_fall = False
 
-    def __init__(self, site: SiteModel, state: BodyState) -> None:
-        self.state = state
-        self._drive = Drive()
-        self.furnish(site)
-
-    def furnish(self, site: SiteModel) -> None:
-        raise NotImplementedError
-
     def push_over(self) -> None:
         """It stays where it is."""
 
@@ -146,6 +138,11 @@ def _towards(value: float, goal: float, step: float) -> float:
 
 class KinematicBody(UprightBody):
     """A disc that moves as commanded unless a footprint is in the way."""
+
+    def __init__(self, site: SiteModel, state: BodyState) -> None:
+        self.state = state
+        self._drive = Drive()
+        self.furnish(site)
 
     def furnish(self, site: SiteModel) -> None:
         self._plan = FloorPlan(site)
@@ -191,6 +188,11 @@ class KinematicBody(UprightBody):
 
 class MujocoBody(UprightBody):
     """A velocity-controlled hull in MuJoCo: walls and boxes push back."""
+
+    def __init__(self, site: SiteModel, state: BodyState) -> None:
+        self.state = state
+        self._drive = Drive()
+        self.furnish(site)
 
     def furnish(self, site: SiteModel) -> None:
         self._site = compile_site(site)
