@@ -51,3 +51,17 @@ class Worker:
                 self._step()
             except HarnessError as error:
                 LOG.warning("step_failed worker=%s code=%s %s", self._name, error.code, error)
+
+
+class Background:
+    """What repeats a step in the background from `watch` until `close`, by the worker that it makes for itself."""
+
+    _worker: Worker
+
+    def watch(self) -> None:
+        """Begin. No effect the second time."""
+        self._worker.start()
+
+    def close(self) -> None:
+        """End after the step under way. No effect the second time."""
+        self._worker.close()

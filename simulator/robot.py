@@ -188,17 +188,7 @@ class SimulatedRobot:
         """Starts physically: writes the journals first, then starts in the world with the next tick."""
         self._journal.write(entry)
         identity = invocation.request.identity
-        self._starts.write(
-            protocol.PhysicalStart(
-                request_id=identity.request_id,
-                mission_id=identity.mission_id,
-                node_id=identity.node_id,
-                attempt=identity.attempt,
-                provider_id=identity.provider_id,
-                at_s=self.world.at_s,
-                moves=invocation.card.moves,
-            )
-        )
+        self._starts.write(protocol.physical_start(identity, at_s=self.world.at_s, moves=invocation.card.moves))
         self._running[identity.request_id] = invocation
         self.world.invocation_starts(invocation, _way(invocation.request))
 

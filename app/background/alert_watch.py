@@ -28,7 +28,7 @@ from harness.followers import Follower, beginning
 from harness.projections import alert_causes as causes
 from harness.projections.alerts import Alert
 from harness.runtime import Runtime
-from harness.workers import Worker
+from harness.workers import Background, Worker
 from rsi_reviews.events import ConfigurationQuarantined
 
 STEP_S = 1.0
@@ -71,7 +71,7 @@ class _MissionTrouble:
 
 
 @dataclass
-class AlertWatch:
+class AlertWatch(Background):
     """`step` looks once; `watch` repeats it in the background. `tell` is called for every new occurrence."""
 
     runtime: Runtime
@@ -81,7 +81,6 @@ class AlertWatch:
     _mark: FollowPosition | None = None
     _troubles: dict[str, _MissionTrouble] = field(default_factory=dict)
     _unread: dict[MissionId, causes.About] = field(default_factory=dict)
-    _worker: Worker = field(init=False)
     _follower: Follower = field(init=False)
     _blobs: Iterator[Digest] = field(default_factory=lambda: iter(()))
     _verified_s: float = float("-inf")
@@ -89,13 +88,6 @@ class AlertWatch:
     def __post_init__(self) -> None:
         self._worker = Worker("alerts", self.step, every_s=STEP_S)
         self._follower = Follower(self, head=self.runtime.head, read=self.runtime.log, fold=FOLD)
-
-    def watch(self) -> None:
-        """Start watching in the background."""
-        self._worker.start()
-
-    def close(self) -> None:
-        self._worker.close()
 
     def step(self) -> None:
         """Follow the log to its head, then check robots, disk, log and some blobs."""

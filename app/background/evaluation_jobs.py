@@ -27,7 +27,7 @@ from harness.contracts.reasons import Explanation, because
 from harness.contracts.simulation import Simulator
 from harness.contracts.values import Value, decode, digest, encode
 from harness.runtime import Runtime
-from harness.workers import Worker
+from harness.workers import Background, Worker
 from rsi_reviews.contracts import EvaluationTerms, ResultSet
 from rsi_reviews.evaluation_jobs import EvaluationCost, EvaluationJob
 from rsi_reviews.held_out import Looks, secret_in
@@ -91,7 +91,7 @@ class _Run:
 
 
 @dataclass
-class EvaluationJobs:
+class EvaluationJobs(Background):
     """`ask`, `cancel` and the queries are for any thread; `step` moves the queue on, `watch` does so in the background.
 
     `clock` gives wall seconds, `now_s` seconds that only rise, `fresh` random bytes. `folder` is the evaluator's own,
@@ -112,7 +112,6 @@ class EvaluationJobs:
     _run: _Run | None = None
     _terms: LRUCache[tuple[Digest, int], EvaluationTerms] = field(default_factory=lambda: LRUCache(KEPT))
     _lock: RLock = field(default_factory=RLock)
-    _worker: Worker = field(init=False)
     _releases: ReleaseService = field(init=False)
 
     def __post_init__(self) -> None:
@@ -121,13 +120,9 @@ class EvaluationJobs:
         self._worker = Worker("evaluations", self.step, every_s=STEP_S)
         self._queue = self._read()
 
-    def watch(self) -> None:
-        """Go through the queue in the background, from what an earlier console left of it."""
-        self._worker.start()
-
     def close(self) -> None:
         """End the evaluating process; its job goes on at the next start."""
-        self._worker.close()
+        super().close()
         with self._lock:
             if self._run is not None:
                 self._over(self._run)

@@ -17,7 +17,7 @@ from harness.contracts.ids import RobotId
 from harness.contracts.observations import Pose
 from harness.contracts.ports import Signals
 from harness.runtime import Runtime
-from harness.workers import Worker
+from harness.workers import Background, Worker
 
 MOST_ROBOTS = 1000
 REPORT_EVERY_S = 1.0
@@ -81,7 +81,7 @@ class OwnRobots(Protocol):
     def pose(self, robot_id: RobotId) -> tuple[Pose | None, float]: ...
 
 
-class Reporter:
+class Reporter(Background):
     """Tells the other processes every second how the robots of this one are."""
 
     def __init__(
@@ -94,13 +94,6 @@ class Reporter:
     ) -> None:
         self._robots, self._send, self._name, self._clock = robots, send, worker, clock
         self._worker = Worker("fleet reports", self.step, every_s=REPORT_EVERY_S)
-
-    def watch(self) -> None:
-        """Start in the background."""
-        self._worker.start()
-
-    def close(self) -> None:
-        self._worker.close()
 
     def step(self) -> None:
         """One report of each robot."""

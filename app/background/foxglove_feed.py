@@ -15,7 +15,7 @@ from harness.contracts.ids import Digest, RobotId
 from harness.contracts.observations import AnySample, Image, Odometry, Pose, Scan
 from harness.contracts.reasons import because
 from harness.runtime import Runtime
-from harness.workers import Worker
+from harness.workers import Background, Worker
 
 EXTRA = "foxglove"
 HOST = "127.0.0.1"
@@ -79,7 +79,7 @@ class FoxgloveServer:
         self._server.stop()
 
 
-class FoxgloveFeed:
+class FoxgloveFeed(Background):
     """Reads on what was sensed of every robot and what the gate appended; each sample is published once.
 
     `after`: the position in the log after which it begins.
@@ -91,12 +91,6 @@ class FoxgloveFeed:
         self._newest: dict[RobotId, int] = {}
         self._position = after
         self._worker = Worker("foxglove feed", self.step, every_s=EVERY_S, close_within_s=2.0)
-
-    def watch(self) -> None:
-        self._worker.start()
-
-    def close(self) -> None:
-        self._worker.close()
 
     def step(self) -> None:
         """Publish what is new. Raises HarnessError if the log cannot be read."""

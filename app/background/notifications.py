@@ -16,7 +16,7 @@ from harness.contracts.reasons import Reason, because
 from harness.projections.alert_causes import of_site
 from harness.projections.alerts import Alert, status
 from harness.runtime import Runtime
-from harness.workers import Worker
+from harness.workers import Background, Worker
 
 WAITS_S: tuple[float, ...] = (0.0, 2.0, 8.0)
 STEP_S = 0.5
@@ -25,7 +25,7 @@ PRESSING = ("high", "critical")
 
 
 @dataclass
-class Notices:
+class Notices(Background):
     """`offer` queues an alert, from any thread; `deliver` sends the queue; `watch` delivers in the background."""
 
     runtime: Runtime
@@ -35,17 +35,9 @@ class Notices:
     waits_s: Sequence[float] = WAITS_S
     _line: Queue[tuple[str, Alert]] = field(default_factory=lambda: Queue(MOST_QUEUED))
     _notified: dict[str, tuple[float, Priority]] = field(default_factory=dict)
-    _worker: Worker = field(init=False)
 
     def __post_init__(self) -> None:
         self._worker = Worker("notices", self.deliver, every_s=STEP_S, close_within_s=2.0)
-
-    def watch(self) -> None:
-        """Start delivering in the background."""
-        self._worker.start()
-
-    def close(self) -> None:
-        self._worker.close()
 
     def offer(self, name: str, alert: Alert) -> None:
         """Queue an alert that is pressing, not put away, and new or more pressing than the last notification of it."""

@@ -7,7 +7,7 @@ from harness.contracts.ids import MissionId
 from harness.contracts.memory import FollowPosition
 from harness.contracts.ports import LogHead, StoredEvent
 from harness.followers import Follower, beginning
-from harness.workers import Worker
+from harness.workers import Background, Worker
 from rsi_reviews.release_service import ReleaseService
 
 STEP_S = 1.0
@@ -16,7 +16,7 @@ WORKER = "console"
 
 
 @dataclass
-class ReleaseWatch:
+class ReleaseWatch(Background):
     """`step` looks once; `watch` does so again and again. `head` is the log's end, `first` is done once before.
 
     `duplicate_starts`: physical starts beyond the first of one request, from the robots' own journals. What the log
@@ -29,19 +29,11 @@ class ReleaseWatch:
     duplicate_starts: Callable[[MissionId], int]
     first: Callable[[], object] | None = None
     _mark: FollowPosition | None = None
-    _worker: Worker = field(init=False)
     _follower: Follower = field(init=False)
 
     def __post_init__(self) -> None:
         self._worker = Worker("release-watch", self._follow_new, every_s=STEP_S)
         self._follower = Follower(self, head=self.head, read=self.read, fold=FOLD)
-
-    def watch(self) -> None:
-        """Start watching in the background."""
-        self._worker.start()
-
-    def close(self) -> None:
-        self._worker.close()
 
     def step(self) -> None:
         """Follow the log; does nothing unless it has grown."""

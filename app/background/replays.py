@@ -16,7 +16,7 @@ from harness.contracts.ids import MissionId
 from harness.contracts.reasons import because
 from harness.contracts.values import Point
 from harness.projections.mission import Mission
-from harness.workers import Worker
+from harness.workers import Background, Worker
 
 EVERY_S = 0.2
 KEPT = 100
@@ -44,10 +44,11 @@ class OpensRecording(Protocol):
     ) -> AbstractContextManager[OpenedRecording]: ...
 
 
-class ReplayJobs:
+class ReplayJobs(Background):
     """`ask`, `cancel` and the queries are for any thread; `step` does what is next, `watch` does so in the background.
 
-    What ran when a console ended is closed by the next one; its upload is still there.
+    `close` ends the replay that runs; its mission ends failed. What ran when a console ended otherwise is closed by the
+    next one; its upload is still there.
     """
 
     def __init__(self, opens: OpensRecording, *, changed: Callable[[str], None] = lambda name: None) -> None:
@@ -56,14 +57,6 @@ class ReplayJobs:
         self._waiting: deque[str] = deque()
         self._lock = Lock()
         self._worker = Worker("replays", self.step, every_s=EVERY_S)
-
-    def watch(self) -> None:
-        """Go through the queue in the background."""
-        self._worker.start()
-
-    def close(self) -> None:
-        """End the replay that runs; its mission ends failed."""
-        self._worker.close()
 
     def jobs(self) -> tuple[ReplayJob, ...]:
         """Newest first."""

@@ -8,7 +8,7 @@ from harness.contracts.erasure_events import ERASURES
 from harness.contracts.events import MissionEnded
 from harness.contracts.ids import Digest, MissionId
 from harness.runtime import Runtime
-from harness.workers import Worker
+from harness.workers import Background, Worker
 
 LOG = getLogger(__name__)
 STEP_S = 60.0
@@ -17,7 +17,7 @@ DAY_S = 86400.0
 ENDED = MissionEnded.__name__
 
 
-class Retention:
+class Retention(Background):
     """`step` erases what is due. A rule of `days`, counted in wall time from the end of each mission.
 
     The log is read once in order of position; the newest tombstone of the rule says where an earlier process came to.
@@ -27,13 +27,6 @@ class Retention:
         self._runtime, self._days, self._clock = runtime, days, clock
         self._position: int | None = None
         self._worker = Worker("retention", self.step, every_s=STEP_S)
-
-    def watch(self) -> None:
-        """Start in the background."""
-        self._worker.start()
-
-    def close(self) -> None:
-        self._worker.close()
 
     def step(self) -> int:
         """Erase what is due by now; returns how many blobs."""

@@ -25,7 +25,7 @@ from harness.contracts.ports import LogHead, StoredEvent
 from harness.contracts.upcasting import name_of
 from harness.contracts.values import decode, encode
 from harness.followers import Follower, beginning
-from harness.workers import Worker
+from harness.workers import Background, Worker
 
 LOG = logging.getLogger("regen.traces")
 STEP_S = 2.0
@@ -44,7 +44,7 @@ def otlp_exporter(endpoint: str) -> SpanExporter:
 
 
 @dataclass
-class TraceExport:
+class TraceExport(Background):
     """`step` sends what has ended since; `watch` does so in the background. `file` keeps the place in the log."""
 
     exporter: SpanExporter
@@ -52,20 +52,15 @@ class TraceExport:
     head: Callable[[], LogHead]
     read: Callable[[int, int], Sequence[StoredEvent]]
     file: Path
-    _worker: Worker = field(init=False)
     _follower: Follower = field(init=False)
 
     def __post_init__(self) -> None:
         self._worker = Worker("traces", self.step, every_s=STEP_S)
         self._follower = Follower(self, head=self.head, read=self.read, fold=FOLD)
 
-    def watch(self) -> None:
-        """Send in the background from now on."""
-        self._worker.start()
-
     def close(self) -> None:
         """End after the step under way."""
-        self._worker.close()
+        super().close()
         self.exporter.shutdown()
 
     def step(self) -> None:

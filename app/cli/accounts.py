@@ -1,6 +1,5 @@
 """regen account and regen token: manage accounts and tokens, from the machine that the console runs on."""
 
-import sys
 from typing import Annotated, Any
 
 import typer
@@ -12,7 +11,7 @@ from app.cli.api import api_without_robots
 from app.cli.data_folder import opened
 from app.cli.owner_api import owner_api
 from harness.adapters.stores.accounts_rows import Account, Token
-from harness.contracts.errors import ContractInvalid, StoreUnavailable
+from harness.contracts.errors import StoreUnavailable
 from harness.contracts.reasons import because
 
 account = typer.Typer(no_args_is_help=True, help="People who may use the console.")
@@ -29,7 +28,7 @@ def add(
     as_json: output.Json = False,
 ) -> None:
     """Add somebody. The first account must be an admin; from then on one-time links let nobody in."""
-    act = AddAccountAct.of(name=name, roles=role, password=_password(from_stdin=password_stdin))
+    act = AddAccountAct.of(name=name, roles=role, password=output.password(confirmed=True, from_stdin=password_stdin))
     with api_without_robots(data) as api:
         added = api.post("/accounts", act.body())
     output.show(added, as_json=as_json, lines=[f"{added['name']} may sign in as {', '.join(added['roles'])}."])
@@ -78,7 +77,7 @@ def password(
 ) -> None:
     """Give somebody a new password and sign them out everywhere."""
     with api_without_robots(data) as api:
-        act = ChangeAccountAct.of(password=_password(from_stdin=password_stdin))
+        act = ChangeAccountAct.of(password=output.password(confirmed=True, from_stdin=password_stdin))
         api.patch(f"/accounts/{name}", act.body())
     output.show({"name": name}, as_json=as_json, lines=[f"{name} has a new password."])
 
@@ -117,14 +116,6 @@ def revoke(token_id: str, data: output.Data = output.DEFAULT_DATA, as_json: outp
     with api_without_robots(data) as api:
         revoked = api.delete(f"/tokens/{token_id}")
     output.show(revoked | {"state": "revoked"}, as_json=as_json, lines=[f"{token_id} opens nothing any more."])
-
-
-def _password(*, from_stdin: bool) -> str:
-    if from_stdin:
-        return sys.stdin.readline().rstrip("\r\n")
-    if not sys.stdin.isatty():
-        raise ContractInvalid(because("no_terminal"))
-    return str(typer.prompt("Password", hide_input=True, confirmation_prompt=True))
 
 
 def _person(one: Account) -> dict[str, Any]:

@@ -57,7 +57,7 @@ def login(
         if token_stdin:
             token: str | TooManyAttempts | None = _given_token(sessions, name)
         else:
-            token = sessions.terminal_sign_in(name, _password(from_stdin=password_stdin), TERMINAL)
+            token = sessions.terminal_sign_in(name, output.password(from_stdin=password_stdin), TERMINAL)
         if isinstance(token, TooManyAttempts):
             raise ContractInvalid(because("sign_in_throttled", wait_s=token.wait_s), where=name)
         if token is None:
@@ -187,11 +187,3 @@ def _read(data: Path) -> Login | None:
             return decode(source.read(65536), Login)
         except msgspec.DecodeError:
             return None
-
-
-def _password(*, from_stdin: bool) -> str:
-    if from_stdin:
-        return sys.stdin.readline().rstrip("\r\n")
-    if not sys.stdin.isatty():
-        raise ContractInvalid(because("no_terminal"))
-    return str(typer.prompt("Password", hide_input=True))

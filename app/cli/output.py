@@ -46,6 +46,15 @@ def settings(**given: Any) -> HarnessSettings:
         raise typer.BadParameter(f"{'.'.join(str(part) for part in first['loc'])}: {first['msg']}") from error
 
 
+def password(*, from_stdin: bool, confirmed: bool = False) -> str:
+    """A password from standard input, or typed at the terminal, twice where it is `confirmed`."""
+    if from_stdin:
+        return sys.stdin.readline().rstrip("\r\n")
+    if not sys.stdin.isatty():
+        raise ContractInvalid(because("no_terminal"))
+    return str(typer.prompt("Password", hide_input=True, confirmation_prompt=confirmed))
+
+
 def names(text: str | None) -> tuple[str, ...] | None:
     """The names in a list with commas; None where none was given."""
     return tuple(one.strip() for one in text.split(",") if one.strip()) if text else None

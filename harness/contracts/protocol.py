@@ -267,6 +267,11 @@ class PhysicalStart(Value):
     moves: bool
 
 
+def physical_start(identity: InvocationIdentity, *, at_s: float, moves: bool) -> PhysicalStart:
+    """The line of the start journal for one request."""
+    return PhysicalStart(**msgspec.structs.asdict(identity), at_s=at_s, moves=moves)
+
+
 def version_of(protocol: str | UnsetType) -> str:
     """The protocol version of a card; one that names none speaks 1.0."""
     return "1.0" if protocol is UNSET else protocol

@@ -66,18 +66,8 @@ def _folded(m: Mission, event: events.MissionEvent) -> Mission:
             owner = next((node for node in m.nodes.values() if _judged(node, event)), None)
             return _node(m, owner.node_id, verdicts=(*owner.verdicts, event.verdict)) if owner else m
         case events.NodeCommitted():
-            facts = tuple(fact for fact in m.facts if fact.condition_id not in event.withdrawn)
-            status: NodeStatus = "superseded" if event.aborting else "committed"
-            done = _node(
-                m,
-                event.node_id,
-                status=status,
-                committed_k=m.k + 1,
-                failure=None,
-                waiting_for="",
-                aborting=event.aborting,
-            )
-            return replace(done, k=m.k + 1, facts=facts + event.facts)
+            done = _over(m, event, "committed", committed_k=m.k + 1)
+            return replace(done, facts=done.facts + event.facts)
         case events.EffectDeclared():
             return _declared(m, event)
         case events.CommitRejected():
@@ -222,19 +212,23 @@ def _judged(node: NodeState, event: events.VerdictRecorded) -> bool:
 
 def _declared(m: Mission, event: events.EffectDeclared) -> Mission:
     """The stage is over without a fact; an abort-return is no stage, so that its effects are none of the mission's."""
-    status: NodeStatus = "superseded" if event.aborting else "declared"
+    effects = m.declared if event.aborting else m.declared + event.effects
+    return replace(_over(m, event, "declared", declared_k=m.k + 1), declared=effects)
+
+
+def _over(m: Mission, event: events.NodeCommitted | events.EffectDeclared, status: NodeStatus, **at: int) -> Mission:
+    """The stage is over, at the next state version; facts that the event withdraws are gone."""
     over = _node(
         m,
         event.node_id,
-        status=status,
-        declared_k=m.k + 1,
+        status="superseded" if event.aborting else status,
         failure=None,
         waiting_for="",
         aborting=event.aborting,
+        **at,
     )
     facts = tuple(fact for fact in m.facts if fact.condition_id not in event.withdrawn)
-    effects = m.declared if event.aborting else m.declared + event.effects
-    return replace(over, k=m.k + 1, facts=facts, declared=effects)
+    return replace(over, k=m.k + 1, facts=facts)
 
 
 def _rejected(m: Mission, event: events.CommitRejected) -> Mission:

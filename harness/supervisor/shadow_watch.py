@@ -26,7 +26,7 @@ from harness.projections.shadow import ShadowGoal, ShadowGoals
 from harness.provider_protocol.stack_changes import all_changes
 from harness.runtime import Runtime
 from harness.verification.declared_success import FRESH_S, STANDS_FOR_S
-from harness.workers import Worker
+from harness.workers import Background, Worker
 
 S = TypeVar("S", Pose, Odometry)
 EVERY_S = 0.5
@@ -50,7 +50,7 @@ class _Ended:
     read_s: float
 
 
-class ShadowWatch:
+class ShadowWatch(Background):
     """One observed robot. Of the `clock` the machine's own time counts, for silence.
 
     `apart`: the samples come by another path than what the stack declares. `step` reads once and is what tests call;
@@ -75,14 +75,6 @@ class ShadowWatch:
         self._answered_s = clock.now().wall_s
         self.condition = StackCondition(robot_id=robot_id)
         self._worker = Worker(f"shadow {robot_id}", self.step, every_s=EVERY_S)
-
-    def watch(self) -> None:
-        """Read in the background from now on."""
-        self._worker.start()
-
-    def close(self) -> None:
-        """End after the current reading. No effect the second time."""
-        self._worker.close()
 
     def step(self) -> None:
         """Read goals, then samples; have judged what is over."""

@@ -31,7 +31,7 @@ from harness.supervisor.observations import ObservationBuffer, looked
 from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.roles import RoleContexts
 from harness.supervisor.standstill import WINDOW_S, Rest
-from harness.workers import Worker
+from harness.workers import Background, Worker
 
 BASE = "mobile_base"
 LONGEST_S = 900.0
@@ -42,22 +42,18 @@ STOPPED_WITHIN_S = 30.0
 AT_REST: frozenset[str] = frozenset({"awaiting_human", "paused"})
 
 
-class Teleoperation:
-    """Starts, drives and ends the teleoperation sessions of all robots. Without a session nothing moves."""
+class Teleoperation(Background):
+    """Starts, drives and ends the teleoperation sessions of all robots. Without a session nothing moves.
+
+    The background watch ends a session without orders for IDLE_S of wall time. Closing it leaves sessions open: the
+    robots' heartbeat watchdog stops them, and the next start ends them.
+    """
 
     def __init__(self, *, runtime: Runtime, connections: Mapping[ids.RobotId, RobotConnection]) -> None:
         self._runtime = runtime
         self._connections = connections
         self._turned_s: dict[ids.RequestId, float] = {}
         self._worker = Worker("teleoperation", self._look, every_s=LOOK_S, close_within_s=SETTLE_WITHIN_S)
-
-    def watch(self) -> None:
-        """Start the background watch: a session without orders for IDLE_S of wall time is ended."""
-        self._worker.start()
-
-    def close(self) -> None:
-        """End the watch. Sessions stay open: the robots' heartbeat watchdog stops them, the next start ends them."""
-        self._worker.close()
 
     def holder(self, robot_id: ids.RobotId) -> TeleoperationSession | None:
         """Who teleoperates this robot now."""

@@ -15,7 +15,6 @@ from harness.baseline.load import baseline
 from harness.contracts.configuration import Configuration
 from harness.contracts.ids import Digest
 from harness.contracts.regularities import HiddenSite
-from rsi_reviews.contracts import Candidate
 from rsi_reviews.generate.changes import with_timeout
 from rsi_reviews.generate.interface import GenerationBudget, Generator
 from rsi_reviews.generate.miner import TraceMiner
@@ -23,7 +22,7 @@ from rsi_reviews.generate.random_search import RandomSearch
 from rsi_reviews.generate.trace import Trace, joined
 from rsi_reviews.generate.ungated_arm import EagerMiner
 from rsi_reviews.hidden_sites import Expert
-from rsi_reviews.recursion.gating import GateJudgement, SiteGate
+from rsi_reviews.recursion.gating import GateJudgement, SiteGate, judgement
 from rsi_reviews.recursion.missions import TEMPLATE
 
 Arm = Literal["frozen", "gated", "ungated", "random", "batch", "expert"]
@@ -103,7 +102,8 @@ def _ungated(line: ArmLineage, generation: int) -> None:
     budget = GenerationBudget(candidates=1, seen=tuple(line.seen))
     for candidate in EagerMiner().propose(joined(line.traces), line.current, budget):
         line.seen.append(candidate.configuration.configuration_id)
-        line.judgements.append((generation, _unjudged(candidate)))
+        unjudged = replace(judgement(candidate, clause="", sentence="Nobody looked."), clause="unchecked")
+        line.judgements.append((generation, unjudged))
         line.adopt(candidate.configuration)
 
 
@@ -122,19 +122,6 @@ def _batch(line: ArmLineage, generation: int, setting: Setting) -> None:
         line.judgements.append((generation, judgement))
         if judgement.accepted:
             line.current = found[0].configuration
-
-
-def _unjudged(candidate: Candidate) -> GateJudgement:
-    return GateJudgement(
-        candidate=candidate.candidate_id,
-        component=candidate.manifest.component,
-        reason=f"{candidate.manifest.reason} {candidate.manifest.intended_effect}",
-        metric=candidate.manifest.metric,
-        accepted=True,
-        clause="unchecked",
-        sentence="Nobody looked.",
-        missions=0,
-    )
 
 
 def written_by_hand(expert: Expert | None) -> Configuration:

@@ -68,25 +68,25 @@ class SiteGate:
         changed = candidate.configuration
         refused = (*loosened(current, changed), *unrunnable(current, changed), *unfounded(candidate, current))
         if refused:
-            return _judgement(candidate, clause=f"static:{refused[0].rule}", sentence=plain(refused[0].reason))
+            return judgement(candidate, clause=f"static:{refused[0].rule}", sentence=plain(refused[0].reason))
         cases = suite_cases(site, self._key, "regression", per_family=self._scale.per_family)
         before = self._run(cases, current, None)
         after = self._run(cases, candidate.configuration, lambda done: self._idle(done, before))
         taken = len(before) + len(after)
         if len(after) < len(cases):
             sentence = f"The first {len(after)} missions all went the same way as under the baseline."
-            return _judgement(candidate, clause="unexercised", sentence=sentence, missions=taken)
+            return judgement(candidate, clause="unexercised", sentence=sentence, missions=taken)
         results = (*before, *after)
         report = accepted(self._evaluation(candidate, cases, results, held_out=None), self._scale.predicate)
         broken = _broken(report)
         if broken is not None:
-            return _judgement(
+            return judgement(
                 candidate, clause=f"{broken.clause}:{broken.answer}", sentence=broken.sentence, missions=taken
             )
         answer, looked = self._look(candidate, current, site)
         evaluation = self._evaluation(candidate, cases, results, held_out=answer)
         last = accepted(evaluation, self._scale.predicate).clauses[-1]
-        return _judgement(
+        return judgement(
             candidate,
             clause="" if last.answer == "pass" else f"{last.clause}:held_out",
             sentence=last.sentence,
@@ -143,7 +143,8 @@ def _broken(report: contracts.AcceptanceReport) -> contracts.ClauseAnswer | None
     return next(iter([*refused, *unsure]), None)
 
 
-def _judgement(candidate: contracts.Candidate, *, clause: str, sentence: str, missions: int = 0) -> GateJudgement:
+def judgement(candidate: contracts.Candidate, *, clause: str, sentence: str, missions: int = 0) -> GateJudgement:
+    """Refused by `clause`; accepted where it is empty."""
     return GateJudgement(
         candidate=candidate.candidate_id,
         component=candidate.manifest.component,

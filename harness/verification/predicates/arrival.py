@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from harness.contracts.effects import AnyEffect, Metric
+from harness.contracts.effects import AnyEffect, Metric, Relational
 from harness.contracts.observations import Odometry, Pose
 from harness.contracts.reasons import Reason, because
 from harness.contracts.rules import LINEAGE
@@ -74,6 +74,17 @@ def arrival(effect: AnyEffect, evidence: Evidence) -> Finding:
         sources=tuple(dict.fromkeys((poses[-1].source, *rest.sources))),
         evidence=(track.blob,) if track.blob else (),
         age_s=max(0.0, evidence.speaks_at_s - poses[-1].at_s),
+    )
+
+
+def corner_of(effect: Relational) -> Metric:
+    """A corner of a region as a target, for questions about poses in the region's frame and map version."""
+    return Metric(
+        predicate="arrival",
+        frame=effect.frame,
+        map_version=effect.map_version,
+        target_m=effect.region_m[0],
+        tolerance_m=1.0,
     )
 
 

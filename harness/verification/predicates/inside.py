@@ -1,13 +1,13 @@
 """relational inside: the body is within a region of the map, by measured poses that odometry does not contradict."""
 
-from harness.contracts.effects import AnyEffect, Metric, Relational
+from harness.contracts.effects import AnyEffect, Relational
 from harness.contracts.reasons import Reason, because
 from harness.contracts.rules import LINEAGE
 from harness.contracts.verdicts import PredicateVerdict
 from harness.verification.body import current_track
 from harness.verification.finding import Finding, Undecidable, ambiguous
 from harness.verification.geometry import contains
-from harness.verification.predicates.arrival import SAMPLES, agreement_of, poses_of
+from harness.verification.predicates.arrival import SAMPLES, agreement_of, corner_of, poses_of
 from harness.verification.reading import Evidence
 
 BODY = ("body", "robot")
@@ -23,13 +23,7 @@ def inside(effect: AnyEffect, evidence: Evidence) -> Finding:
     if effect.subject not in BODY:
         raise Undecidable(because("nothing_measures_subject", subject=effect.subject))
     track = current_track(evidence)
-    place = Metric(
-        predicate="arrival",
-        frame=effect.frame,
-        map_version=effect.map_version,
-        target_m=effect.region_m[0],
-        tolerance_m=1.0,
-    )
+    place = corner_of(effect)
     poses = poses_of(place, track)[-SAMPLES:]
     if len(poses) < SAMPLES:
         return ambiguous(because("too_few_poses_in_frame", poses=len(poses), wanted=SAMPLES), samples=float(len(poses)))

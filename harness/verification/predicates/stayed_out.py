@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 
-from harness.contracts.effects import AnyEffect, Metric, Relational
+from harness.contracts.effects import AnyEffect, Relational
 from harness.contracts.observations import Pose
 from harness.contracts.reasons import Reason, because
 from harness.contracts.values import Point
@@ -12,7 +12,7 @@ from harness.contracts.verifier_inputs import SafetyState
 from harness.verification.admission import SPEED_SHARE
 from harness.verification.finding import Finding, Undecidable, ambiguous
 from harness.verification.geometry import contains, from_region
-from harness.verification.predicates.arrival import poses_of
+from harness.verification.predicates.arrival import corner_of, poses_of
 from harness.verification.reading import AdmittedTrack, Evidence, read
 from harness.verification.sources import Agreement, Sources
 
@@ -36,13 +36,7 @@ def stayed_out(effect: AnyEffect, evidence: Evidence) -> Finding:
     """
     if not isinstance(effect, Relational) or len(effect.region_m) < 3:
         raise Undecidable(because("effect_not_testable", predicate="stayed_out"))
-    map_of = Metric(
-        predicate="arrival",
-        frame=effect.frame,
-        map_version=effect.map_version,
-        target_m=effect.region_m[0],
-        tolerance_m=1.0,
-    )
+    map_of = corner_of(effect)
     tracks = [(track, poses_of(map_of, track)) for track in evidence.tracks]
     poses = [pose for _, own in tracks for pose in own]
     if not poses:

@@ -183,18 +183,7 @@ class RecordingNavigator(LocalProvider):
         chosen = self._next(now_s)
         assert chosen is not None
         self._chosen[request.identity.request_id] = chosen
-        identity = request.identity
-        self._started.append(
-            protocol.PhysicalStart(
-                request_id=identity.request_id,
-                mission_id=identity.mission_id,
-                node_id=identity.node_id,
-                attempt=identity.attempt,
-                provider_id=identity.provider_id,
-                at_s=now_s,
-                moves=False,
-            )
-        )
+        self._started.append(protocol.physical_start(request.identity, at_s=now_s, moves=False))
 
     def work(self, request: protocol.StartRequest, now_s: float) -> Result | protocol.Progress:
         segment = self._chosen[request.identity.request_id]

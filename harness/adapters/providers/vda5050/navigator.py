@@ -126,15 +126,7 @@ class VehicleNavigator:
     def starts(self) -> list[protocol.PhysicalStart]:
         """Every request for which an order was sent."""
         return [
-            protocol.PhysicalStart(
-                request_id=name,
-                mission_id=request.identity.mission_id,
-                node_id=request.identity.node_id,
-                attempt=request.identity.attempt,
-                provider_id=request.identity.provider_id,
-                at_s=report.declared.get(BEGUN, report.at_s),
-                moves=True,
-            )
+            protocol.physical_start(request.identity, at_s=report.declared.get(BEGUN, report.at_s), moves=True)
             for name, request in self._journal.requests.items()
             for report in (self._journal.reports[name],)
         ]
