@@ -322,7 +322,7 @@ def _words(paper: _ReportDocument, title: str, told_so: Sequence[DeclaredResult]
         for one in told_so
     ]
     paper.rows(
-        (lazy_gettext("what"), lazy_gettext("says"), lazy_gettext("by"), lazy_gettext("at (UTC)")),
+        (lazy_gettext("what"), lazy_gettext("says"), lazy_gettext("by"), lazy_gettext("at (UTC), mission time")),
         body,
         (16, 40, 33, 11),
     )
@@ -330,7 +330,7 @@ def _words(paper: _ReportDocument, title: str, told_so: Sequence[DeclaredResult]
 
 def _pictures(paper: _ReportDocument, page: ReportPage, pictures: Mapping[str, bytes]) -> None:
     """Those that verify, two beside each other; then the ones that do not, by name."""
-    paper.title_line(lazy_gettext("Pictures"), before_mm=78.0 if pictures else 22.0)
+    paper.title_line(lazy_gettext("Pictures, mission time"), before_mm=78.0 if pictures else 22.0)
     if not page.pictures:
         paper.paragraph(lazy_gettext("No camera frame belongs to this mission's evidence."))
     top = paper.get_y()
@@ -388,6 +388,8 @@ def _actions(paper: _ReportDocument, page: ReportPage) -> None:
     paper.title_line(lazy_gettext("What people decided and recovery spent"))
     if page.actions:
         rows = [(clock(one.at_s), one.who, one.text) for one in page.actions]
-        paper.rows((lazy_gettext("at (UTC)"), lazy_gettext("who"), lazy_gettext("what")), rows, (14, 26, 60))
+        paper.rows(
+            (lazy_gettext("at (UTC), mission time"), lazy_gettext("who"), lazy_gettext("what")), rows, (14, 26, 60)
+        )
     else:
         paper.paragraph(lazy_gettext("Nobody had to decide anything and recovery spent nothing."))

@@ -102,6 +102,7 @@ def test_a_report_opens_with_what_was_found_and_its_measurements_are_drawn(
     text = operator.get(f"/missions/{page.mission_id}/report").text
     assert "obstructed" in page.findings[0].text
     assert text.index(page.findings[0].text) < text.index("Facts about this report")
+    assert re.search(r"found\s+by opencv-analysis at \d\d:\d\d:\d\d UTC, mission time, declared", text)
     evidence = operator.get("/evidence?kind=trajectory").text
     blob = re.findall(r"/evidence/([0-9a-f]{64})/about", evidence)[0]
     drawn = operator.get(f"/evidence/{blob}/about").text
