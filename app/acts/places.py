@@ -17,7 +17,7 @@ from harness.contracts.places import Place, Site
 from harness.contracts.values import Point
 
 LONGEST_NAME = 80
-MOST_ALIASES = 12
+MOST_ALIASES = 40
 FARTHEST_M = 100_000
 Metres = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)]
 ShortText = Annotated[str, StringConstraints(min_length=1, max_length=LONGEST_NAME)]
