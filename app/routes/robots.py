@@ -17,7 +17,7 @@ from app.routes import robot_acts
 from app.views import forms, robots
 from app.views.robot_map import RobotMapRegion, RobotMapView, RobotSamples, robot_map
 from app.views.robots import CameraRegion, CameraView, RobotCard, RobotPage, RobotRegion, RobotsRegion, StopAllPage
-from app.views.safe_returns import LastRetreat, last_retreat
+from app.views.safe_returns import LastRetreat, lain_down, last_retreat
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
@@ -277,14 +277,20 @@ def _card(console: Console, robot_id: RobotId, missions: list[Mission]) -> Robot
 
 
 def _last_retreat(console: Console, robot_id: RobotId) -> LastRetreat | None:
-    """When it ended stands with its event; what the robot has begun since in the list of missions."""
-    newest = console.control().retreats.get(robot_id)
-    if newest is None or newest.ended is None:
+    """When it ended, or was refused, stands with its event; what the robot has begun since in the list of missions."""
+    control, now_s = console.control(), console.clock()
+    newest, ordered = control.retreats.get(robot_id), control.postures.get(robot_id)
+    if newest is not None and newest.ended is None:
         return last_retreat(newest, ended_at_s=0.0, mission_began_s=0.0, now_s=0.0)
-    ended = console.runtime.stream(CONTROL, newest.version - 1)[0]
     since = console.lists.missions(ListQuery(listing="mission", facets={"robot": robot_id}, limit=1)).items
     began_s = since[0].began_s if since else 0.0
-    return last_retreat(newest, ended_at_s=ended.recorded_s, mission_began_s=began_s, now_s=console.clock())
+    if ordered is not None and (newest is None or newest.version < ordered.version):
+        at_s = console.runtime.stream(CONTROL, ordered.version - 1)[0].recorded_s
+        return lain_down(ordered.order, at_s=at_s, mission_began_s=began_s, now_s=now_s)
+    if newest is None:
+        return None
+    ended = console.runtime.stream(CONTROL, newest.version - 1)[0]
+    return last_retreat(newest, ended_at_s=ended.recorded_s, mission_began_s=began_s, now_s=now_s)
 
 
 def _index(console: Console, actor: Actor, *, errors: list[str] | None = None, status: int = 200) -> HTMLResponse:

@@ -1,8 +1,11 @@
-"""Shapes a robot's newest return to a safe point: declared and measured, never accepted (D27)."""
+"""Shapes a robot's newest return to a safe point, or why it lay down instead: declared and measured, never accepted
+(D27)."""
 
 from dataclasses import dataclass
 
 from app.i18n.messages import lazy_gettext, reasoned
+from harness.contracts.control import PostureOrdered
+from harness.contracts.reasons import Reason
 from harness.contracts.retreat_events import RetreatEnded, RetreatIntended
 from harness.projections.control import Retreating
 
@@ -33,6 +36,25 @@ def last_retreat(
     if now_s - ended_at_s >= OLD_S or mission_began_s >= ended_at_s:
         return None
     return LastRetreat(text=_over(retreat.intent, retreat.ended), moving=False, ended_at_s=ended_at_s)
+
+
+def lain_down(order: PostureOrdered, *, at_s: float, mission_began_s: float, now_s: float) -> LastRetreat | None:
+    """Why the robot was not sent to its safe point and was told to lie down where it stood; None for any other order,
+    and where it is of no matter any more. Wall seconds.
+    """
+    reason = order.reason
+    if not isinstance(reason, Reason) or reason.code != "no_retreat_lies_down":
+        return None
+    if now_s - at_s >= OLD_S or mission_began_s >= at_s:
+        return None
+    text = lazy_gettext(
+        "{who} sent it to safety ({reason}). It could not be sent to its safe point and was told to lie down where it "
+        "stood. {why}",
+        who=order.actor.name,
+        reason=reason.facts["reason"],
+        why=reasoned(reason.facts["why"]),  # type: ignore[arg-type]
+    )
+    return LastRetreat(text=text, moving=False, ended_at_s=at_s)
 
 
 def _under_way(intent: RetreatIntended) -> str:

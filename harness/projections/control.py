@@ -49,6 +49,13 @@ class Retreating(Value):
         return self.ended is None
 
 
+class OrderedPosture(Value):
+    """The newest posture that was ordered of a robot. `version` counts the control stream's events with it."""
+
+    order: PostureOrdered
+    version: Count
+
+
 class SiteControl(Value):
     """The fold of the site's control stream."""
 
@@ -58,6 +65,7 @@ class SiteControl(Value):
     limit_reason: str = ""
     wheels: dict[RobotId, TeleoperationSession] = msgspec.field(default_factory=dict)
     retreats: dict[RobotId, Retreating] = msgspec.field(default_factory=dict)
+    postures: dict[RobotId, OrderedPosture] = msgspec.field(default_factory=dict)
 
     def retreating(self, robot_id: RobotId) -> Retreating | None:
         """The return of this robot that has not ended."""
@@ -83,7 +91,10 @@ def apply(control: SiteControl, event: ControlEvent) -> SiteControl:
             return replace(nxt, wheels=nxt.wheels | {event.robot_id: taken})
         case WheelReturned():
             return replace(nxt, wheels={name: one for name, one in nxt.wheels.items() if name != event.robot_id})
-        case PostureOrdered() | PostureShown():
+        case PostureOrdered():
+            ordered = OrderedPosture(order=event, version=nxt.version)
+            return replace(nxt, postures=nxt.postures | {event.robot_id: ordered})
+        case PostureShown():
             return nxt
         case retreat_events.RetreatIntended() | retreat_events.RetreatStopping() | retreat_events.RetreatEnded():
             return replace(nxt, retreats=nxt.retreats | {event.robot_id: _retreat(nxt, event)})
