@@ -11,17 +11,17 @@ from app.web.rendering import render
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decisions import Accepted, Refused
 
-Shown = Callable[[Sequence[Wrong]], Any]
+FormPage = Callable[[Sequence[Wrong]], Any]
 """The page of a form as it was left, with what is wrong with it."""
 
 
-def left(template: str, shown: Shown, wrong: Sequence[Wrong]) -> Response:
+def left(template: str, page: FormPage, wrong: Sequence[Wrong]) -> Response:
     """The form as it was left: nothing was saved."""
-    return render(template, shown(wrong), status=422)
+    return render(template, page(wrong), status=422)
 
 
-def answered(template: str, shown: Shown, decision: Accepted[AnyEvent] | Refused, *, then: str) -> Response:
+def answered(template: str, page: FormPage, decision: Accepted[AnyEvent] | Refused, *, then: str) -> Response:
     """On to `then`; where the gate refused, the form as it was left, with why."""
     if isinstance(decision, Refused):
-        return render(template, shown([Wrong("", reasoned(decision.reason))]), status=409)
+        return render(template, page([Wrong("", reasoned(decision.reason))]), status=409)
     return RedirectResponse(then, status_code=303)

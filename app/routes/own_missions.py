@@ -13,7 +13,7 @@ from app.acts.site_changes import RemoveTemplateAct, SaveTemplateAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext
-from app.routes.edited import Shown, answered, left
+from app.routes.edited import FormPage, answered, left
 from app.routes.site_routes import changed, site_history
 from app.views import template_editor
 from app.views.editor_fields import versions
@@ -118,11 +118,11 @@ def _save(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = 
     return answered(EDITOR, form, decision, then=f"/own-missions#{read.name}")
 
 
-def _form(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> Shown:
+def _form(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> FormPage:
     name = typed.get("name", "")
     title = N_("Add a mission") if new else lazy_gettext("Mission {name}", name=name)
 
-    def shown(wrong: Sequence[Wrong]) -> YamlForm:
+    def page(wrong: Sequence[Wrong]) -> YamlForm:
         return yaml_form(
             console.shell(title, "places", actor),
             typed,
@@ -133,7 +133,7 @@ def _form(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = 
             removed=not new and all(one.name != name for one in console.runtime.beside),
         )
 
-    return shown
+    return page
 
 
 def _as_it_is(console: Console, name: str) -> dict[str, str]:

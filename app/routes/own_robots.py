@@ -13,7 +13,7 @@ from app.acts.site_changes import RemoveRobotAct, SaveRobotAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext
-from app.routes.edited import Shown, answered, left
+from app.routes.edited import FormPage, answered, left
 from app.routes.site_routes import changed, site_history
 from app.views import robot_editor
 from app.views.editor_fields import versions
@@ -140,11 +140,11 @@ def _save(console: Console, actor: Actor, typed: Mapping[str, str], *, new: bool
     return answered(EDITOR, form, decision, then=f"{PAGE}#{entry.name}")
 
 
-def _form(console: Console, actor: Actor, typed: Mapping[str, str], *, new: bool = False) -> Shown:
+def _form(console: Console, actor: Actor, typed: Mapping[str, str], *, new: bool = False) -> FormPage:
     name = typed.get("name", "")
     title = N_("Add a robot") if new else lazy_gettext("Robot {name}", name=name)
 
-    def shown(wrong: Sequence[Wrong]) -> YamlForm:
+    def page(wrong: Sequence[Wrong]) -> YamlForm:
         return yaml_form(
             console.shell(title, "robots", actor),
             typed,
@@ -155,7 +155,7 @@ def _form(console: Console, actor: Actor, typed: Mapping[str, str], *, new: bool
             removed=not new and all(one.name != name for one in entries(console)),
         )
 
-    return shown
+    return page
 
 
 def _as_it_is(console: Console, name: str) -> dict[str, str]:

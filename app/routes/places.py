@@ -9,7 +9,7 @@ from app.acts.places import RemovePlaceAct, SavePlaceAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext
-from app.routes.edited import Shown, answered, left
+from app.routes.edited import FormPage, answered, left
 from app.views import place_editor
 from app.views.editor_fields import versions
 from app.views.forms import Wrong
@@ -99,11 +99,11 @@ def _save(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = 
     return answered(EDITOR, form, saved(console, actor, place_id, act), then=f"/places#{place_id}")
 
 
-def _form(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> Shown:
+def _form(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> FormPage:
     place_id = PlaceId(typed.get("place_id", ""))
     title = N_("Add a place") if new else lazy_gettext("Place {name}", name=typed.get("name") or place_id)
 
-    def shown(wrong: Sequence[Wrong]) -> PlaceForm:
+    def page(wrong: Sequence[Wrong]) -> PlaceForm:
         return place_editor.place_form(
             console.shell(title, "places", actor),
             console.runtime.site,
@@ -114,7 +114,7 @@ def _form(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = 
             new=new,
         )
 
-    return shown
+    return page
 
 
 def _as_it_is(console: Console, place_id: PlaceId) -> dict[str, str]:

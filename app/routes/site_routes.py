@@ -10,7 +10,7 @@ from app.acts.site_changes import RemoveRouteAct, SaveRouteAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext
-from app.routes.edited import Shown, answered, left
+from app.routes.edited import FormPage, answered, left
 from app.views import route_editor
 from app.views.editor_fields import versions
 from app.views.forms import Wrong
@@ -89,11 +89,11 @@ def _save(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = 
     return answered(EDITOR, form, changed(console, act.to_command(actor, route=route)), then="/places#routes")
 
 
-def _form(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> Shown:
+def _form(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = False) -> FormPage:
     name = typed.get("name", "")
     title = N_("Add a route") if new else lazy_gettext("Route {name}", name=name)
 
-    def shown(wrong: Sequence[Wrong]) -> RouteForm:
+    def page(wrong: Sequence[Wrong]) -> RouteForm:
         return route_editor.route_form(
             console.shell(title, "places", actor),
             console.runtime.site,
@@ -104,7 +104,7 @@ def _form(console: Console, actor: Actor, typed: dict[str, str], *, new: bool = 
             new=new,
         )
 
-    return shown
+    return page
 
 
 def _as_it_is(console: Console, name: str) -> dict[str, str]:

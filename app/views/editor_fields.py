@@ -7,7 +7,7 @@ from typing import Protocol, TypeVar
 from harness.contracts.actors import Actor
 
 
-class Change(Protocol):
+class StoredChange(Protocol):
     """A stored change to what is edited."""
 
     @property
@@ -20,7 +20,7 @@ class Change(Protocol):
     def at_s(self) -> float: ...
 
 
-C = TypeVar("C", bound=Change)
+C = TypeVar("C", bound=StoredChange)
 
 
 @dataclass(frozen=True)

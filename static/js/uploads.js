@@ -7,9 +7,10 @@ const moving = form?.querySelector("[data-moving]");
 const bar = form?.querySelector("progress");
 let sending = null;
 
-async function asked(path, options) {
+// What is begun is always answered: without its id a cancelled upload could not be removed.
+async function asked(path, options, signal = sending.signal) {
   for (let tries = 0; ; tries += 1) {
-    const answer = await fetch(`/api/v1${path}`, { ...options, signal: sending.signal });
+    const answer = await fetch(`/api/v1${path}`, { ...options, signal });
     if (answer.ok) return answer.json();
     if (answer.status === 429 && tries < 20) {
       await new Promise((done) => setTimeout(done, 1000 * Number(answer.headers.get("retry-after") || 1)));
@@ -29,8 +30,9 @@ async function sent(files) {
     method: "POST",
     headers: { "content-type": "application/json" },
     body: JSON.stringify({ name, size_bytes: file.size, parts }),
-  });
+  }, null);
   sending.id = begun.upload_id;
+  sending.signal.throwIfAborted();
   for (let at = 0; at < file.size; at += begun.piece_bytes) {
     const body = file.slice(at, at + begun.piece_bytes);
     await asked(`/uploads/${begun.upload_id}?offset=${at}`, {
@@ -64,8 +66,8 @@ form?.addEventListener("submit", async (event) => {
     window.location.assign("/recordings");
   } catch (error) {
     const { id } = sending;
-    said.textContent = error.name === "AbortError" ? tr("Cancelled.") : error.message;
     if (id) await fetch(`/api/v1/uploads/${id}`, { method: "DELETE" }).catch(() => {});
+    said.textContent = error.name === "AbortError" ? tr("Cancelled.") : error.message;
     rest();
   }
 });

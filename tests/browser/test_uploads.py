@@ -1,10 +1,12 @@
 """Several files are sent in pieces as one by the browser, and are what the console takes apart again."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import APIResponse, Route, expect
+from playwright.sync_api import Error as PlaywrightError
 
 from tests.browser.conftest import OpenPage, TakePicture
 from tests.builders.serving import Serving, serving
@@ -40,6 +42,23 @@ def test_a_floor_map_of_two_files_is_sent_with_progress_and_becomes_the_map(
     sent.get_by_role("button", name="Import as a map").click()
     page.wait_for_url("**/recordings*")
     assert served.asked.runtime.streams("map/"), "the map version has a picture now"
+
+
+def test_an_upload_that_is_cancelled_before_it_has_an_id_leaves_nothing(
+    served: Serving, open_page: OpenPage, tmp_path: Path
+) -> None:
+    page = served.enter(open_page(), "/recordings")
+    held: list[tuple[Route, APIResponse]] = []
+    page.route("**/api/v1/uploads", lambda route: held.append((route, route.fetch())))
+    page.locator("[data-upload] input[type=file]").set_input_files(list(floor_map(tmp_path)))
+    page.locator("[data-upload] button.primary").click()
+    expect(page.locator("[data-cancel]")).to_be_visible()
+    assert served.app.state.console.uploads.all(), "it is begun, and its page does not know its id yet"
+    page.locator("[data-cancel]").click()
+    with suppress(PlaywrightError):
+        held[0][0].fulfill(response=held[0][1])
+    expect(page.locator("[data-said]")).to_have_text("Cancelled.")
+    assert served.app.state.console.uploads.all() == ()
 
 
 def test_an_upload_that_is_cancelled_leaves_nothing(served: Serving, open_page: OpenPage, tmp_path: Path) -> None:
