@@ -44,7 +44,7 @@ class LogReader:
         self.status = "never created"
 
     def look(self) -> None:
-        """Read what is new; nothing while there is no log yet, while it is busy, or while its files stay as they are."""
+        """Read what is new; nothing while there is no log, while it is busy, or while its files stay as they are."""
         files = self._files()
         if not files or files == self._known:
             return
