@@ -125,9 +125,12 @@ def measured(
     verifier: Verifier = verify,
     only: Sequence[str] = tuple(FAMILIES),
     say: Callable[[str], None] = lambda line: None,
+    pools: Pools | None = None,
 ) -> VerifierReport:
-    """So many cases of each current predicate, judged and counted. `only`: some families of cases."""
-    pools = Pools(seed, whole=cases >= WHOLE)
+    """So many cases of each current predicate, judged and counted. `only`: some families of cases. `pools`: those of
+    this seed that were made before.
+    """
+    pools = pools or Pools(seed, whole=cases >= WHOLE)
     counting = counted(_drawn(cases, seed, pools, only, say), verifier=verifier)
     return reported(cases, seed, counting, pools.sizes() if set(only) == set(FAMILIES) else {})
 

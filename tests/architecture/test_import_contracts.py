@@ -5,6 +5,8 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
@@ -51,21 +53,36 @@ def test_every_import_contract_is_kept() -> None:
     assert [name for name, verdict in found.items() if verdict != "KEPT"] == []
 
 
-@pytest.fixture
-def packages(tmp_path: Path) -> Path:
-    """A copy of the packages and of their import contracts."""
+@pytest.fixture(scope="module")
+def packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the packages and of their import contracts, in which every test plants its own violation."""
+    folder = tmp_path_factory.mktemp("packages")
     for package in PACKAGES:
-        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    return tmp_path
+        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", folder)
+    return folder
+
+
+@contextmanager
+def planted(packages: Path, lines: dict[str, str]) -> Iterator[None]:
+    """Add each line to its file, then take away what was added: lines, files and packages."""
+    with ExitStack() as after:
+        for path, line in lines.items():
+            file, package = packages / path, (packages / path).parent
+            if not package.exists():
+                package.mkdir()
+                (package / "__init__.py").touch()
+                after.callback(shutil.rmtree, package)
+            elif file.exists():
+                after.callback(file.write_bytes, file.read_bytes())
+            else:
+                after.callback(file.unlink)
+            with file.open("a", encoding="utf-8") as opened:
+                opened.write(f"\n{line}\n")
+        yield
 
 
 @pytest.mark.parametrize("contract", PLANTED)
 def test_an_import_contract_catches_a_planted_violation(contract: str, packages: Path) -> None:
-    for path, line in PLANTED[contract].items():
-        planted = packages / path
-        planted.parent.mkdir(exist_ok=True)
-        (planted.parent / "__init__.py").touch()
-        with planted.open("a", encoding="utf-8") as file:
-            file.write(f"\n{line}\n")
-    assert verdicts(packages)[contract] == "BROKEN"
+    with planted(packages, PLANTED[contract]):
+        assert verdicts(packages)[contract] == "BROKEN"

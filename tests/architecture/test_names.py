@@ -5,12 +5,12 @@ import io
 import re
 import tokenize
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.architecture.sources import ROOT
+from tests.architecture.sources import ROOT, Module, module, modules
 
 PRODUCT = ("app", "harness", "rsi_reviews", "simulator", "experiments", "tools")
 RETIRED = frozenset(
@@ -104,6 +104,7 @@ RETIRED = frozenset(
     }
 )
 """Names that gave way to the field's terms. What is stored keeps its name: events, records, configuration keys."""
+RETIRED_WORD = re.compile(rf"\b(?:{'|'.join(sorted(RETIRED))})\b")
 PARTICIPLES = frozenset(
     {
         "asked", "begun", "entered", "evaluated", "happened", "heard", "kept", "killed", "meant", "published", "said",
@@ -119,36 +120,33 @@ DIGESTED = "rsi_reviews/acceptance.py"
 """Its text is part of the digest that stored evaluations name: a renamed variable would be another predicate."""
 
 
-def sources() -> Iterator[Path]:
-    for package in PRODUCT:
-        yield from sorted((ROOT / package).rglob("*.py"))
-
-
-def classes(text: str) -> Iterator[str]:
+def classes(tree: ast.AST) -> Iterator[str]:
     """Every class of a module, nested ones too."""
-    return (node.name for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ClassDef))
+    return (node.name for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
 
 
-def repeated(texts: dict[str, str]) -> dict[str, list[str]]:
+def repeated(read: Iterable[Module]) -> dict[str, list[str]]:
     """Class names that occur more than once, each with its modules."""
     found: defaultdict[str, list[str]] = defaultdict(list)
-    for path, text in texts.items():
-        for name in classes(text):
-            found[name].append(path)
+    for one in read:
+        for name in classes(one.tree):
+            found[name].append(one.path)
     return {name: places for name, places in found.items() if len(places) > 1}
 
 
 def retired(text: str) -> set[str]:
     """Retired identifiers in a module, the parts of its own name included."""
+    if not RETIRED_WORD.search(text):
+        return set()
     names = {
         token.string for token in tokenize.generate_tokens(io.StringIO(text).readline) if token.type == tokenize.NAME
     }
     return names & RETIRED
 
 
-def participles(text: str) -> set[str]:
+def participles(tree: ast.AST) -> set[str]:
     """Functions, parameters and local variables of a module whose name is a participle. Stored fields are exempt."""
-    functions = [one for one in ast.walk(ast.parse(text)) if isinstance(one, ast.FunctionDef | ast.AsyncFunctionDef)]
+    functions = [one for one in ast.walk(tree) if isinstance(one, ast.FunctionDef | ast.AsyncFunctionDef)]
     inside = [node for one in functions for node in ast.walk(one)]
     names = {one.name for one in functions} | {one.arg for one in inside if isinstance(one, ast.arg)}
     names |= {one.id for one in inside if isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store)}
@@ -157,17 +155,17 @@ def participles(text: str) -> set[str]:
 
 
 def test_a_class_name_stands_for_one_class() -> None:
-    assert repeated({str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in sources()}) == {}
+    assert repeated(modules(*PRODUCT)) == {}
 
 
 def test_names_that_were_given_up_do_not_come_back() -> None:
-    found = {str(path.relative_to(ROOT)): retired(path.read_text(encoding="utf-8")) for path in sources()}
+    found = {one.path: retired(one.text) for one in modules(*PRODUCT)}
     assert {path: names for path, names in found.items() if names} == {}
 
 
 def test_a_participle_names_no_function_parameter_or_variable() -> None:
-    texts = {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in sources()}
-    found = {path: participles(text) for path, text in texts.items() if not path.startswith((PREDICATES, DIGESTED))}
+    exempt = (PREDICATES, DIGESTED)
+    found = {one.path: participles(one.tree) for one in modules(*PRODUCT) if not one.path.startswith(exempt)}
     assert {path: names for path, names in found.items() if names} == {}
 
 
@@ -182,12 +180,12 @@ def test_a_participle_names_no_function_parameter_or_variable() -> None:
     ],
 )
 def test_a_participle_is_found(text: str) -> None:
-    assert participles(text)
+    assert participles(ast.parse(text))
 
 
 def test_no_module_is_named_by_a_retired_name() -> None:
     stems = {name.lower() for name in RETIRED}
-    assert [str(path.relative_to(ROOT)) for path in sources() if path.stem in stems] == []
+    assert [one.path for one in modules(*PRODUCT) if Path(one.path).stem in stems] == []
 
 
 @pytest.mark.parametrize("text", ["class Desk: ...", "crew = 1", "def f(visitor): ..."])
@@ -196,7 +194,8 @@ def test_a_retired_name_is_found(text: str) -> None:
 
 
 def test_a_repeated_class_name_is_found() -> None:
-    assert repeated({"a.py": "class One: ...", "b.py": "class Two:\n    class One: ..."}) == {"One": ["a.py", "b.py"]}
+    read = [module("a.py", "class One: ..."), module("b.py", "class Two:\n    class One: ...")]
+    assert repeated(read) == {"One": ["a.py", "b.py"]}
 
 
 def test_the_root_of_the_console_holds_few_entries() -> None:

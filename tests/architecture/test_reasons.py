@@ -7,6 +7,7 @@ import importlib
 import pkgutil
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from functools import cache
 from string import Formatter
 
 import pytest
@@ -15,11 +16,11 @@ from app.i18n import reasons as subjects
 from app.i18n.catalogues import LOCALES
 from app.i18n.reasons import rendering
 from app.i18n.reasons.rendering import BETWEEN, REMEDIES, SENTENCES
-from app.settings import ROOT
 from harness.contracts import errors
 from harness.contracts.reasons import RECORDED, SEVERAL
 from harness.provider_protocol.wire import ROBOT_REASONS
 from rsi_reviews.regression import errors as regression_errors
+from tests.architecture.sources import Module, modules
 from tools import translations
 
 SPEAKERS = ("harness", "rsi_reviews", "app", "simulator")
@@ -31,18 +32,22 @@ UNSAID = {"first_eligible": {"subgoal"}, "first_waiting": {"subgoal"}, "skill_pr
 """Facts for programs: the text of a stage, which the console says in the reader's language beside its name."""
 
 
-def given() -> Iterator[tuple[str, frozenset[str] | None, str]]:
+@cache
+def given() -> tuple[tuple[str, frozenset[str] | None, str], ...]:
     """(code, names of its facts, position) of every reason in the sources; None for the names where a dict is
     passed on.
     """
-    for path in sorted(path for part in SPEAKERS for path in (ROOT / part).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and _makes_code(node, node.func.id):
-                handed_on = any(one.arg is None for one in node.keywords)
-                facts = None if handed_on else frozenset(str(one.arg) for one in node.keywords)
-                where = f"{path.relative_to(ROOT)}:{node.lineno}"
-                codes = _codes(node.args[MAKERS[node.func.id]], handed_on=handed_on)
-                yield from ((code, facts, where) for code in codes)
+    return tuple(found for source in modules(*SPEAKERS) for found in _given_in(source))
+
+
+def _given_in(source: Module) -> Iterator[tuple[str, frozenset[str] | None, str]]:
+    for node in ast.walk(source.tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and _makes_code(node, node.func.id):
+            handed_on = any(one.arg is None for one in node.keywords)
+            facts = None if handed_on else frozenset(str(one.arg) for one in node.keywords)
+            where = f"{source.path}:{node.lineno}"
+            codes = _codes(node.args[MAKERS[node.func.id]], handed_on=handed_on)
+            yield from ((code, facts, where) for code in codes)
 
 
 def _makes_code(call: ast.Call, name: str) -> bool:
@@ -107,10 +112,10 @@ def test_what_a_robots_program_says_crosses_the_protocol_and_nothing_else_does()
     assert unsaid == set()
 
 
-def spoken(text: str) -> list[str]:
+def spoken(tree: ast.AST) -> list[str]:
     """What a module raises or explains with a sentence of its own, where a code with facts belongs."""
     found = []
-    for node in ast.walk(ast.parse(text)):
+    for node in ast.walk(tree):
         if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
             name = ast.unparse(node.exc.func).rpartition(".")[2]
             given_words = [*node.exc.args[:1], *(one.value for one in node.exc.keywords if one.arg in ("what", "do"))]
@@ -126,8 +131,7 @@ def _sentence(node: ast.expr) -> bool:
 
 
 def test_below_the_console_an_error_is_raised_by_code_and_not_in_a_language() -> None:
-    below = (path for part in ("harness", "rsi_reviews", "simulator") for path in sorted((ROOT / part).rglob("*.py")))
-    found = {str(path.relative_to(ROOT)): spoken(path.read_text(encoding="utf-8")) for path in below}
+    found = {source.path: spoken(source.tree) for source in modules("harness", "rsi_reviews", "simulator")}
     assert {path: sentences for path, sentences in found.items() if sentences} == {}
 
 
@@ -140,7 +144,7 @@ def test_below_the_console_an_error_is_raised_by_code_and_not_in_a_language() ->
     ],
 )
 def test_an_error_that_speaks_is_found(text: str) -> None:
-    assert spoken(text)
+    assert spoken(ast.parse(text))
 
 
 def test_what_to_do_is_said_of_a_code_that_has_a_sentence() -> None:

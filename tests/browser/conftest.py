@@ -20,6 +20,14 @@ VIOLATIONS = """addEventListener("securitypolicyviolation", e =>
     console.error("policy violation: " + e.violatedDirective + " " + e.blockedURI))"""
 
 
+SELDOM_DRAWN = """(() => {
+    const drawn = requestAnimationFrame;
+    window.requestAnimationFrame = (draw) => setTimeout(() => drawn(draw), 250);
+    window.cancelAnimationFrame = clearTimeout;
+})()"""
+"""The 3D view is drawn four times a second: sixty times take all processors, and show the same."""
+
+
 class ConsoleWatch:
     """Errors of all pages of one test: console errors, uncaught exceptions, violations of the page's policy."""
 
@@ -121,7 +129,9 @@ def open_page(request: pytest.FixtureRequest, console_watch: ConsoleWatch) -> It
         )
         contexts.append(context)
         page = context.new_page()
-        if not viewer:
+        if viewer:
+            page.add_init_script(SELDOM_DRAWN)
+        else:
             empty_viewer(page)
         page.set_default_timeout(TIMEOUT_MS)
         console_watch.follow(page)

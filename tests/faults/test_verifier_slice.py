@@ -42,8 +42,13 @@ def blunt(effect: AnyEffect, evidence: Evidence) -> Finding:
 
 
 @pytest.fixture(scope="module")
-def report() -> VerifierReport:
-    return measured(CASES, seed=SEED)
+def pools() -> Pools:
+    return Pools(SEED, whole=False)
+
+
+@pytest.fixture(scope="module")
+def report(pools: Pools) -> VerifierReport:
+    return measured(CASES, seed=SEED, pools=pools)
 
 
 def test_no_false_condition_is_satisfied_unless_every_source_agrees_on_it(report: VerifierReport) -> None:
@@ -80,10 +85,10 @@ def test_faults_of_every_source_stand_apart(report: VerifierReport) -> None:
     ],
 )
 def test_a_planted_predicate_that_accepts_anything_is_found(
-    predicate: tuple[str, str], family: str, monkeypatch: pytest.MonkeyPatch
+    predicate: tuple[str, str], family: str, pools: Pools, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(PREDICATES, predicate, blunt)
-    found = measured(CASES, seed=SEED, only=(family,))
+    found = measured(CASES, seed=SEED, only=(family,), pools=pools)
     planted = next(one for one in found.predicates if one.predicate == predicate[1])
     assert planted.total.satisfied_false > CASES // 10 and planted.false_bound > 0.2
     assert any(line.startswith(f"{predicate[1]}: satisfied though false") for line in found.offences)
@@ -94,23 +99,20 @@ def answers(cases: list[VerifierCase], fault: str) -> set[str]:
     return {judge.answer(one).verdict for one in cases if one.fault == fault and one.true is False}
 
 
-def test_a_sweep_before_a_turn_says_nothing_of_the_heading_after_it() -> None:
-    looks = pictures.looks(SEED, whole=False)
-    cases = [one for one in pictures.headings(Random(1), 600, looks) if one.fault == "body turns after the sweep"]
+def test_a_sweep_before_a_turn_says_nothing_of_the_heading_after_it(pools: Pools) -> None:
+    cases = [one for one in pictures.headings(Random(1), 600, pools.looks) if one.fault == "body turns after the sweep"]
     assert cases and "satisfied" not in answers(cases, "body turns after the sweep")
 
 
-def test_feet_that_slip_in_the_turn_make_no_panorama() -> None:
-    looks = pictures.looks(SEED, whole=False)
+def test_feet_that_slip_in_the_turn_make_no_panorama(pools: Pools) -> None:
     fault = "feet slip in the turn: odometry counts half as much again"
-    cases = [one for one in pictures.circles(Random(1), 60, looks) if one.fault == fault]
+    cases = [one for one in pictures.circles(Random(1), 60, pools.looks) if one.fault == fault]
     assert cases and answers(cases, fault) == {"ambiguous"}
 
 
 @pytest.mark.parametrize("fault", ["localiser missing", "localiser frozen, fresh stamps", "localiser drops out"])
-def test_a_body_that_nobody_saw_did_not_stay_out(fault: str) -> None:
-    drives = motion.drives(SEED, whole=False)
-    cases = [one for one in motion.kept_out(Random(2), 260, drives) if one.fault == fault]
+def test_a_body_that_nobody_saw_did_not_stay_out(fault: str, pools: Pools) -> None:
+    cases = [one for one in motion.kept_out(Random(2), 260, pools.drives) if one.fault == fault]
     assert cases and answers(cases, fault) <= {"ambiguous", "violated"}
 
 
@@ -228,8 +230,7 @@ def test_the_page_keeps_its_words_and_gets_its_tables_and_plots(tmp_path: Path, 
     assert len(list((tmp_path / "verifier").glob("*.svg"))) == 3
 
 
-def test_a_seed_draws_the_same_cases_again() -> None:
-    pools = Pools(SEED, whole=False)
+def test_a_seed_draws_the_same_cases_again(pools: Pools) -> None:
     family = FAMILIES["standing"][1]
     once, again = ([one.true for one in family(Random(7), 20, pools)] for _ in range(2))
     assert once == again

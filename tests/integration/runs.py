@@ -106,7 +106,7 @@ def until(true: Callable[[], bool], *, seconds: float, what: str) -> None:
     end = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < end, f"{what} did not happen within {seconds} s"
-        time.sleep(0.02)
+        time.sleep(0.05)
 
 
 def truth(data: Path) -> list[dict[str, Any]]:
