@@ -1,8 +1,6 @@
 """regen up: the console with the runtime and simulated robots; regen doctor: checks a data folder."""
 
-import os
 import secrets
-import socket
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -20,14 +18,13 @@ from app.auth.exposure import check_exposure
 from app.auth.oidc_settings import identity_provider
 from app.background.evaluation_jobs import EvaluationJobs
 from app.background.evaluations import evaluator_folder
-from app.background.fleet_reports import ReportedRobots, Reporter
 from app.background.mission_history import Histories
 from app.background.release_watch import ReleaseWatch
 from app.background.replays import ReplayJobs
 from app.background.retention import Retention
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
-from app.cli import output
+from app.cli import driving, output
 from app.cli.audit import log_problems
 from app.cli.data_folder import duplicate_starts, opened
 from app.cli.identity import examine_issuer
@@ -41,18 +38,16 @@ from app.settings import ConsoleSettings
 from app.web.starting_page import starting
 from harness.adapters.providers.http.robot import HttpRobot
 from harness.anchors import compared_with_file
-from harness.bootstrap import Harness, open_harness, open_reports, owner_of, read_harness
+from harness.bootstrap import Harness, open_harness, owner_of, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.erasure_events import ERASURES
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.ids import RobotId
-from harness.contracts.ports import Signals
 from harness.contracts.reasons import because
 from harness.extra_templates import begin
 from harness.recordings import replayed_beside
 from harness.runtime import Start
-from harness.settings import HarnessSettings
 from harness.site_robots import robot_names
 from rsi_reviews.candidate_queries import on_trial, selected
 from rsi_reviews.deciders import DECIDERS
@@ -64,11 +59,11 @@ def up(
     data: output.Data = output.DEFAULT_DATA,
     site: output.Site = None,
     port: Annotated[int | None, typer.Option(help="Loopback port of the console.", min=0, max=65535)] = None,
-    speed: Annotated[float | None, typer.Option(help="Mission seconds per second.")] = None,
+    speed: driving.Speed = None,
     start: Annotated[str | None, typer.Option(help="Begin with this task template.")] = None,
-    seed: Annotated[int, typer.Option(min=0)] = 1,
-    fidelity: Annotated[str | None, typer.Option(help="mujoco, kinematic or walking.")] = None,
-    robots: Annotated[str | None, typer.Option(help="Names of the simulated robots: vbot-1,vbot-2.")] = None,
+    seed: driving.Seed = 1,
+    fidelity: driving.Fidelity = None,
+    robots: driving.Robots = None,
     no_robots: Annotated[
         bool,
         typer.Option("--no-robots", help="Only the console; `regen worker` on its database drives robots."),
@@ -124,7 +119,7 @@ def up(
                     trial=on_trial,
                 )
             )
-        output.warn_of_robots(harness.absent, harness.unused)
+        fleet = driving.drive(stack, harness, chosen, broker)
         console = console.model_copy(
             update={
                 "speed": chosen.speed,
@@ -134,14 +129,6 @@ def up(
             }
         )
         steps.begin("Building the console")
-        harness.supervisor.serve()
-        harness.teleoperation.watch()
-        for shadow in harness.shadows.values():
-            shadow.watch()
-        if harness.shadows:
-            sys.stderr.write(f"Watching, and not commanding: {', '.join(harness.shadows)}\n")
-        stack.callback(harness.teleoperation.close)
-        fleet = reported_fleet(stack, harness, chosen, broker)
         evaluations = EvaluationJobs(
             harness.runtime,
             evaluator_folder(chosen.data_folder),
@@ -225,22 +212,6 @@ def _show_evidence(stack: ExitStack, harness: Harness, fleet: Fleet, port: int) 
     feed.watch()
     stack.callback(feed.close)
     sys.stderr.write(f"Foxglove and Lichtblick may open {server.address}\n")
-
-
-def reported_fleet(
-    stack: ExitStack, harness: Harness, settings: HarnessSettings, signals: Signals | None = None
-) -> Fleet:
-    """The robots of this process, watched and reported to the others on the same database, and those of the others."""
-    worker = settings.worker or f"{socket.gethostname()}-{os.getpid()}"
-    reported = ReportedRobots(time.time, worker=worker, signals=signals)
-    fleet = Fleet(harness.robots, harness.cameras, time.time, reported=reported, runtime=harness.runtime, worker=worker)
-    fleet.watch()
-    send = stack.enter_context(open_reports(settings.database, reported.receive))
-    if send is not None:
-        reporter = Reporter(fleet, send, worker=worker, clock=time.time)
-        reporter.watch()
-        stack.callback(reporter.close)
-    return fleet
 
 
 def _clear_way(harness: Harness) -> ClearWay:

@@ -8,9 +8,8 @@ from typing import Annotated
 
 import typer
 
-from app.cli import output
+from app.cli import driving, output
 from app.cli.data_folder import running
-from app.cli.service import reported_fleet
 from harness.adapters.stores.log_address import is_server
 from harness.site_robots import robot_names
 
@@ -18,11 +17,11 @@ from harness.site_robots import robot_names
 def worker(
     data: output.Data = output.DEFAULT_DATA,
     site: output.Site = None,
-    robots: Annotated[str | None, typer.Option(help="Names of the simulated robots: vbot-1,vbot-2.")] = None,
+    robots: driving.Robots = None,
     name: Annotated[str | None, typer.Option(help="By which name the fleet's list calls it.")] = None,
-    speed: Annotated[float | None, typer.Option(help="Mission seconds per second.")] = None,
-    seed: Annotated[int, typer.Option(min=0)] = 1,
-    fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
+    speed: driving.Speed = None,
+    seed: driving.Seed = 1,
+    fidelity: driving.Fidelity = None,
 ) -> None:
     """Drive this site's robots until SIGTERM: missions come from the database, which REGEN_DATABASE names.
 
@@ -51,13 +50,7 @@ def worker(
     signal.signal(signal.SIGINT, end)
     with ExitStack() as stack:
         harness = stack.enter_context(running(settings))
-        output.warn_of_robots(harness.absent, harness.unused)
-        harness.supervisor.serve()
-        harness.teleoperation.watch()
-        for shadow in harness.shadows.values():
-            shadow.watch()
-        stack.callback(harness.teleoperation.close)
-        stack.callback(reported_fleet(stack, harness, settings).close)
+        stack.callback(driving.drive(stack, harness, settings).close)
         typer.echo(f"Worker drives {', '.join(robot_names(settings))}")
         while not ended.wait(1.0):
             pass
