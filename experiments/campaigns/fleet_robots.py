@@ -6,18 +6,14 @@ from pathlib import Path
 from typing import TypeVar
 
 from experiments.campaigns.plan import Disturbance, DisturbanceName
-from experiments.campaigns.shift_robots import connected, harness_over, world
+from experiments.campaigns.shift_robots import ShiftRobots, harness_over, parts_on
 from experiments.campaigns.wire import WiredRobot
-from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SystemIds
 from harness.adapters.stores.blobs import FileBlobStore
 from harness.adapters.stores.spool import FileSpool
-from harness.bootstrap import Harness, NullSignals, Parts
+from harness.bootstrap import Harness
 from harness.contracts.errors import ProviderUnreachable
-from harness.contracts.ids import RobotId
 from harness.contracts.ports import Clock, EventStore
-from harness.supervisor.robot_connection import RobotConnection
-from simulator.robot import SimulatedRobot
 
 Answer = TypeVar("Answer")
 
@@ -45,33 +41,19 @@ class CutLink:
         """Nothing else is wrong with it."""
 
 
-class FleetRobots:
-    """The robots by name, their clocks and links, on the files of `folder`."""
+class FleetRobots(ShiftRobots):
+    """The robots of one worker on the files of `folder`, each over a link that can be cut."""
 
     def __init__(self, names: tuple[str, ...], folder: Path, *, seed: int, store: EventStore) -> None:
-        self._folder = folder
-        self._parts = Parts(
-            store=store,
-            blobs=FileBlobStore(folder / "blobs"),
-            spool=FileSpool(folder / "spool"),
-            ids=SystemIds(),
-            clock=LockstepClock(lambda until_s: until_s, at_s=0.0),
-            signals=NullSignals(),
-        )
-        self.robots = {name: SimulatedRobot(world(seed), self.folder_of(name), robot_id=name) for name in names}
-        self.clocks = {name: LockstepClock(one.advance_to, at_s=one.at_s) for name, one in self.robots.items()}
-        self.links = {name: CutLink(clock) for name, clock in self.clocks.items()}
-        self._connections = {RobotId(name): self._connection(name) for name in names}
-
-    def folder_of(self, name: str) -> Path:
-        """Where a robot keeps its journals, its world and the truth."""
-        return self._folder / "robots" / name
+        self.links: dict[str, CutLink] = {}
+        blobs, spool = FileBlobStore(folder / "blobs"), FileSpool(folder / "spool")
+        super().__init__(names, parts_on(store, blobs=blobs, spool=spool, ids=SystemIds()), seed=seed, folder=folder)
 
     def harness(self) -> Harness:
         """The harness over these robots."""
-        return harness_over(self._connections, self._parts)
+        return harness_over(self.connections, self.parts)
 
-    def _connection(self, name: str) -> RobotConnection:
-        robot = self.robots[name]
-        wired = WiredRobot(lambda: robot, self.links[name])
-        return connected(robot, self.clocks[name], self._parts, link=wired, folder=self._folder)
+    def link(self, name: str) -> WiredRobot:
+        """The link over which a robot is reached."""
+        robot, self.links[name] = self.robots[name], CutLink(self.clocks[name])
+        return WiredRobot(lambda: robot, self.links[name])

@@ -6,8 +6,8 @@ The next process with the same file goes on from there.
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
@@ -15,23 +15,17 @@ import msgspec
 from experiments.campaigns.adjudicate import judged
 from experiments.campaigns.findings import Findings
 from experiments.campaigns.fleet_robots import FleetRobots
-from experiments.campaigns.kills import commits_of
-from experiments.campaigns.mission import ASKING, PlayedMission, template_of
-from experiments.campaigns.mission_course import MissionCourse, turn
 from experiments.campaigns.plan import MissionPlan, mission_plan
-from experiments.campaigns.worker_shift import as_errand, mission_log
-from harness.adapters.stores.postgres import PostgresEventStore
-from harness.contracts.decisions import Accepted
+from experiments.campaigns.shift_missions import MissionUnderway, as_errand, created, freed
+from experiments.campaigns.shift_robots import robot_folder
+from experiments.campaigns.shift_store import AcknowledgedStore
 from harness.contracts.errors import ProviderUnreachable
-from harness.contracts.events import MissionCreated
-from harness.contracts.ids import MissionId, RobotId, leased
-from harness.contracts.ports import Batch, LogHead, Record
-from harness.contracts.values import Moment, Value, decode, encode
+from harness.contracts.ids import MissionId
+from harness.contracts.ports import LogHead
+from harness.contracts.values import Value, decode, encode
 from harness.projections.mission import Mission
-from harness.runtime import Start
 from simulator.truth import Truth
 
-BASE = "mobile_base"
 ENOUGH = "enough"
 CUT_AFTER_S = 6.0
 """The link is cut so long after the mission's beginning: the robot is on its way then."""
@@ -87,28 +81,9 @@ class AdjudicatedMission(Value):
 
 
 @dataclass
-class _Underway:
-    plan: MissionPlan
-    mission_id: MissionId
-    begun_s: float
-    lease_version: int
-    begun_before: bool
+class _Underway(MissionUnderway):
+    begun_before: bool = False
     refused: int = 0
-    course: MissionCourse = field(default_factory=MissionCourse)
-
-
-class AcknowledgedFileStore(PostgresEventStore):
-    """The log in the shared database; which appends were answered is in a file that a kill leaves whole."""
-
-    def __init__(self, url: str, file: Path) -> None:
-        super().__init__(url)
-        self._file = file.open("a", encoding="ascii", buffering=1)
-
-    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
-        """The store's append."""
-        head = super().append(batches, records, now)
-        self._file.write(f"{head.position} {head.digest}\n")
-        return head
 
 
 class FleetWorker:
@@ -117,7 +92,8 @@ class FleetWorker:
     def __init__(self, shift: FleetShift) -> None:
         self._shift = shift
         shift.own.mkdir(parents=True, exist_ok=True)
-        self._store = AcknowledgedFileStore(shift.url, shift.acknowledged_file)
+        self._acknowledged = shift.acknowledged_file.open("a", encoding="ascii", buffering=1)
+        self._store = AcknowledgedStore(shift.url, self._noted)
         first = next(iter(shift.seeds.values()))[0]
         self._robots = FleetRobots(tuple(shift.seeds), shift.own, seed=first, store=self._store)
         self._harness = self._robots.harness()
@@ -134,6 +110,10 @@ class FleetWorker:
 
     def close(self) -> None:
         self._store.close()
+
+    def _noted(self, head: LogHead) -> None:
+        """Which appends were answered is in a file that a kill leaves whole."""
+        self._acknowledged.write(f"{head.position} {head.digest}\n")
 
     def _over(self, name: str) -> bool:
         """Whether this robot has nothing under way, and nothing more to begin."""
@@ -163,67 +143,39 @@ class FleetWorker:
         if name not in self._underway:
             self._begin(name)
             return
-        errand, clock = self._underway[name], self._robots.clocks[name]
-        if turn(self._harness, errand.mission_id, errand.plan, errand.course, clock=clock, begun_s=errand.begun_s):
+        errand = self._underway[name]
+        if errand.turn(self._harness, self._robots.clocks[name]):
             self._judge(name, errand)
 
     def _begin(self, name: str) -> None:
-        runtime, base = self._harness.runtime, leased(RobotId(name), BASE)
         if self._waiting[name]:
             self._underway[name] = self._waiting[name].pop(0)
             return
-        if runtime.lease(base).status == "quarantined":
-            try:
-                self._harness.supervisor.free(base, actor=ASKING, reason="the robot stands")
-            except ProviderUnreachable:
-                clock = self._robots.clocks[name]
-                clock.wait_until(clock.now().mission_s + LOOK_AGAIN_S)
-                return
+        try:
+            lease_version = freed(self._harness, name)
+        except ProviderUnreachable:
+            clock = self._robots.clocks[name]
+            clock.wait_until(clock.now().mission_s + LOOK_AGAIN_S)
+            return
         plan = as_errand(mission_plan(self._left[name].pop(0)))
-        lease_version = runtime.lease(base).version
-        start = Start(
-            actor=ASKING,
-            robot_id=RobotId(name),
-            template=plan.template,
-            seed=plan.seed % 2**31,
-            labels={"faults": ",".join(plan.faults), "plan": str(plan.seed), "lease": str(lease_version)},
-        )
-        decision = runtime.start(start, template=template_of(self._harness, plan))
-        created = decision.events[0] if isinstance(decision, Accepted) else decision
-        if not isinstance(created, MissionCreated):
-            raise RuntimeError(f"mission {plan.seed} was not created: {created}")
+        mission_id = created(self._harness, plan, name, plan=str(plan.seed), lease=str(lease_version))
         begun_s, link = self._robots.clocks[name].now().mission_s, self._robots.links[name]
         cut = self._shift.cut
         if cut is not None and cut.robot_id == name and self._shift.seeds[name].index(plan.seed) == cut.mission:
             link.cut(from_s=begun_s + CUT_AFTER_S, for_s=cut.for_s)
-        self._underway[name] = _Underway(
-            plan, created.mission_id, begun_s, lease_version, begun_before=False, refused=link.refused
-        )
+        self._underway[name] = _Underway(plan, mission_id, begun_s, lease_version, refused=link.refused)
 
     def _judge(self, name: str, errand: _Underway) -> None:
         """The adjudicator's findings on a mission that is over, from the log and this robot's own truth."""
-        runtime, robot = self._harness.runtime, self._robots.robots[name]
-        log = mission_log(runtime, errand.mission_id, RobotId(name), lease_version=errand.lease_version)
-        mission = runtime.mission(errand.mission_id)
-        record = PlayedMission(
-            plan=errand.plan,
-            mission=mission,
-            log=log,
-            commits=tuple(commits_of(log)),
-            truth=tuple(truth_of(self._robots.folder_of(name), errand.mission_id)),
-            starts=self._harness.starts(errand.mission_id),
-            sent=frozenset(),
-            struck=robot.struck(),
-            course=errand.course,
-            harness=self._harness,
-        )
+        truth = truth_of(robot_folder(self._shift.own, name), errand.mission_id)
+        record = errand.record(self._harness, self._robots.robots[name], truth)
         line = AdjudicatedMission(
             seed=errand.plan.seed,
             mission_id=errand.mission_id,
             robot_id=name,
             findings=judged(record),
             struck=record.struck,
-            end=mission.status,
+            end=record.mission.status,
             begun_before=errand.begun_before,
             cut=self._robots.links[name].refused - errand.refused,
         )

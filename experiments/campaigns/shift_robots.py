@@ -1,15 +1,15 @@
 """Connects a worker's simulated robots to a harness of its own; they outlive the harness that commands them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from experiments.campaigns.wire import WiredRobot
 from harness.adapters.clock import LockstepClock
 from harness.adapters.pictures import PICTURES
-from harness.bootstrap import Harness, Parts, local_services, runtime_on
+from harness.bootstrap import Harness, NullSignals, Parts, local_services, runtime_on
 from harness.contracts.ids import ProviderId, RobotId
-from harness.contracts.ports import Clock, Provider
+from harness.contracts.ports import BlobStore, Clock, EventStore, Ids, Provider, Spool
 from harness.contracts.regularities import HiddenSite
 from harness.projections.mission import Mission
 from harness.supervisor.robot_connection import RobotConnection
@@ -55,6 +55,40 @@ def connected(
         waits_for_people=False,
         sources=tuple(beside.sources),
     )
+
+
+def robot_folder(folder: Path, name: str) -> Path:
+    """Where a robot keeps its journals, its world and the truth, in its worker's folder."""
+    return folder / "robots" / name
+
+
+class ShiftRobots:
+    """The robots of one worker by name, with their clocks and connections; they outlive the harness above them.
+
+    With a `folder` each keeps its journals, its world and the truth in it.
+    """
+
+    def __init__(self, names: Sequence[str], parts: Parts, *, seed: int, folder: Path | None = None) -> None:
+        self.parts = parts
+        self.robots = {
+            name: SimulatedRobot(world(seed), robot_folder(folder, name) if folder else None, robot_id=name)
+            for name in names
+        }
+        self.clocks = {name: LockstepClock(one.advance_to, at_s=one.at_s) for name, one in self.robots.items()}
+        self.connections = {
+            RobotId(name): connected(one, self.clocks[name], parts, link=self.link(name), folder=folder)
+            for name, one in self.robots.items()
+        }
+
+    def link(self, name: str) -> WiredRobot | None:
+        """The link over which a robot is reached; None for one beside the worker."""
+        return None
+
+
+def parts_on(store: EventStore, *, blobs: BlobStore, spool: Spool, ids: Ids) -> Parts:
+    """Parts of a harness whose robots have clocks of their own."""
+    clock = LockstepClock(lambda until_s: until_s, at_s=0.0)
+    return Parts(store=store, blobs=blobs, spool=spool, ids=ids, clock=clock, signals=NullSignals())
 
 
 def harness_over(connections: Connections, parts: Parts) -> Harness:

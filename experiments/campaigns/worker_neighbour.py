@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 from experiments.campaigns.chance import one_of
 from experiments.campaigns.mission_course import ELSEWHERE
-from experiments.campaigns.worker_robots import BASE, Shift
+from experiments.campaigns.shift_missions import BASE
+from experiments.campaigns.worker_robots import Shift
 from harness.contracts.commands import AcquireLease, LeaseCommand, ReleaseLease
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import InvocationId, ResourceId, RobotId, lease_stream, leased

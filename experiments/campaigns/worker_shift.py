@@ -9,30 +9,17 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import msgspec
-
 from experiments.campaigns.adjudicate import judged
-from experiments.campaigns.kills import commits_of
-from experiments.campaigns.mission import ASKING, PlayedMission, template_of
-from experiments.campaigns.mission_course import MissionCourse, turn
 from experiments.campaigns.plan import MissionPlan, mission_plan
+from experiments.campaigns.shift_missions import MissionUnderway, as_errand, created, freed
+from experiments.campaigns.shift_store import AcknowledgedStore
 from experiments.campaigns.tally import Tally
 from experiments.campaigns.worker_neighbour import Neighbour
-from experiments.campaigns.worker_robots import BASE, AcknowledgedStore, Robots, Shift
+from experiments.campaigns.worker_robots import Robots, Shift
 from harness.bootstrap import Harness
-from harness.contracts.decisions import Accepted
 from harness.contracts.errors import StoreUnavailable
-from harness.contracts.events import HandoffRequested, MissionCreated
-from harness.contracts.ids import (
-    HandoffId,
-    MissionId,
-    RobotId,
-    handoff_stream,
-    lease_stream,
-    leased,
-)
-from harness.contracts.ports import StoredEvent
-from harness.runtime import Runtime, Start
+from harness.contracts.ids import RobotId
+from harness.contracts.ports import LogHead
 
 RETRY_S = 0.1
 LONGEST_AWAY_S = 120.0
@@ -52,17 +39,6 @@ class WorkerFindings:
     refused: int = 0
 
 
-@dataclass
-class _MissionInProgress:
-    """A mission in progress on one robot, and the log position of that robot's lease before it."""
-
-    plan: MissionPlan
-    mission_id: MissionId
-    begun_s: float
-    lease_version: int
-    course: MissionCourse = field(default_factory=MissionCourse)
-
-
 def work(shift: Shift) -> WorkerFindings:
     """All missions of the shift, or as many as there are before ENOUGH appears."""
     worker = _ShiftWorker(shift)
@@ -77,7 +53,7 @@ class _ShiftWorker:
         self._shift, self._robots = shift, Robots(shift)
         self._worked = WorkerFindings()
         self._left = list(shift.seeds)
-        self._errands: dict[str, _MissionInProgress] = {}
+        self._errands: dict[str, MissionUnderway] = {}
         self._beginning: dict[str, MissionPlan] = {}
         self._neighbour = Neighbour(shift, lambda: self._harness.runtime)
         self._away_s: float | None = None
@@ -123,7 +99,7 @@ class _ShiftWorker:
         while True:
             with ExitStack() as stack:
                 try:
-                    store = AcknowledgedStore(self._shift.url, self._worked.acknowledged)
+                    store = AcknowledgedStore(self._shift.url, self._noted)
                     stack.callback(store.close)
                     harness = self._robots.harness(store)
                 except StoreUnavailable:
@@ -133,6 +109,9 @@ class _ShiftWorker:
                     stack.pop_all()
                     return store, harness
             time.sleep(RETRY_S)
+
+    def _noted(self, head: LogHead) -> None:
+        self._worked.acknowledged.append((head.position, head.digest))
 
     def _missed(self, error: StoreUnavailable) -> None:
         """Time passes for the robots, which stop by their heartbeat timeout; open work is then recovered from the log.
@@ -162,16 +141,8 @@ class _ShiftWorker:
         if name not in self._errands:
             self._begin(name)
             return
-        errand, clock = self._errands[name], self._robots.clocks[name]
-        if turn(
-            self._harness,
-            errand.mission_id,
-            errand.plan,
-            errand.course,
-            clock=clock,
-            begun_s=errand.begun_s,
-            raised=(StoreUnavailable,),
-        ):
+        errand = self._errands[name]
+        if errand.turn(self._harness, self._robots.clocks[name], raised=(StoreUnavailable,)):
             self._judge(name, errand)
 
     def _begin(self, name: str) -> None:
@@ -183,67 +154,20 @@ class _ShiftWorker:
                 return
             plan = as_errand(mission_plan(self._left.pop(0)))
             self._beginning[name] = plan
-        runtime, base = self._harness.runtime, leased(RobotId(name), BASE)
-        if runtime.lease(base).status == "quarantined":
-            self._harness.supervisor.free(base, actor=ASKING, reason="the robot stands")
-        lease_version = runtime.lease(base).version
-        if found:
-            mission_id = found[-1].mission_id
-        else:
-            start = Start(
-                actor=ASKING,
-                robot_id=RobotId(name),
-                template=plan.template,
-                seed=plan.seed % 2**31,
-                labels={"faults": ",".join(plan.faults)},
-            )
-            decision = runtime.start(start, template=template_of(self._harness, plan))
-            created = decision.events[0] if isinstance(decision, Accepted) else decision
-            if not isinstance(created, MissionCreated):
-                raise RuntimeError(f"mission {plan.seed} was not created: {created}")
-            mission_id = created.mission_id
+        lease_version = freed(self._harness, name)
+        mission_id = found[-1].mission_id if found else created(self._harness, plan, name)
         begun_s = self._robots.clocks[name].now().mission_s
-        self._errands[name] = _MissionInProgress(plan, mission_id, begun_s=begun_s, lease_version=lease_version)
+        self._errands[name] = MissionUnderway(plan, mission_id, begun_s=begun_s, lease_version=lease_version)
         del self._beginning[name]
 
-    def _judge(self, name: str, errand: _MissionInProgress) -> None:
+    def _judge(self, name: str, errand: MissionUnderway) -> None:
         """The adjudicator's findings on a mission that is over, from the database's log and this robot's ground
         truth.
         """
-        runtime, robot = self._harness.runtime, self._robots.robots[name]
-        log = mission_log(runtime, errand.mission_id, RobotId(name), lease_version=errand.lease_version)
-        mission = runtime.mission(errand.mission_id)
-        record = PlayedMission(
-            plan=errand.plan,
-            mission=mission,
-            log=log,
-            commits=tuple(commits_of(log)),
-            truth=tuple(robot.world.truth.records),
-            starts=self._harness.starts(errand.mission_id),
-            sent=frozenset(),
-            struck=robot.struck(),
-            course=errand.course,
-            harness=self._harness,
-        )
+        robot = self._robots.robots[name]
+        record = errand.record(self._harness, robot, robot.world.truth.records)
         findings = judged(record)
-        self._worked.tally.add(errand.plan.seed, findings, struck=record.struck, end=mission.status)
+        self._worked.tally.add(errand.plan.seed, findings, struck=record.struck, end=record.mission.status)
         del self._errands[name]
         with (Path(self._shift.folder) / f"done-{self._shift.number}").open("ab") as done:
             done.write(b".")
-
-
-def mission_log(
-    runtime: Runtime, mission_id: MissionId, robot_id: RobotId, *, lease_version: int
-) -> tuple[StoredEvent, ...]:
-    """Everything about one mission, in the log's order: its events, its questions, its robot's lease since then."""
-    mine = runtime.events(mission_id)
-    requests = (event for event in mine if event.kind == HandoffRequested.__name__)
-    questions = [HandoffId(msgspec.json.decode(event.body)["handoff_id"]) for event in requests]
-    events = [event for one in questions for event in runtime.stream(handoff_stream(one))]
-    leases = runtime.stream(lease_stream(leased(robot_id, BASE)))[lease_version:]
-    return tuple(sorted((*mine, *events, *leases), key=lambda event: event.position))
-
-
-def as_errand(plan: MissionPlan) -> MissionPlan:
-    """The plan as an errand without disturbances of the link: here the database is what fails."""
-    return msgspec.structs.replace(plan, template="errand", disturbances=())
