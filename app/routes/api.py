@@ -42,7 +42,7 @@ def missions(
     """Missions in short, newest first. The Link header leads to the next page, whatever is started meanwhile."""
     facets = {"status": status, "robot": robot, "template": template}
     found = api_requests.listed(response, console.lists.missions, "mission", "/missions", facets, request)
-    return api_requests.plain([summary(one) for one in found])
+    return api_requests.each(summary, found)
 
 
 @router.get("/missions/{mission_id}", responses=api_requests.answers(mission_schemas.MissionOutcome))

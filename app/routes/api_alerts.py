@@ -32,7 +32,7 @@ def listed(
         raise UnknownName(because("unknown_alert_status", status=status[:40]))
     params = AlertListParams(group=status, words=q, priority=priority, robot=robot)
     found = alerts.chosen(console.alerts.all(), params, now_s=console.clock())[:limit]
-    return api_requests.plain([schemas.AlertSummary(**alerts.summary(one)) for one in found])
+    return api_requests.each(lambda one: schemas.AlertSummary(**alerts.summary(one)), found)
 
 
 @router.get("/alerts/{alert_id}", responses=api_requests.answers(schemas.AlertResource))

@@ -1,6 +1,6 @@
 """What every part of the API shares: how lists are paged, how failures and answers are described."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, TypeVar
 from urllib.parse import urlencode
@@ -22,7 +22,7 @@ from harness.contracts.reasons import because
 from harness.contracts.values import Value
 
 Handler = Callable[..., Any]
-Item = TypeVar("Item", bound=Value)
+Item, Row = TypeVar("Item", bound=Value), TypeVar("Row")
 Limit = Annotated[int, Query(ge=1, le=500)]
 After = Annotated[str, Query(max_length=100, description="Where the page before ended: take it from its Link header.")]
 Order = Annotated[ListOrder, Query()]
@@ -160,6 +160,11 @@ def linked(response: Response, path: str, found: Slice[Any], **request: str) -> 
 def plain(value: Any) -> Any:
     """A contract's value or an answer as JSON: a reason is its code and facts, a message that is translated English."""
     return msgspec.to_builtins(value, enc_hook=_text)
+
+
+def each(shape: Callable[[Row], Any], items: Iterable[Row]) -> Any:
+    """A list as JSON, every item in the shape in which the API answers it."""
+    return plain([shape(one) for one in items])
 
 
 def _text(value: Any) -> str:

@@ -28,7 +28,7 @@ router = api_requests.router("recordings")
 @router.get("/uploads", responses=api_requests.answers(schemas.UploadResource, many=True))
 def uploads(console: ConsoleDep) -> Any:
     """Files that are here or on their way, newest first."""
-    return api_requests.plain([_resource(one) for one in console.uploads.all()])
+    return api_requests.each(_resource, console.uploads.all())
 
 
 @router.post("/uploads", status_code=201, responses=api_requests.answers(schemas.UploadResource, status=201))
@@ -72,7 +72,7 @@ def remove(console: ConsoleDep, principal: PrincipalDep, upload_id: str) -> Any:
     """Take a file away, complete or not; a replay that reads it keeps it."""
     principal.acting("drive")
     removed(console, upload_id)
-    return api_requests.plain([_resource(one) for one in console.uploads.all()])
+    return api_requests.each(_resource, console.uploads.all())
 
 
 @router.post(
@@ -102,7 +102,7 @@ def floor(console: ConsoleDep, principal: PrincipalDep, upload_id: str, body: Im
 def replays(console: ConsoleDep) -> Any:
     """Replays of this console since it started, newest first."""
     jobs = console.replays.jobs() if console.replays is not None else ()
-    return api_requests.plain([replay_resource(one) for one in jobs])
+    return api_requests.each(replay_resource, jobs)
 
 
 @router.get("/replays/{job_id}", responses=api_requests.answers(schemas.ReplayResource))
