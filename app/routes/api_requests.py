@@ -22,7 +22,8 @@ from harness.contracts.reasons import because
 from harness.contracts.values import Value
 
 Handler = Callable[..., Any]
-Item, Row = TypeVar("Item", bound=Value), TypeVar("Row")
+Item = TypeVar("Item", bound=Value)
+Row = TypeVar("Row")
 Limit = Annotated[int, Query(ge=1, le=500)]
 After = Annotated[str, Query(max_length=100, description="Where the page before ended: take it from its Link header.")]
 Order = Annotated[ListOrder, Query()]

@@ -158,7 +158,7 @@ class FleetWorker:
             clock.wait_until(clock.now().mission_s + LOOK_AGAIN_S)
             return
         plan = as_errand(mission_plan(self._left[name].pop(0)))
-        mission_id = created(self._harness, plan, name, plan=str(plan.seed), lease=str(lease_version))
+        mission_id = created(self._harness, plan, name, {"plan": str(plan.seed), "lease": str(lease_version)})
         begun_s, link = self._robots.clocks[name].now().mission_s, self._robots.links[name]
         cut = self._shift.cut
         if cut is not None and cut.robot_id == name and self._shift.seeds[name].index(plan.seed) == cut.mission:

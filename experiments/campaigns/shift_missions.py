@@ -1,6 +1,6 @@
 """One mission of a worker's robot, for every shift: how it is created, stepped and laid before the adjudicator."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import msgspec
@@ -64,7 +64,7 @@ def freed(harness: Harness, name: str) -> int:
     return harness.runtime.lease(base).version
 
 
-def created(harness: Harness, plan: MissionPlan, name: str, **labels: str) -> MissionId:
+def created(harness: Harness, plan: MissionPlan, name: str, labels: Mapping[str, str]) -> MissionId:
     """A new mission of this plan on a robot, with labels beside its faults."""
     start = Start(
         actor=ASKING,

@@ -155,7 +155,7 @@ class _ShiftWorker:
             plan = as_errand(mission_plan(self._left.pop(0)))
             self._beginning[name] = plan
         lease_version = freed(self._harness, name)
-        mission_id = found[-1].mission_id if found else created(self._harness, plan, name)
+        mission_id = found[-1].mission_id if found else created(self._harness, plan, name, {})
         begun_s = self._robots.clocks[name].now().mission_s
         self._errands[name] = MissionUnderway(plan, mission_id, begun_s=begun_s, lease_version=lease_version)
         del self._beginning[name]
