@@ -7,7 +7,7 @@ MAKEFLAGS += --no-print-directory
 unexport PYTHONDONTWRITEBYTECODE
 
 BIN := .venv/bin
-WORKERS ?= 4
+WORKERS ?= 5
 MUTANTS ?= 20
 SEED ?= 1
 
@@ -26,7 +26,7 @@ install-test: ## the same with what the tests need, a Chromium included
 run: install ## start the console, the runtime and two simulated robots, with an inspection under way and a second robot that waits for a person
 	@$(BIN)/regen up --robots vbot-1,vbot-2 --start warehouse-inspection --fault vbot-2=blocked-passage:persistent
 
-test: install-test ## all tests, their duration and the slowest (WORKERS=4 processes: many tests wait more than they compute)
+test: install-test ## all tests, their duration and the slowest (WORKERS=5 processes: many tests wait more than they compute)
 	@$(BIN)/python -m pytest -n $(WORKERS) --durations=15
 
 test-peers: install-test ## tests against foreign programs (brokers, robots, models), which it installs into .peers; counts what it skipped
