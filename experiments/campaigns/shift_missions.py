@@ -74,10 +74,10 @@ def created(harness: Harness, plan: MissionPlan, name: str, labels: Mapping[str,
         labels={"faults": ",".join(plan.faults), **labels},
     )
     decision = harness.runtime.start(start, template=template_of(harness, plan))
-    created = decision.events[0] if isinstance(decision, Accepted) else decision
-    if not isinstance(created, MissionCreated):
-        raise RuntimeError(f"mission {plan.seed} was not created: {created}")
-    return created.mission_id
+    first = decision.events[0] if isinstance(decision, Accepted) else decision
+    if not isinstance(first, MissionCreated):
+        raise RuntimeError(f"mission {plan.seed} was not first: {created}")
+    return first.mission_id
 
 
 def mission_log(
