@@ -76,7 +76,7 @@ def created(harness: Harness, plan: MissionPlan, name: str, labels: Mapping[str,
     decision = harness.runtime.start(start, template=template_of(harness, plan))
     first = decision.events[0] if isinstance(decision, Accepted) else decision
     if not isinstance(first, MissionCreated):
-        raise RuntimeError(f"mission {plan.seed} was not first: {created}")
+        raise RuntimeError(f"mission {plan.seed} was not created: {first}")
     return first.mission_id
 
 
