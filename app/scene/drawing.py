@@ -21,7 +21,7 @@ FORBIDDEN = (236, 92, 92)
 ZONE, REGION, PASSAGE = (104, 114, 125), (84, 130, 190), (196, 138, 74)
 STAGES = ((64, 156, 255), (92, 201, 160), (240, 178, 85), (176, 132, 235), (236, 112, 128), (120, 200, 230))
 LINE_M = 0.05
-LABELS_APART_M, LABEL_STEP_M = 3.0, 0.8
+LABELS_APART_M, LABEL_STEP_M = 2.0, 0.8
 """Labels nearer to each other than this are drawn one above the other, so much higher each."""
 HULL = (
     ("body", (0.62, 0.26, 0.16), (0.0, 0.0, 0.36)),
