@@ -3,14 +3,22 @@
 import os
 import subprocess
 import sys
+from collections import OrderedDict
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
 import pytest
+from xdist.workermanage import WorkerController
 
-from tests.conftest import MUJOCO_MISSIONS, ROOT, mujoco_missions, pytest_collection_modifyitems
+from tests.conftest import (
+    MUJOCO_MISSIONS,
+    ROOT,
+    SharedOnOneWorker,
+    mujoco_missions,
+    pytest_collection_modifyitems,
+)
 
 
 @dataclass
@@ -79,6 +87,15 @@ def test_browser_tests_and_campaigns_are_marked() -> None:
     pytest_collection_modifyitems(ALONE, [browser, fault])
     assert cast(Collected, browser).added == ["browser"]
     assert cast(Collected, fault).added == ["campaign"]
+
+
+def test_a_worker_in_the_place_of_one_that_died_gets_no_test_before_it_has_collected_its_own() -> None:
+    scheduler, worker = object.__new__(SharedOnOneWorker), cast(WorkerController, object())
+    waiting = OrderedDict({"tests/unit/test_x.py::test_x": {"tests/unit/test_x.py::test_x": False}})
+    scheduler.workqueue, scheduler.registered_collections = waiting.copy(), {}
+    scheduler.assigned_work = {worker: {}}
+    scheduler._assign_work_unit(worker)
+    assert (scheduler.workqueue, scheduler.assigned_work) == (waiting, {worker: {}})
 
 
 PLAIN = "import pytest\n@pytest.mark.parametrize('n', range(6))\ndef test_x(n):\n    pass\n"
