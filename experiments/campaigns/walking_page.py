@@ -129,7 +129,7 @@ def figures(missions: Sequence[WalkedMission], *, seed: int, target: int) -> Wal
 
 def _kind(reason: str) -> str:
     """A reason without its figures, so that equal ones are counted together."""
-    return re.sub(r"\d+(\.\d+)?", "…", reason)
+    return re.sub(r"[0-9a-f]{12,}|\d+(\.\d+)?", "…", reason)
 
 
 def _stage(leg: WalkedLeg) -> str:
