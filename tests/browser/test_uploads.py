@@ -52,7 +52,10 @@ def test_an_upload_that_is_cancelled_before_it_has_an_id_leaves_nothing(
     page.route("**/api/v1/uploads", lambda route: held.append((route, route.fetch())))
     page.locator("[data-upload] input[type=file]").set_input_files(list(floor_map(tmp_path)))
     page.locator("[data-upload] button.primary").click()
-    expect(page.locator("[data-cancel]")).to_be_visible()
+    for _ in range(600):
+        if held:
+            break
+        page.wait_for_timeout(50)
     assert served.app.state.console.uploads.all(), "it is begun, and its page does not know its id yet"
     page.locator("[data-cancel]").click()
     with suppress(PlaywrightError):
