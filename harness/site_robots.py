@@ -2,7 +2,7 @@
 console, or those that its settings name.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 
@@ -16,7 +16,7 @@ from harness.contracts.reasons import Reason
 from harness.contracts.site_events import site_stream
 from harness.gate.site_changes import DECIDER as CHANGES
 from harness.settings import HarnessSettings
-from harness.workspace.files import AddressedEntry, SimulatedRobotEntry
+from harness.workspace.files import AddressedEntry, Authority, RobotEntry, SimulatedRobotEntry
 from harness.workspace.reading import Workspace
 from harness.workspace.robot_entries import with_changes
 
@@ -52,18 +52,16 @@ NO_SITE_ROBOTS = SiteRobots()
 
 def robots_of(settings: HarnessSettings, workspace: Workspace, store: ports.EventStore | None) -> SiteRobots:
     """The robots of this site's folder with the changes in `store`; those of the settings where they name some."""
-    if settings.site_folder is None or settings.robots:
+    if not _from_folder(settings):
         return SiteRobots(simulated=() if settings.no_robots else settings.fleet)
     saved = [CHANGES.codec.decode(one) for one in store.load(site_stream(workspace.site.name))] if store else []
     changes = CHANGES.fold(CHANGES.initial, saved).robots
     entries, refused = with_changes(workspace.robots, changes)
-    addressed = [one for one in entries if not isinstance(one, SimulatedRobotEntry)]
+    driven = () if settings.no_robots else entries
     return SiteRobots(
-        simulated=()
-        if settings.no_robots
-        else tuple(one.name for one in entries if isinstance(one, SimulatedRobotEntry)),
-        addressed=() if settings.no_robots else tuple(one for one in addressed if one.authority == "command"),
-        observed=tuple(one for one in addressed if one.authority == "observe"),
+        simulated=tuple(one.name for one in driven if isinstance(one, SimulatedRobotEntry)),
+        addressed=_addressed(driven, "command"),
+        observed=_addressed(entries, "observe"),
         refused=refused,
         revisions={name: one.revision for name, one in changes.items()},
         from_folder=True,
@@ -73,9 +71,28 @@ def robots_of(settings: HarnessSettings, workspace: Workspace, store: ports.Even
 def robot_names(settings: HarnessSettings) -> tuple[str, ...]:
     """Every robot that `open_harness` would start or connect. Raises as `workspace_in` does."""
     workspace = workspace_in(settings.site_folder)
-    try:
-        folder = existing(settings.data_folder)
-    except StoreUnavailable:
+    log = _log(settings) if _from_folder(settings) else ""
+    if not log:
         return robots_of(settings, workspace, None).names
-    with closing(open_log(settings.database or folder.log_url)) as store:
+    with closing(open_log(log)) as store:
         return robots_of(settings, workspace, store).names
+
+
+def _from_folder(settings: HarnessSettings) -> bool:
+    """Whether the site's folder says which robots there are."""
+    return settings.site_folder is not None and not settings.robots
+
+
+def _addressed(entries: Sequence[RobotEntry], authority: Authority) -> tuple[AddressedEntry, ...]:
+    addressed = (one for one in entries if not isinstance(one, SimulatedRobotEntry))
+    return tuple(one for one in addressed if one.authority == authority)
+
+
+def _log(settings: HarnessSettings) -> str:
+    """Where the log is; empty where there is none yet."""
+    if settings.database:
+        return settings.database
+    try:
+        return existing(settings.data_folder).log_url
+    except StoreUnavailable:
+        return ""

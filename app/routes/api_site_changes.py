@@ -29,13 +29,11 @@ from harness.contracts.reasons import Reason, because
 from harness.workspace.proposed_changes import authorised_refusals, route_refusals
 
 router = api_requests.router("places")
-RoutePath = Annotated[str, Path(max_length=200)]
-TemplatePath = Annotated[str, Path(max_length=200)]
-RobotNamePath = Annotated[str, Path(max_length=200)]
+NamePath = Annotated[str, Path(max_length=200)]
 
 
 @router.post("/routes/{name}", responses=api_requests.answers(Site))
-def save(console: ConsoleDep, actor: ActorDep, name: RoutePath, body: SaveRouteAct) -> Any:
+def save(console: ConsoleDep, actor: ActorDep, name: NamePath, body: SaveRouteAct) -> Any:
     """Add a route or change one; the answer is the site as new missions will know it."""
     route = body.route(name, console.runtime.site)
     _refuse(route_refusals(route, console.runtime.site, console.site_files.floor), where=name)
@@ -43,7 +41,7 @@ def save(console: ConsoleDep, actor: ActorDep, name: RoutePath, body: SaveRouteA
 
 
 @router.post("/routes/{name}/remove", responses=api_requests.answers(Site))
-def remove(console: ConsoleDep, actor: ActorDep, name: RoutePath, body: RemoveRouteAct) -> Any:
+def remove(console: ConsoleDep, actor: ActorDep, name: NamePath, body: RemoveRouteAct) -> Any:
     """New missions cannot be planned along it any more."""
     if all(one.name != name for one in console.runtime.site.routes):
         raise UnknownName(because("unknown_route_row", route=name[:40]))
@@ -55,11 +53,11 @@ def remove(console: ConsoleDep, actor: ActorDep, name: RoutePath, body: RemoveRo
 def templates(console: ConsoleDep) -> Any:
     """The site's own missions, each with its YAML and its revision. Those of the configuration are changed by
     candidates."""
-    return [api_requests.plain(one) for one in _missions(console)]
+    return api_requests.plain(_missions(console))
 
 
 @router.post("/own-missions/{name}", responses=api_requests.answers(OwnMission, many=True))
-def save_template(console: ConsoleDep, actor: ActorDep, name: TemplatePath, body: SaveTemplateAct) -> Any:
+def save_template(console: ConsoleDep, actor: ActorDep, name: NamePath, body: SaveTemplateAct) -> Any:
     """Add a mission of the site's own, or change one; it is compiled at this site with its defaults first."""
     template, errors = reading(console, body.text, name)
     if template is None:
@@ -68,7 +66,7 @@ def save_template(console: ConsoleDep, actor: ActorDep, name: TemplatePath, body
 
 
 @router.post("/own-missions/{name}/remove", responses=api_requests.answers(OwnMission, many=True))
-def remove_template(console: ConsoleDep, actor: ActorDep, name: TemplatePath, body: RemoveTemplateAct) -> Any:
+def remove_template(console: ConsoleDep, actor: ActorDep, name: NamePath, body: RemoveTemplateAct) -> Any:
     """It cannot be started any more; missions under way go on."""
     wrong_removal(console, name)
     return _templates(console, changed(console, body.to_command(actor, name=name)))
@@ -82,7 +80,7 @@ def robots(console: ConsoleDep) -> Any:
 
 
 @router.post("/own-robots/{name}", responses=api_requests.answers(OwnRobot, many=True))
-def save_robot(console: ConsoleDep, actor: ActorDep, name: RobotNamePath, body: SaveRobotAct) -> Any:
+def save_robot(console: ConsoleDep, actor: ActorDep, name: NamePath, body: SaveRobotAct) -> Any:
     """Add a robot to the site or change one; it counts from the next start, and is admitted as any other."""
     known = any(one.name == name for one in own_robots.entries(console))
     entry, errors = own_robots.reading(console, body.text, name if known else "")
@@ -94,14 +92,14 @@ def save_robot(console: ConsoleDep, actor: ActorDep, name: RobotNamePath, body: 
 
 
 @router.post("/own-robots/{name}/remove", responses=api_requests.answers(OwnRobot, many=True))
-def remove_robot(console: ConsoleDep, actor: ActorDep, name: RobotNamePath, body: RemoveRobotAct) -> Any:
+def remove_robot(console: ConsoleDep, actor: ActorDep, name: NamePath, body: RemoveRobotAct) -> Any:
     """It is not started or connected any more from the next start on."""
     own_robots.wrong_removal(console, name)
     return _changed_robots(console, changed(console, body.to_command(actor, name=name)))
 
 
-def _robots(console: Console) -> list[Any]:
-    return [api_requests.plain(one) for one in own_robots.listed(console)]
+def _robots(console: Console) -> Any:
+    return api_requests.plain(own_robots.listed(console))
 
 
 def _changed_robots(console: Console, decision: Accepted[AnyEvent] | Refused) -> Any:
@@ -126,4 +124,4 @@ def _site(console: Console, decision: Accepted[AnyEvent] | Refused) -> Any:
 def _templates(console: Console, decision: Accepted[AnyEvent] | Refused) -> Any:
     if isinstance(decision, Refused):
         return api_requests.refusal(decision)
-    return [api_requests.plain(one) for one in _missions(console)]
+    return api_requests.plain(_missions(console))

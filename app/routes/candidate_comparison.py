@@ -5,6 +5,7 @@ from starlette.responses import HTMLResponse
 
 from app.console import ActorDep, Console, ConsoleDep
 from app.i18n.catalogues import N_
+from app.routes.candidate_evaluation import newest_job
 from app.views.candidate_comparison import ComparedCandidate, ComparisonPage, comparison_page
 from app.web.rendering import render
 from harness.contracts.actors import Actor
@@ -30,7 +31,7 @@ def page_of(console: Console, actor: Actor, first: str, second: str) -> Comparis
                 difference=releases.diff(name),
                 measured=results[1] if results else None,
                 clauses=releases.clauses(name),
-                job=console.evaluations.newest(name) if console.evaluations else None,
+                job=newest_job(console, name),
             )
         )
     shell = console.shell(N_("Two candidates"), "candidates", actor)

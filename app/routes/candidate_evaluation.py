@@ -43,10 +43,15 @@ def cancel_evaluation(console: Console, principal: Principal, candidate: str) ->
     return job
 
 
+def newest_job(console: Console, candidate: Digest) -> EvaluationJob | None:
+    """The newest evaluation that this console was asked for; None where there is none."""
+    return console.evaluations.newest(candidate) if console.evaluations else None
+
+
 def panel_of(console: Console, principal: Principal, candidate: str) -> EvaluationPanel:
     """Raises UnknownName."""
     review, jobs = console.releases.review(candidate), console.evaluations
-    job = jobs.newest(review.candidate) if jobs else None
+    job = newest_job(console, review.candidate)
     begins = jobs is not None and review.evaluable and not (job and job.open)
     return evaluation_panel(
         review,

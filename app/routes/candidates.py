@@ -158,7 +158,11 @@ def _subject_in(console: Console, candidate: str, digest: str) -> Subject | None
 
 def board_of(console: Console, actor: Actor, params: CandidateListParams) -> BoardPage:
     reviews = console.releases.reviews()
-    jobs = {one.candidate: _job(console, one) for one in reviews if one.status == "evaluating"}
+    jobs = {
+        one.candidate: candidate_evaluation.newest_job(console, one.candidate)
+        for one in reviews
+        if one.status == "evaluating"
+    }
     progress = {one.candidate: _progress(console, one, jobs[one.candidate]) for one in reviews if one.candidate in jobs}
     shell = console.shell("Candidates", "candidates", actor)
     refused = console.releases.refused_proposals()
@@ -182,7 +186,7 @@ def page_of(
         versions=releases.versions(),
         known=_known(console, [one.mission_id for one in review.manifest.motives] if review.manifest else []),
         loads=_loads(console, review.manifest.rollback if review.manifest else review.baseline),
-        progress=_progress(console, review, _job(console, review)),
+        progress=_progress(console, review, candidate_evaluation.newest_job(console, name)),
     )
     shell = console.shell(candidates.title_of(review), "candidates", actor, topics=(f"candidate/{name}",))
     return review_page(
@@ -196,10 +200,6 @@ def page_of(
         left=left,
         invited=present().invited,
     )
-
-
-def _job(console: Console, review: Review) -> EvaluationJob | None:
-    return console.evaluations.newest(review.candidate) if console.evaluations else None
 
 
 def _progress(console: Console, review: Review, job: EvaluationJob | None) -> str:

@@ -110,14 +110,16 @@ def reading(console: Console, text: str, name: str) -> tuple[RobotEntry | None, 
 
     Raises ContractInvalid where the start named its robots: no entry counts then.
     """
-    if not console.site_robots.from_folder:
-        raise ContractInvalid(because("robots_named_at_start"), where=PAGE)
+    _changeable(console)
     runtime = console.runtime
     return read_robot(text, name=name, robots=entries(console), site=runtime.site, floor=console.site_files.floor)
 
 
 def wrong_removal(console: Console, name: str) -> None:
-    """Raises UnknownName for what is no robot of the site, ContractInvalid for the last one and for one at work."""
+    """Raises UnknownName for what is no robot of the site, ContractInvalid for the last one, for one at work, and as
+    `reading` does.
+    """
+    _changeable(console)
     present = [one.name for one in entries(console)]
     if name not in present:
         raise UnknownName(because("unknown_robot", robot_id=name[:40], known=tuple(present)))
@@ -125,6 +127,11 @@ def wrong_removal(console: Console, name: str) -> None:
         raise ContractInvalid(because("robot_is_last", name=name), where=PAGE)
     if any(one.robot_id == name for one in console.open_missions()):
         raise ContractInvalid(because("robot_at_work", robot_id=name), where=PAGE)
+
+
+def _changeable(console: Console) -> None:
+    if not console.site_robots.from_folder:
+        raise ContractInvalid(because("robots_named_at_start"), where=PAGE)
 
 
 def _save(console: Console, actor: Actor, typed: Mapping[str, str], *, new: bool = False) -> Response:
@@ -160,15 +167,13 @@ def _form(console: Console, actor: Actor, typed: Mapping[str, str], *, new: bool
 
 def _as_it_is(console: Console, name: str) -> dict[str, str]:
     """The YAML of a robot's entry as it stands, or as it was before it was removed. Raises UnknownName."""
-    changes, texts = console.runtime.site_changes(), entry_texts(console.site_files.robots_text)
-    now = next((one for one in entries(console) if one.name == name), None)
-    if now is not None:
-        return {"name": name, "text": text_of(now, changes.robots.get(name), texts)}
+    texts, present = entry_texts(console.site_files.robots_text), {one.name: one for one in entries(console)}
+    if name in present:
+        change = console.runtime.site_changes().robots.get(name)
+        return {"name": name, "text": text_of(present[name], change, texts)}
     saved = [one for one in site_history(console) if isinstance(one, RobotSaved) and one.name == name]
     if not saved and name not in texts:
-        raise UnknownName(
-            because("unknown_robot", robot_id=name[:40], known=tuple(one.name for one in entries(console)))
-        )
+        raise UnknownName(because("unknown_robot", robot_id=name[:40], known=tuple(present)))
     return {"name": name, "text": saved[-1].text if saved else texts[name]}
 
 

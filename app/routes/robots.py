@@ -280,6 +280,8 @@ def _last_retreat(console: Console, robot_id: RobotId) -> LastRetreat | None:
     """When it ended, or was refused, stands with its event; what the robot has begun since in the list of missions."""
     control, now_s = console.control(), console.clock()
     newest, ordered = control.retreats.get(robot_id), control.postures.get(robot_id)
+    if newest is None and ordered is None:
+        return None
     if newest is not None and newest.ended is None:
         return last_retreat(newest, ended_at_s=0.0, mission_began_s=0.0, now_s=0.0)
     since = console.lists.missions(ListQuery(listing="mission", facets={"robot": robot_id}, limit=1)).items
@@ -287,8 +289,7 @@ def _last_retreat(console: Console, robot_id: RobotId) -> LastRetreat | None:
     if ordered is not None and (newest is None or newest.version < ordered.version):
         at_s = console.runtime.stream(CONTROL, ordered.version - 1)[0].recorded_s
         return lain_down(ordered.order, at_s=at_s, mission_began_s=began_s, now_s=now_s)
-    if newest is None:
-        return None
+    assert newest is not None
     ended = console.runtime.stream(CONTROL, newest.version - 1)[0]
     return last_retreat(newest, ended_at_s=ended.recorded_s, mission_began_s=began_s, now_s=now_s)
 

@@ -33,7 +33,7 @@ def last_retreat(
         return None
     if retreat.ended is None:
         return LastRetreat(text=_under_way(retreat.intent), moving=True, ended_at_s=0.0)
-    if now_s - ended_at_s >= OLD_S or mission_began_s >= ended_at_s:
+    if _of_no_matter(ended_at_s, mission_began_s=mission_began_s, now_s=now_s):
         return None
     return LastRetreat(text=_over(retreat.intent, retreat.ended), moving=False, ended_at_s=ended_at_s)
 
@@ -45,7 +45,7 @@ def lain_down(order: PostureOrdered, *, at_s: float, mission_began_s: float, now
     reason = order.reason
     if not isinstance(reason, Reason) or reason.code != "no_retreat_lies_down":
         return None
-    if now_s - at_s >= OLD_S or mission_began_s >= at_s:
+    if _of_no_matter(at_s, mission_began_s=mission_began_s, now_s=now_s):
         return None
     text = lazy_gettext(
         "{who} sent it to safety ({reason}). It could not be sent to its safe point and was told to lie down where it "
@@ -55,6 +55,11 @@ def lain_down(order: PostureOrdered, *, at_s: float, mission_began_s: float, now
         why=reasoned(reason.facts["why"]),  # type: ignore[arg-type]
     )
     return LastRetreat(text=text, moving=False, ended_at_s=at_s)
+
+
+def _of_no_matter(at_s: float, *, mission_began_s: float, now_s: float) -> bool:
+    """Whether it is long ago, or a mission of the robot has begun since."""
+    return now_s - at_s >= OLD_S or mission_began_s >= at_s
 
 
 def _under_way(intent: RetreatIntended) -> str:

@@ -136,6 +136,7 @@ class RemoveRobot(Command, tag=True):
 
 
 SiteEvent = RouteSaved | RouteRemoved | TemplateSaved | TemplateRemoved | RobotSaved | RobotRemoved
+SiteRemoval = RemoveRoute | RemoveTemplate | RemoveRobot
 SiteCommand = SaveRoute | RemoveRoute | SaveTemplate | RemoveTemplate | SaveRobot | RemoveRobot
 
 

@@ -6,7 +6,7 @@ What each of them must be at this site is checked before, where its map, its pla
 
 from itertools import chain
 from math import isfinite
-from typing import assert_never
+from typing import TypeVar, assert_never
 
 from harness.contracts import site_events
 from harness.contracts.decider import Codec, Decider
@@ -16,6 +16,8 @@ from harness.contracts.reasons import because
 from harness.contracts.values import Moment
 from harness.gate.places import FARTHEST_M, stale_basis
 from harness.projections.site_changes import SiteChanges, apply
+
+Removed = TypeVar("Removed", site_events.RouteRemoved, site_events.TemplateRemoved, site_events.RobotRemoved)
 
 
 def decide(changes: SiteChanges, command: site_events.SiteCommand, now: Moment) -> Decision[site_events.SiteEvent]:
@@ -39,14 +41,7 @@ def decide(changes: SiteChanges, command: site_events.SiteCommand, now: Moment) 
                 )
             )
         case site_events.RemoveRoute(name=name):
-            revision = changes.route_revision(name)
-            return stale_basis(revision, command.basis, name) or Accepted(
-                (
-                    site_events.RouteRemoved(
-                        name=name, revision=revision + 1, actor=command.actor, reason=command.reason, at_s=now.wall_s
-                    ),
-                )
-            )
+            return _removed(site_events.RouteRemoved, command, changes.route_revision(name), now)
         case site_events.SaveTemplate(template=template):
             revision = changes.template_revision(template.name)
             return stale_basis(revision, command.basis, template.name) or Accepted(
@@ -62,14 +57,7 @@ def decide(changes: SiteChanges, command: site_events.SiteCommand, now: Moment) 
                 )
             )
         case site_events.RemoveTemplate(name=name):
-            revision = changes.template_revision(name)
-            return stale_basis(revision, command.basis, name) or Accepted(
-                (
-                    site_events.TemplateRemoved(
-                        name=name, revision=revision + 1, actor=command.actor, reason=command.reason, at_s=now.wall_s
-                    ),
-                )
-            )
+            return _removed(site_events.TemplateRemoved, command, changes.template_revision(name), now)
         case site_events.SaveRobot(name=name):
             revision = changes.robot_revision(name)
             return stale_basis(revision, command.basis, name) or Accepted(
@@ -85,16 +73,25 @@ def decide(changes: SiteChanges, command: site_events.SiteCommand, now: Moment) 
                 )
             )
         case site_events.RemoveRobot(name=name):
-            revision = changes.robot_revision(name)
-            return stale_basis(revision, command.basis, name) or Accepted(
-                (
-                    site_events.RobotRemoved(
-                        name=name, revision=revision + 1, actor=command.actor, reason=command.reason, at_s=now.wall_s
-                    ),
-                )
-            )
+            return _removed(site_events.RobotRemoved, command, changes.robot_revision(name), now)
         case _:
             assert_never(command)
+
+
+def _removed(
+    kind: type[Removed], command: site_events.SiteRemoval, revision: int, now: Moment
+) -> Decision[site_events.SiteEvent]:
+    return stale_basis(revision, command.basis, command.name) or Accepted(
+        (
+            kind(
+                name=command.name,
+                revision=revision + 1,
+                actor=command.actor,
+                reason=command.reason,
+                at_s=now.wall_s,
+            ),
+        )
+    )
 
 
 def _nowhere(route: Route) -> Refused | None:

@@ -32,14 +32,12 @@ from harness.workspace import checks
 from harness.workspace.capability_types import CAPABILITIES, CapabilitiesFile, has_capabilities, with_own
 from harness.workspace.contract_yaml import Lines, read_yaml
 from harness.workspace.files import (
-    AddressedEntry,
     EvidencePath,
     HttpRobotEntry,
     ModelsFile,
     RobotEntry,
     RobotsFile,
     SecretReference,
-    SimulatedRobotEntry,
     SiteDescription,
     VehicleEntry,
 )
@@ -95,12 +93,6 @@ class Workspace:
                 return one
         known = tuple(one.name for one in self.robots)
         raise ContractInvalid(because("unknown_robot", robot_id=name[:40], known=known), where=str(self.folder))
-
-    @property
-    def observed(self) -> tuple[AddressedEntry, ...]:
-        """The robots in shadow mode."""
-        addressed = (one for one in self.robots if not isinstance(one, SimulatedRobotEntry))
-        return tuple(one for one in addressed if one.authority == "observe")
 
     def conformance_files(self) -> tuple[Path, ...]:
         """What the conformance kit may ask of the providers at this site."""

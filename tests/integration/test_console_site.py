@@ -390,6 +390,9 @@ def test_robots_that_the_start_named_are_not_changed_by_a_folder(tmp_path: Path)
         assert "--robots" in page and "/own-robots/new" not in page
         answer = hall.client.post("/own-robots/new", data={"text": ARM, "reason": "bought"})
         assert answer.status_code == 422 and "apart from its site" in unescape(answer.text)
+        name = next(iter(hall.robots()))
+        gone = hall.client.post(f"/own-robots/{name}/remove", data={"basis": "0", "reason": "sold"})
+        assert gone.status_code == 422 and "apart from its site" in unescape(gone.text)
 
 
 def write_hall_with_arm(folder: Path, *, token: str) -> Path:

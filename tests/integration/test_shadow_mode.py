@@ -16,6 +16,8 @@ from harness.contracts.ids import InvocationId, MissionId, RequestId, lease_stre
 from harness.contracts.shadow import StackGoalJudged
 from harness.gate.commit import CommandEnvelope
 from harness.runtime import Start
+from harness.settings import HarnessSettings
+from harness.site_robots import robots_of
 from harness.workspace.reading import open_workspace
 from tests.builders.shadow_sites import ROBOT, ShadowSite, shadow_site, write_site
 from tests.builders.shops import regen
@@ -397,7 +399,8 @@ def test_evidence_by_another_path_is_told_apart_from_the_declaration(tmp_path: P
         write_site(tmp_path / "shop", address, evidence=evidence)
         workspace = open_workspace(tmp_path / "shop")
         witness.goes(2.0, 0.0, 1.0)
-        with observed_robot(workspace.observed[0], workspace) as robot:
+        (entry,) = robots_of(HarnessSettings(site_folder=workspace.folder), workspace, None).observed
+        with observed_robot(entry, workspace) as robot:
             assert len(robot.observations(0).samples) == len(witness.samples)
             assert robot.stack_goals(0).changes == ()
             witness.name = "robot-9"

@@ -10,6 +10,8 @@ import pytest
 from harness.addressed_robots import observed_robot
 from harness.contracts.observations import Pose
 from harness.contracts.ports import ObservedRobot
+from harness.settings import HarnessSettings
+from harness.site_robots import robots_of
 from harness.supervisor.shadow_watch import ShadowWatch
 from harness.workspace.reading import open_workspace
 from tests.builders.ros_json import odometry, pose
@@ -71,7 +73,8 @@ def topic_site(folder: Path) -> Iterator[TopicSite]:
             server.repeat(TOPICS["odometry"], odometry(BEGUN_S, 0.0, 0.0)),
         ]
         workspace = open_workspace(folder)
-        with opened(folder, stack, address) as site, observed_robot(workspace.observed[0], workspace) as robot:
+        (entry,) = robots_of(HarnessSettings(site_folder=folder), workspace, None).observed
+        with opened(folder, stack, address) as site, observed_robot(entry, workspace) as robot:
             for one in first:
                 one.close()
             watch = ShadowWatch(ROBOT, robot, runtime=site.harness.runtime, clock=site.clock, apart=True)
