@@ -388,6 +388,7 @@ def test_robots_that_the_start_named_are_not_changed_by_a_folder(tmp_path: Path)
     with opened(tmp_path / "hall", robots=("vbot-1",)) as hall:
         page = hall.client.get("/own-robots").text
         assert "--robots" in page and "/own-robots/new" not in page
+        assert "<td>yes</td>" not in page, "no entry of the file is in force"
         answer = hall.client.post("/own-robots/new", data={"text": ARM, "reason": "bought"})
         assert answer.status_code == 422 and "apart from its site" in unescape(answer.text)
         name = next(iter(hall.robots()))
