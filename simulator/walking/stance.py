@@ -39,15 +39,15 @@ class UprightStance:
         tilt = self._down[:2]
         if float(np.hypot(*tilt)) > UPRIGHT_RAD:
             self._lean = np.clip(self._lean + PULL_PER_S * within_s * tilt, -MOST_RAD, MOST_RAD)
-        return lengthened(pose, feet_m[:, :2] @ self._lean)
+        return longer_legs(pose, feet_m[:, :2] @ self._lean)
 
 
-def lengthened(pose: Floats, metres: Floats) -> Floats:
+def longer_legs(pose: Floats, metres: Floats) -> Floats:
     """The change of joint angles (12,), radians, that makes each leg of `pose` so much longer, shape (4,), by small
     angles: the feet move down in the trunk frame, neither ahead nor aside."""
     _, thigh, calf = pose.reshape(4, 3).T
     down_thigh, down_calf = -LINK_M * (np.sin(thigh) + np.sin(thigh + calf)), -LINK_M * np.sin(thigh + calf)
     ahead_thigh, ahead_calf = -LINK_M * (np.cos(thigh) + np.cos(thigh + calf)), -LINK_M * np.cos(thigh + calf)
     share = -ahead_calf / ahead_thigh
-    bent = metres / (down_thigh * share + down_calf)
-    return np.stack([np.zeros(4), share * bent, bent], axis=1).reshape(12)
+    change = metres / (down_thigh * share + down_calf)
+    return np.stack([np.zeros(4), share * change, change], axis=1).reshape(12)
