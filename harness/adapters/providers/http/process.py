@@ -17,7 +17,7 @@ from harness.contracts.simulation import Fidelity
 from harness.contracts.values import Value, decode
 from harness.provider_protocol.wire import ATTACHMENT, Attachment, Problem, error_of
 
-READY_S = 60.0
+READY_S = 180.0
 END_S = 10.0
 
 
