@@ -129,6 +129,10 @@ def proposes_facts(bench: Bench) -> RuleObservation:
     early = [because("kit_proposed_early", status=one.status, facts=len(one.proposed_facts)) for one in unfinished]
     return judged(
         because("kit_proposed", facts=tuple(fact.name for fact in ended.proposed_facts)),
+        unless(
+            ended.status == "succeeded",
+            because("kit_not_completed", status=ended.status, failure=ended.failure, reason=ended.message),
+        ),
         unless(bool(effects), because("kit_no_effects_named")),
         unless(not missing, because("kit_not_proposed", effects=tuple(missing))),
         *_distinct(early),

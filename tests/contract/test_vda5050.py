@@ -91,6 +91,23 @@ def test_an_odd_broker_that_delivers_everything_twice_doubles_nothing(site: Virt
     assert len({(type(one), one.at_s) for one in samples}) == len(samples)
 
 
+def test_a_vehicle_that_still_names_its_last_node_of_the_order_before_has_not_passed_any(site: VirtualSite) -> None:
+    """vda-5050-lib publishes its state with a new order's nodes before it looks at the first of them."""
+    assert site.run(site.provider.start(site.request()).handle).status == "succeeded"
+    before, left = (site.vehicle.last_node, site.vehicle.last_sequence), iter(range(1))
+
+    def late(topic: str, body: bytes) -> list[tuple[float, bytes]]:
+        state = json.loads(body)
+        if topic == "state" and state["orderId"] != before_id and next(left, None) is not None:
+            state |= {"lastNodeId": before[0], "lastNodeSequenceId": before[1]}
+        return [(LATENCY_S, json.dumps(state).encode())]
+
+    before_id = site.orders()[-1]["orderId"]
+    site.up = late
+    report = site.run(site.provider.start(site.request("two", target=(6.0, 0.0))).handle)
+    assert next(left, None) is None and (report.status, report.failure) == ("succeeded", "")
+
+
 def test_messages_that_overtake_each_other_change_nothing(site: VirtualSite) -> None:
     turn = itertools.cycle((0.01, 0.7, 0.05, 0.3))
     site.up = lambda topic, body: [(next(turn), body)]

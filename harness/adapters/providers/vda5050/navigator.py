@@ -292,7 +292,9 @@ class VehicleNavigator:
         return waited and run.sent < MOST_SENT and self._vehicle.boots == run.boots
 
     def _follow(self, run: OrderExecution, state: messages.VehicleState) -> None:
-        run.passed = min(run.plan.last, max(run.passed, state.last_node_sequence_id // 2))
+        node = min(run.plan.last, state.last_node_sequence_id // 2)
+        if state.last_node_id == run.plan.node_id(node):  # else it is still the last one of the order before
+            run.passed = max(run.passed, node)
         whole_m = max(run.plan.length_m, 0.01)
         run.share = max(run.share, min(1.0, 1.0 - self._remaining_m(run) / whole_m))
 
