@@ -38,7 +38,7 @@ from harness.contracts.contexts import Context
 from harness.contracts.control import CONTROL, Posture
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.declared_successes import BagAudit
-from harness.contracts.errors import OnlyObserved, UnknownName
+from harness.contracts.errors import OnlyObserved, ProviderFailed, UnknownName
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
 from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId, RobotId
 from harness.contracts.ports import LogHead
@@ -187,6 +187,13 @@ class Console:
     site_files: SiteFiles = NO_FILES
     site_robots: SiteRobots = NO_SITE_ROBOTS
     fresh: Callable[[], str] = no_name
+
+    def journal(self, mission_id: MissionId) -> Sequence[PhysicalStart] | None:
+        """The robots' own starts of a mission; None where they cannot be read from here, or a robot does not answer."""
+        try:
+            return self.starts(mission_id)
+        except ProviderFailed:
+            return None
 
     def head(self) -> LogHead:
         return self.runtime.head()

@@ -402,7 +402,16 @@ def serve(app: FastAPI, listener: socket.socket) -> None:
     console: Console = app.state.console
     settings = console.settings
     check_exposure(settings, has_accounts=console.sessions.has_accounts)
+    read_handlers(app)
     _Server(server_config(app, settings), console.broker).run(sockets=[listener])
+
+
+def read_handlers(app: FastAPI) -> None:
+    """FastAPI reads a router's handlers when it first looks for an address there, for 0.3 s in which nothing else is
+    answered; the request that waits for it could be a stop."""
+    nowhere = {"type": "http", "method": "GET", "path": "/-", "root_path": "", "headers": []}
+    for route in app.router.routes:
+        route.matches(nowhere)
 
 
 def server_config(app: FastAPI, settings: ConsoleSettings) -> uvicorn.Config:

@@ -59,6 +59,8 @@ class ConsoleSettings(BaseSettings):
     the addresses of TLS proxies in front, whose word on where a request comes from is taken. `streams` are the live
     pages and 3D views that one person or token may hold open, `connections` those of everybody together.
     `upload_bytes`: the largest recording or map that is taken from a browser or a command line; 0 takes none.
+    `niceness`: where the console asks to stand in the queue for a processor, so that a stop is not late on a busy
+    machine; a system that does not allow it leaves it where it is.
     `otlp_endpoint`: where ended missions are sent to as OpenTelemetry traces (extra `otel`); nowhere without it.
     `notify_networks`: private networks, such as 10.1.0.0/16, that the addresses in `notify` may lead into.
     """
@@ -78,6 +80,7 @@ class ConsoleSettings(BaseSettings):
     stranger_rate_burst: Annotated[float, Field(ge=1)] = 300.0
     streams: Annotated[int, Field(ge=1)] = 32
     connections: Annotated[int, Field(ge=8)] = 512
+    niceness: Annotated[int, Field(ge=-20, le=19)] = -10
     speed: Annotated[float, Field(ge=0)] = 4.0
     robots: tuple[str, ...] = ("vbot-1",)
     operator: str = "operator"

@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 from typing import IO, get_args
 
+import scipy.sparse.csgraph  # noqa: F401  before the robot answers: at its first drive it would answer nobody meanwhile
 import uvicorn
 
 from harness.contracts.errors import HarnessError, StoreOwned, StoreUnavailable

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import msgspec
 from cachetools import LRUCache
 
+from harness.adapters.process_priority import give_way
 from harness.adapters.replaced_files import OWN, replacing
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused, refused
@@ -323,7 +324,7 @@ class EvaluationJobs(Background):
 def evaluate_in_child(line: Connection, order: _Order) -> None:
     """The main of the evaluating process, below the console in priority. It ends when nobody listens any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.nice(NICENESS)
+    give_way(niceness=NICENESS)
     with suppress(BrokenPipeError):
         line.send_bytes(encode(_measured(line, order)))
 

@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from threading import Event, Thread
 from typing import Annotated, Any
@@ -36,6 +37,7 @@ from app.main import bind, create_app, open_accounts, serve
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.web.starting_page import starting
+from harness.adapters.process_priority import ask_for
 from harness.adapters.providers.http.robot import HttpRobot
 from harness.anchors import compared_with_file
 from harness.bootstrap import Harness, open_harness, owner_of, read_harness
@@ -53,6 +55,9 @@ from rsi_reviews.candidate_queries import on_trial, selected
 from rsi_reviews.deciders import DECIDERS
 from rsi_reviews.release_service import ReleaseService
 from simulator.in_process import SIMULATOR
+
+LOADED_FIRST = ("scipy.ndimage", "scipy.signal")
+"""What missions use, loaded while the robots start: for the seconds it takes, a stop would wait."""
 
 
 def up(
@@ -96,6 +101,7 @@ def up(
     faults = _faults(fault or [], fleet_names)
     if chosen.speed == 0:
         raise typer.BadParameter("a console shows missions at a speed above 0", param_hint="--speed")
+    ask_for(console.niceness)
     with opened(chosen.data_folder) as accounts:
         check_exposure(console, has_accounts=accounts.store.any_account())
     identity_provider(console, clock=time.time)
@@ -107,6 +113,8 @@ def up(
         stack.callback(accounts.store.close)
         steps = Steps()
         steps.begin(f"Opening {chosen.data_folder} and starting {', '.join(fleet_names) or 'no robot'}")
+        loading = Thread(target=_load, name="loading", daemon=True)
+        loading.start()
         with starting(console, listener, fleet_names):
             harness = stack.enter_context(
                 open_harness(
@@ -177,6 +185,7 @@ def up(
             _show_evidence(stack, harness, fleet, foxglove)
         if console.otlp_endpoint:
             _export_traces(stack, harness, console.otlp_endpoint, chosen.data_folder)
+        loading.join()
         steps.end()
         sessions = app.state.sessions
         if start is not None and harness.runtime.head().position and harness.runtime.missions():
@@ -196,6 +205,11 @@ def up(
         if link:
             sys.stderr.write(f"A lost link: regen account link --data {chosen.data_folder} prints a new one.\n")
         serve(app, listener)
+
+
+def _load() -> None:
+    for name in LOADED_FIRST:
+        import_module(name)
 
 
 def _show_evidence(stack: ExitStack, harness: Harness, fleet: Fleet, port: int) -> None:

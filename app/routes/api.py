@@ -140,7 +140,7 @@ def summary(one: MissionItem) -> mission_schemas.MissionSummary:
 def outcome(console: Console, mission_id: MissionId) -> dict[str, Any]:
     """One mission as JSON; raises UnknownName."""
     return mission_outcome(
-        console.runtime.mission(mission_id), console.histories.of(mission_id), console.starts(mission_id)
+        console.runtime.mission(mission_id), console.histories.of(mission_id), console.journal(mission_id)
     )
 
 

@@ -101,7 +101,7 @@ def machine_readable(console: ConsoleDep, mission_id: MissionId) -> JSONResponse
     """
     entries = console.histories.of(mission_id)
     mission = console.runtime.mission(mission_id)
-    body: dict[str, Any] = mission_outcome(mission, entries, console.starts(mission_id))
+    body: dict[str, Any] = mission_outcome(mission, entries, console.journal(mission_id))
     body["timings"] = [vars(one) for one in report.timings(mission, entries)]
     body["no_answer"] = _no_answer(console, mission_id)
     body[SINGLE_SOURCE] = mission.labels.get(SINGLE_SOURCE, "")
@@ -197,7 +197,7 @@ def _fact(
 
 
 def _journal(console: Console, mission_id: MissionId) -> ReportSources:
-    starts = console.starts(mission_id)
+    starts = console.journal(mission_id)
     is_case = any(one.mission_id == mission_id for one in console.releases.growth().added)
     unanswered = _unanswered(console, mission_id)
     if starts is None:

@@ -3,12 +3,15 @@
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.values import Moment
 
 READ_EVERY_S = 0.2
 """How old a reading may become, in mission time at the robot's nominal speed."""
+ANSWER_S = 0.1
+"""How long whoever asks for the time waits for a robot's reading, wall seconds; it goes on with the last one then."""
 SHORTEST_S = 0.02
 RETRY_S = 0.5
 REAL_TIME = 1.0
@@ -24,11 +27,15 @@ class RobotClock:
 
     `read` returns the robot's mission time; `speed` is what it is meant to reach, and only says how often to ask.
     While the robot does not answer, or its clock stands, time goes on from the last reading as fast as the machine's,
-    so that whatever waits for the robot ends; once it answers, time stands until the robot has come that far.
+    so that whatever waits for the robot ends; once it answers, time stands until the robot has come that far. A reading
+    that takes long is waited for in a thread: what is decided meanwhile, such as a stop, is decided at the last one.
     """
 
     def __init__(self, read: Callable[[], float], speed: float) -> None:
         self._read, self._speed = read, speed
+        self._reader = ThreadPoolExecutor(1, thread_name_prefix="robot clock")
+        self._reading: Future[float] | None = None
+        self._waited = False
         self._every_s = max(SHORTEST_S, READ_EVERY_S / speed)
         self._lock = threading.Lock()
         self._latest_s = self._told_s = read()
@@ -53,11 +60,18 @@ class RobotClock:
             time.sleep(min(max(left_s / self._speed, SHORTEST_S), RETRY_S))
 
     def _ask(self) -> None:
+        if self._reading is None:
+            self._reading, self._waited = self._reader.submit(self._read), False
         try:
-            told_s = self._read()
+            told_s = self._reading.result(0.0 if self._waited else ANSWER_S)
         except ProviderFailed:
+            self._reading = None
             self._stand_in(RETRY_S)
             return
+        except TimeoutError:
+            self._waited = True
+            return
+        self._reading = None
         now_s = time.monotonic()
         if told_s > self._told_s:
             self._advanced_at_s = now_s

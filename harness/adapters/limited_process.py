@@ -23,6 +23,7 @@ from weakref import finalize
 
 import msgspec
 
+from harness.adapters.process_priority import give_way
 from harness.contracts import errors
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.reasons import Explanation, Reason, because
@@ -131,6 +132,7 @@ class LimitedProcess:
             env=_environment(),
             start_new_session=True,
         )
+        give_way(child.pid)
         self._children.append(child)
         assert child.stdout is not None
         with _killed_after(_STARTING_S, child):

@@ -34,6 +34,8 @@ OUTAGE_TRIES = 60
 """How often a foreground run retries an unavailable log, OUTAGE_WAIT_S of the robot's time apart."""
 ROBOT_TRIES = 10
 """How many steps of a foreground run may break on a robot's answers before the run gives up."""
+HALT_WAIT_S = 0.02
+"""How long a stop waits until the robot has answered it, wall seconds; it is in the log already."""
 WAITING: frozenset[str] = frozenset({"awaiting_human", "paused", "awaiting_approval"})
 
 
@@ -197,10 +199,15 @@ class Supervisor:
     def halt(self, robot_id: RobotId) -> None:
         """Tell this robot's providers to stop what they run, at once and beside its loop, where a stop is in the log.
 
-        The loop follows the stop to its acknowledgement and to standstill. An answer that does not come is its matter.
+        Returns after HALT_WAIT_S at the latest, although the robot may not have answered. The loop follows the stop to
+        its acknowledgement and to standstill. An answer that does not come is its matter.
         """
-        if robot_id not in self._connections:
-            return
+        if robot_id in self._connections:
+            halting = Thread(target=self._halt_now, args=(robot_id,), name=f"halt {robot_id}", daemon=True)
+            halting.start()
+            halting.join(HALT_WAIT_S)
+
+    def _halt_now(self, robot_id: RobotId) -> None:
         self._returning[robot_id].halt()
         for mission_id, loop in tuple(self._loops[robot_id].items()):
             if self._runtime.mission(mission_id).status == "stopping":

@@ -11,6 +11,9 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
+from simulator.walking.legs import FootMotion
+from simulator.walking.stance import UprightStance
+
 CONTROL_S = 0.02
 STANDING_POSE = np.array([0.0, 0.8, -1.5] * 4)
 LYING_POSE = np.array([0.0, 1.25, -2.6] * 4)
@@ -98,7 +101,7 @@ class Gait:
     """Chooses between standing and walking by command and measured speed; lying and limp are ordered."""
 
     def __init__(self, policy: WalkingPolicy) -> None:
-        self.policy, self._tracking = policy, VelocityTracking()
+        self.policy, self._tracking, self._stance = policy, VelocityTracking(), UprightStance()
         self._command = np.zeros(3)
         self._stopped_s = 0.0
         self._from, self._since_s, self._within_s = STANDING_POSE, 0.0, SETTLE_S
@@ -117,6 +120,7 @@ class Gait:
             self._within_s = SETTLE_S if self.mode == "walking" else RAISE_S
             self.mode = mode
             self._command, self._stopped_s = np.zeros(3), 0.0
+            self._stance.begin()
 
     def targets(self, command: Floats, sense: BodySense) -> Floats:
         """Joint angles for the next CONTROL_S; `gains` say how stiffly they are held."""
@@ -137,6 +141,9 @@ class Gait:
         pose = LYING_POSE if self.mode == "lying" else STANDING_POSE
         share = min(1.0, self._since_s / self._within_s)
         between: Floats = self._from + share * (pose - self._from)
+        if self.mode == "standing" and self.risen:
+            feet_m = FootMotion(sense.angles, sense.rates, sense.down).points_m
+            between = between + self._stance.angles(pose, sense.down, feet_m, within_s=CONTROL_S)
         return between
 
     def _walk(self, command: Floats, sense: BodySense, *, moving: bool) -> Floats:

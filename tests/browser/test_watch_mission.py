@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -47,11 +48,11 @@ class Console:
         assert found, line
         self.link = found.group()
         self.address = self.link.split("/account")[0]
-        self._folder = folder
+        self.folder = folder
 
     def fresh_link(self) -> str:
         """One more sign-in link, by the owner's token from the data folder."""
-        owner = json.loads((self._folder / "owner.lock").read_text(encoding="utf-8"))
+        owner = json.loads((self.folder / "owner.lock").read_text(encoding="utf-8"))
         headers = {"Authorization": f"Bearer {owner['token']}"}
         answer = httpx.post(f"{self.address}/api/v1/sign-in-links", headers=headers, timeout=TIMEOUT_S)
         return str(answer.raise_for_status().json()["url"])
@@ -112,6 +113,24 @@ def colours(picture: bytes) -> int:
     pixels = cv2.imdecode(np.frombuffer(picture, dtype=np.uint8), cv2.IMREAD_COLOR)
     assert pixels is not None
     return len(np.unique(pixels.reshape(-1, 3), axis=0))
+
+
+def niceness(pid: int) -> set[int]:
+    """Of every thread of a process; those that ended meanwhile are left out."""
+    found = set()
+    for thread in Path(f"/proc/{pid}/task").iterdir():
+        with suppress(ProcessLookupError):
+            found.add(os.getpriority(os.PRIO_PROCESS, int(thread.name)))
+    return found
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the threads of processes from /proc")
+def test_the_console_stands_before_what_runs_beside_it_where_the_system_allows_it(console: Console) -> None:
+    asked = subprocess.run(["nice", "-n", "-10", "nice"], capture_output=True, text=True, check=True)
+    assert niceness(console.process.pid) == {int(asked.stdout)}
+    (robot,) = console.folder.glob("robots/*/robot.json")
+    (of_robot,) = niceness(json.loads(robot.read_text())["pid"])
+    assert of_robot == max(0, os.getpriority(os.PRIO_PROCESS, 0))
 
 
 @pytest.mark.timeout(600)

@@ -1,13 +1,23 @@
 """The console's safety controls: a stop of one robot, what every page says of safety, freeing what is quarantined."""
 
+import time
+from dataclasses import replace
+from threading import Event
+from typing import Any
+
+import pytest
+
 from app.background.alerts import Alerts
 from app.i18n.reasons.rendering import sentence
 from harness.contracts.commands import AcquireLease, QuarantineLease
 from harness.contracts.control import CONTROL, RecordPosture
+from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.ids import InvocationId, MissionId, ResourceId, RobotId, lease_stream, leased
 from harness.contracts.reasons import UNEXPLAINED, because
 from harness.gate.commit import CommandEnvelope
+from simulator.robot import SimulatedProvider
 from tests.builders.fleets import ONE, Stand, fleet_stand
+from tests.builders.timeouts import TIMEOUT_S
 from tests.integration.test_console_robots import REASON, from_dock_m, run_together, started
 
 BASE = leased(RobotId(ONE), ResourceId("mobile_base"))
@@ -40,8 +50,11 @@ def test_one_press_stops_one_robot_without_a_reason_and_the_reason_joins_it_whil
         invocation = mission.invocation
         assert invocation is not None
         provider = next(iter(stand.harness.robots[RobotId(ONE)].providers()))
-        found = provider.find(invocation.intent.request_id)
-        assert found is not None and found.status in ("stopping", "cancelled"), "the robot was told at once"
+        until_s, found = time.monotonic() + TIMEOUT_S, provider.find(invocation.intent.request_id)
+        while found is not None and found.status not in ("stopping", "cancelled"):
+            assert time.monotonic() < until_s, "the robot was told at once, and nobody stepped its mission"
+            found = provider.find(invocation.intent.request_id)
+        assert found is not None
         assert "Why was it stopped?" in operator.get(f"/robots/{ONE}?stopped=yes").text
         assert operator.post(f"/robots/{ONE}/stop/reason", data=REASON).status_code == 303
         again = stand.harness.runtime.mission(mission_id).stop
@@ -83,3 +96,36 @@ def test_an_order_to_lie_down_is_measured_and_one_that_is_not_shown_is_a_critica
         found = [one for _, one in Alerts(stand.harness.runtime).all() if one.newest.kind == "safety_not_reached"]
         assert [one.priority for one in found] == ["critical"]
         assert "is not shown to be" in sentence(found[0].newest.title)
+
+
+def test_a_stop_is_answered_although_the_robot_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+    answering, asked = Event(), Event()
+
+    def hanging(provider: SimulatedProvider, handle: str) -> Any:
+        asked.set()
+        answering.wait(60.0)
+        raise ProviderUnreachable(because("robot_silent"))
+
+    with fleet_stand() as stand:
+        mission_id, operator = started(stand.harness, ONE), stand.operator()
+        run_together(stand.harness, mission_id, until=lambda: from_dock_m(stand) > 0.5)
+        monkeypatch.setattr(SimulatedProvider, "stop", hanging)
+        began_s = time.monotonic()
+        answer = operator.post(f"/api/v1/robots/{ONE}/stop", json={})
+        assert answer.json()["asked"] == [mission_id] and time.monotonic() - began_s < 30.0
+        assert asked.wait(10.0) and stand.harness.runtime.mission(mission_id).status == "stopping"
+        monkeypatch.undo()
+        answering.set()
+
+
+def test_a_mission_is_shown_although_no_robot_answers_for_its_journal() -> None:
+    def silent(mission_id: MissionId) -> Any:
+        raise ProviderUnreachable(because("robot_silent"))
+
+    with fleet_stand() as stand:
+        mission_id, operator = started(stand.harness, ONE), stand.operator()
+        stand.app.state.console = replace(stand.app.state.console, starts=silent)
+        told = operator.get(f"/api/v1/missions/{mission_id}")
+        assert (told.status_code, told.json()["physical_starts"]) == (200, None)
+        assert operator.get(f"/missions/{mission_id}/report").status_code == 200
+        assert operator.get(f"/missions/{mission_id}/report.json").json()["physical_starts"] is None

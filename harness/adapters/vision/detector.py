@@ -9,6 +9,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.adapters.process_priority import give_way
 from harness.adapters.vision.installation import WORKER, DetectorFiles
 from harness.adapters.vision.nanodet import ANSWER_BYTES, objects_of, prepared
 from harness.contracts.errors import ProviderFailed
@@ -86,6 +87,7 @@ class ObjectDetector:
             start_new_session=True,
         )
         self._children.append(child)
+        give_way(child.pid)
         for bound, value in BOUNDS.items():
             with suppress(ProcessLookupError):
                 resource.prlimit(child.pid, bound, (value, value))

@@ -3,9 +3,13 @@
 import subprocess
 import sys
 
+import fastapi.routing
+import pytest
 from typer.testing import CliRunner
 
+from app import main
 from app.cli.main import COMMANDS, GROUPS, app
+from tests.builders.consoles import console_stand
 
 HEAVY = ("apprise", "fpdf", "mujoco", "scipy.ndimage", "trimesh", "viser")
 
@@ -40,3 +44,16 @@ def test_every_word_of_the_help_says_what_it_is_for() -> None:
     summaries = {line.split()[0]: line.split()[1:] for line in lines if line.startswith("  ") and line[2] != " "}
     assert set(summaries) == {name for name in COMMANDS if " " not in name} | set(GROUPS)
     assert all(summaries.values())
+
+
+def test_a_stop_does_not_wait_until_the_handlers_of_its_router_are_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    reads: list[str] = []
+    real = fastapi.routing.get_dependant
+    monkeypatch.setattr(fastapi.routing, "get_dependant", lambda **given: reads.append(given["path"]) or real(**given))
+    main._routes.cache_clear()
+    with console_stand() as stand:
+        main.read_handlers(stand.app)
+        assert "/api/v1/robots/{robot_id}/stop" in reads
+        reads.clear()
+        assert stand.operator().post("/api/v1/robots/vbot-1/stop", json={}).status_code == 200
+    assert reads == []

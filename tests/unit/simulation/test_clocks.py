@@ -1,10 +1,11 @@
 """Two clocks: one follows a robot, one drives it."""
 
+import threading
 import time
 
 import pytest
 
-from harness.adapters.clock import LockstepClock, RobotClock
+from harness.adapters.clock import SHORTEST_S, LockstepClock, RobotClock
 from harness.contracts.errors import ProviderUnreachable
 from tests.unit.simulation.builders import bench
 
@@ -76,3 +77,23 @@ def test_while_the_robot_does_not_answer_time_goes_on_and_then_waits_for_the_rob
     time.sleep(0.6)
     assert robot.at_s < alone_s <= clock.now().mission_s
     assert clock.now().mission_s == clock.now().mission_s
+
+
+def test_whoever_asks_for_the_time_does_not_wait_for_a_robot_that_hangs() -> None:
+    answering = threading.Event()
+
+    def read() -> float:
+        if started:
+            answering.wait(30.0)
+        return 1000.0 + 5.0 * len(started)
+
+    started: list[bool] = []
+    clock = RobotClock(read, speed=40.0)
+    started.append(True)
+    time.sleep(SHORTEST_S)
+    began_s = time.monotonic()
+    assert [clock.now().mission_s for _ in range(20)] == [1000.0] * 20
+    assert time.monotonic() - began_s < 5.0
+    answering.set()
+    clock.wait_until(1005.0)
+    assert clock.now().mission_s == 1005.0

@@ -18,6 +18,7 @@ from simulator.solids import SiteModel, Tilt, standing
 from simulator.teleoperation import SimulatedTeleoperation
 from simulator.walking.go2_package import require_walking
 from simulator.walking.legs import FootMotion
+from simulator.walking.stance import longer_legs
 from tests.saying import raises_saying
 from tests.unit.simulation.builders import Bench, bench
 
@@ -76,6 +77,28 @@ def test_a_trunk_over_feet_that_stand_moves_against_them() -> None:
     assert still.trunk_velocity(np.zeros(3), np.zeros(4, dtype=np.bool_)) is None
     speed = still.trunk_velocity(turning, np.ones(4, dtype=np.bool_))
     assert speed == pytest.approx(np.zeros(3), abs=0.01)
+
+
+def test_a_longer_leg_reaches_down_and_neither_ahead_nor_aside() -> None:
+    metres = np.array([0.008, -0.008, 0.004, 0.0])
+    before = FootMotion(STANDING, np.zeros(12), DOWN).points_m
+    moved = FootMotion(STANDING + longer_legs(STANDING, metres), np.zeros(12), DOWN).points_m - before
+    assert moved[:, 2] == pytest.approx(-metres, abs=3e-4)
+    assert moved[:, :2] == pytest.approx(np.zeros((4, 2)), abs=6e-4)
+
+
+@on_legs
+@pytest.mark.parametrize("ticks", [33, 36])
+def test_its_trunk_is_upright_three_seconds_after_a_turn_was_broken_off(ticks: int) -> None:
+    """It stops in the middle of a step; a camera that looks down by two degrees more shows the floor elsewhere."""
+    body = robot_of(bench("walking")).world.body
+    for _ in range(ticks):
+        body.step(Velocity(w_radps=0.6))
+    for _ in range(60):
+        body.step(Velocity())
+    state = body.state
+    assert state.still
+    assert math.degrees(max(abs(state.pitch_rad), abs(state.roll_rad))) < 0.8
 
 
 @on_legs

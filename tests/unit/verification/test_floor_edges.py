@@ -17,7 +17,7 @@ from simulator.bodies import BodyState, KinematicBody, MujocoBody
 from simulator.camera import CAMERA, render
 from simulator.picture_cache import COARSE
 from simulator.site import storage_site
-from simulator.solids import SiteModel
+from simulator.solids import LEVEL, SiteModel, Tilt
 
 FRAMES = 8
 IMAGES = tuple(sha256(bytes([number])) for number in range(FRAMES))
@@ -33,8 +33,8 @@ def round_of(place: int, *, fine: bool = False) -> tuple[SweptPicture, ...]:
     return tuple(seen(site, (x, y, yaw), fine=fine) for yaw in yaws)
 
 
-def seen(site: SiteModel, pose: tuple[float, float, float], *, fine: bool) -> SweptPicture:
-    pixels = cv2.cvtColor(render(site, pose, COARSE), cv2.COLOR_RGB2GRAY)
+def seen(site: SiteModel, pose: tuple[float, float, float], *, fine: bool, tilt: Tilt = LEVEL) -> SweptPicture:
+    pixels = cv2.cvtColor(render(site, pose, COARSE, tilt=tilt), cv2.COLOR_RGB2GRAY)
     grey = cv2.resize(pixels, LOOK_PX, interpolation=cv2.INTER_AREA)
     x_m, y_m, yaw_rad = pose
     body = (MujocoBody if fine else KinematicBody)(site, BodyState(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
@@ -53,6 +53,18 @@ def test_an_honest_round_fits_its_own_headings_clearly_better_than_others(place:
     assert bearings.denied(IMAGES, found) is None
     assert bearings.sure(found.together), found.together
     assert all(bearings.likely(found.of(number)) for number in range(FRAMES))
+
+
+@pytest.mark.parametrize(("place", "pitch_deg", "roll_deg"), [(0, 0.8, 0.8), (0, -0.8, 0.8), (2, 0.8, -0.8)])
+def test_a_round_from_a_trunk_that_is_off_as_standing_legs_leave_it_fits_its_own_headings(
+    place: int, pitch_deg: float, roll_deg: float
+) -> None:
+    tilt = Tilt(roll_rad=math.radians(roll_deg), pitch_rad=math.radians(pitch_deg))
+    (x, y), site = PLACES[place], storage_site()
+    yaws = [math.tau * number / FRAMES for number in range(FRAMES)]
+    found = fits([seen(site, (x, y, yaw), fine=False, tilt=tilt) for yaw in yaws], CAMERA)
+    assert bearings.denied(IMAGES, found) is None
+    assert bearings.sure(found.together), found.together
 
 
 ORDERS: dict[str, Callable[[int], int]] = {

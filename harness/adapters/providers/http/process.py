@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
+from harness.adapters.process_priority import give_way
 from harness.adapters.providers.http.robot import HttpRobot
 from harness.contracts.errors import HarnessError, ProviderUnreachable
 from harness.contracts.reasons import because
@@ -82,6 +83,7 @@ class RobotProcess:
         with (folder / "robot.log").open("ab") as log:
             own = 0  # a process group of its own: Ctrl-C at the terminal is for the harness, which stops the robot
             self._child = subprocess.Popen(_command(settings), stdout=subprocess.PIPE, stderr=log, process_group=own)
+            give_way(self._child.pid)
         line = _first_line(self._child)
         try:
             return decode(line, Attachment)
