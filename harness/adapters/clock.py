@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.values import Moment
@@ -35,7 +35,6 @@ class RobotClock:
         self._read, self._speed = read, speed
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="robot clock")
         self._reading: Future[float] | None = None
-        self._waited = False
         self._every_s = max(SHORTEST_S, READ_EVERY_S / speed)
         self._lock = threading.Lock()
         self._latest_s = self._told_s = read()
@@ -60,18 +59,18 @@ class RobotClock:
             time.sleep(min(max(left_s / self._speed, SHORTEST_S), RETRY_S))
 
     def _ask(self) -> None:
+        wait_s = 0.0  # for a reading that somebody has waited for already
         if self._reading is None:
-            self._reading, self._waited = self._reader.submit(self._read), False
+            self._reading, wait_s = self._reader.submit(self._read), ANSWER_S
+        wait([self._reading], wait_s)
+        if not self._reading.done():
+            return
+        reading, self._reading = self._reading, None
         try:
-            told_s = self._reading.result(0.0 if self._waited else ANSWER_S)
+            told_s = reading.result()
         except ProviderFailed:
-            self._reading = None
             self._stand_in(RETRY_S)
             return
-        except TimeoutError:
-            self._waited = True
-            return
-        self._reading = None
         now_s = time.monotonic()
         if told_s > self._told_s:
             self._advanced_at_s = now_s

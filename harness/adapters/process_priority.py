@@ -4,15 +4,14 @@ import os
 from contextlib import suppress
 
 
-def ask_for(niceness: int) -> bool:
-    """Ask the system for this niceness, for this thread and all that it begins from now on; whether it was given.
+def ask_for(niceness: int) -> None:
+    """Ask the system for this niceness, for this thread and all that it begins from now on.
 
-    Less than before is given to root, with CAP_SYS_NICE, or within RLIMIT_NICE (`LimitNICE=` of a service).
+    Less than before is given to root, with CAP_SYS_NICE, or within RLIMIT_NICE (`LimitNICE=` of a service); a system
+    that refuses leaves it where it is.
     """
     with suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, niceness)
-        return True
-    return False
 
 
 def give_way(pid: int = 0, *, niceness: int = 0) -> None:

@@ -208,10 +208,13 @@ class Supervisor:
             halting.join(HALT_WAIT_S)
 
     def _halt_now(self, robot_id: RobotId) -> None:
-        self._returning[robot_id].halt()
-        for mission_id, loop in tuple(self._loops[robot_id].items()):
-            if self._runtime.mission(mission_id).status == "stopping":
-                loop.halt()
+        try:
+            self._returning[robot_id].halt()
+            for mission_id, loop in tuple(self._loops[robot_id].items()):
+                if self._runtime.mission(mission_id).status == "stopping":
+                    loop.halt()
+        except HarnessError as error:
+            LOG.warning("halt_failed robot=%s code=%s %s", robot_id, error.code, error)
 
     def finish_unanswered(self, robot_id: RobotId) -> None:
         """Carry out what is still due where a question expired and the harness stopped before the robot acted."""

@@ -97,3 +97,19 @@ def test_whoever_asks_for_the_time_does_not_wait_for_a_robot_that_hangs() -> Non
     answering.set()
     clock.wait_until(1005.0)
     assert clock.now().mission_s == 1005.0
+
+
+def test_a_reading_that_fails_in_an_unforeseen_way_is_asked_for_again() -> None:
+    told = iter([1000.0, OSError("a socket"), 1001.0])
+
+    def read() -> float:
+        one = next(told)
+        if isinstance(one, OSError):
+            raise one
+        return one
+
+    clock = RobotClock(read, speed=40.0)
+    time.sleep(SHORTEST_S)
+    with pytest.raises(OSError, match="a socket"):
+        clock.now()
+    clock.wait_until(1001.0)
