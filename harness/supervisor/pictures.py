@@ -1,9 +1,11 @@
 """Has the images of an execution decoded, and finds the earlier captures that they may be copies of. Decides nothing.
 
-What the bytes of every image were first recorded for stands in the log; memory's index of it survives a restart.
+What the bytes of every image were first recorded for stands in the log; memory's index of it survives a restart. A
+claim that a verdict refused says nothing about how a scene looks: of such captures only the bytes and the noise count.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from threading import Lock
 
 import msgspec
@@ -15,14 +17,15 @@ from numpy.typing import NDArray
 
 from harness.contracts.errors import HarnessError
 from harness.contracts.evidence import EvidenceReference
-from harness.contracts.ids import Digest
+from harness.contracts.ids import Digest, MissionId, PacketId
 from harness.contracts.measurements import EXAMINATION, EarlierCapture, PictureExamination, PictureLook
 from harness.contracts.memory import KnownCapture, MemoryQuery, MemoryRecord
+from harness.contracts.reasons import parts
 from harness.contracts.rules import CAPTURES
 from harness.contracts.values import decode, encode
 from harness.projections.mission import Mission
 from harness.supervisor.roles import RoleContexts
-from harness.verification.images import COPY, another_capture, content_of, copied
+from harness.verification.images import COPY, MISCLAIMED, another_capture, content_of, copied, one_noise
 
 MOST_CAPTURES = 2000
 """So many of the newest captures are compared by content; the bytes themselves are compared with all."""
@@ -75,10 +78,11 @@ class PictureExaminer:
             if first is not None and another_capture(image, first):
                 yield first
         contents, others = self._contents(captures)
+        misclaimed = cache(self._misclaimed)
         for image in images:
             look = looks[image.blob]
             if look.grey and others:
-                yield from self._copies(image, look, contents, others)
+                yield from self._copies(image, look, contents, others, misclaimed)
 
     def _contents(
         self, captures: Sequence[MemoryRecord]
@@ -99,6 +103,7 @@ class PictureExaminer:
         look: PictureLook,
         contents: NDArray[np.float32],
         others: Sequence[tuple[MemoryRecord, PictureLook]],
+        misclaimed: Callable[[MissionId, PacketId | None], bool],
     ) -> Iterator[EarlierCapture]:
         small = content_of(look).small
         alike = np.maximum(contents @ small.reshape(-1), contents @ small[:, ::-1].reshape(-1))
@@ -106,11 +111,22 @@ class PictureExaminer:
         for index in np.flatnonzero(alike >= COPY).tolist():
             record, other = others[index]
             earlier = capture_of(record, image.blob, other)
-            if earlier is not None and other.image != image.blob and copied(image, look, earlier, other):
-                yield earlier
-                found += 1
+            if earlier is None or other.image == image.blob or not copied(image, look, earlier, other):
+                continue
+            if not one_noise(look, other) and misclaimed(record.provenance.mission_id, record.provenance.packet_id):
+                continue
+            yield earlier
+            found += 1
             if found == MOST_COPIES:
                 return
+
+    def _misclaimed(self, mission_id: MissionId, packet_id: PacketId | None) -> bool:
+        """Whether a verdict on the packet says that its pictures are not what they were claimed to be."""
+        mission = self._runtime.mission(mission_id)
+        nodes = (*mission.nodes.values(), *(one.state for one in mission.history))
+        verdicts = [one for node in nodes for one in node.verdicts if one.packet_id == packet_id]
+        reasons = [reason for one in verdicts for reason in (one.reason, *(part.reason for part in one.results))]
+        return any(part.code in MISCLAIMED for reason in reasons for part in parts(reason))
 
     def _stored(self, examination: Digest) -> dict[Digest, PictureLook]:
         """The looks of an earlier execution; none where their bytes are gone."""

@@ -60,6 +60,11 @@ OWN_NOISE = 1.4
 """Two pictures of one scene differ by twice the energy of the noise (1.8 to 2.1 were seen), and a copy from what it was
 made of by less than once: where encoding it anew takes the noise away, by all of it."""
 CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
+MISCLAIMED = frozenset({
+    "image_of_another_capture", "image_of_another_heading", "image_of_earlier_capture", "image_copies_earlier",
+    "images_are_copies", "picture_of_another_heading", "pictures_of_other_headings",
+})  # fmt: skip
+"""The codes of refusals that say: a picture is not what its robot claimed it to be."""
 
 
 @dataclass(frozen=True)
@@ -177,8 +182,11 @@ def copied(frame: EvidenceReference, look: PictureLook, earlier: EarlierCapture,
         return False
     apart_rad = math.remainder(float(frame.values["yaw_rad"]) - earlier.yaw_rad, math.tau)
     upright = mine.alike(theirs)
-    if abs(apart_rad) >= APART_RAD or upright < COPY:
-        return True
+    return abs(apart_rad) >= APART_RAD or upright < COPY or one_noise(look, other)
+
+
+def one_noise(look: PictureLook, other: PictureLook) -> bool:
+    """Whether two pictures of one scene have the same noise, as they are or mirrored."""
     return same_noise(look, other) or same_noise(look, other, mirrored=True)
 
 
