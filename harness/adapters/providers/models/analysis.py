@@ -75,10 +75,10 @@ class OpenCvAnalysis(local.LocalProvider):
         if (failed := poses_disagree(parameters)) is not None:
             return failed
         report = analyse(
-            [
+            (
                 OrientedFrame(digest=image, heading_rad=headings[index], pixels=self._pixels(image))
                 for index, image in enumerate(parameters.images)
-            ],
+            ),
             camera=self._camera,
             position=parameters.position,
             passage=parameters.passage,

@@ -1,17 +1,20 @@
 """Finds what stands on the floor of a passage, from pictures taken at known poses. Opens no file, reads no clock."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import cv2
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.adapters.providers.models.faces import Face, Pixels, look, risen, upright_faces
 from harness.adapters.providers.models.projection import Floats, View
 from harness.contracts.ids import Digest
 from harness.contracts.observations import Camera
 from harness.contracts.values import Count, Point, Share, Value
+
+Flags = NDArray[np.bool_]
 
 METHOD = "upright-faces-3"
 
@@ -75,29 +78,35 @@ class _Sighting(msgspec.Struct, frozen=True):
     inside_m: Floats
 
 
-def analyse(frames: Sequence[OrientedFrame], *, camera: Camera, position: Point, passage: tuple[Point, ...]) -> Report:
-    """Look for upright things on the passage floor. The body stood at `position` (m, map frame) for all frames."""
-    views = [View(camera, position=position, heading_rad=frame.heading_rad) for frame in frames]
+def analyse(frames: Iterable[OrientedFrame], *, camera: Camera, position: Point, passage: tuple[Point, ...]) -> Report:
+    """Look for upright things on the passage floor. The body stood at `position` (m, map frame) for all frames.
+
+    Each frame is looked at once and then let go.
+    """
     ground = floor_samples(passage)
-    seen = np.array(
-        [_in_sight(frame.pixels, view, ground) for frame, view in zip(frames, views, strict=True)], dtype=np.bool_
-    )
-    sightings = [
-        sighting
-        for index, (frame, view) in enumerate(zip(frames, views, strict=True))
-        if seen[index].any()
-        for sighting in _sightings(index, frame.pixels, view=view, passage=passage)
-    ]
+    images: list[Digest] = []
+    views: list[View] = []
+    in_sight: list[Flags] = []
+    sightings: list[_Sighting] = []
+    for index, frame in enumerate(frames):
+        view = View(camera, position=position, heading_rad=frame.heading_rad)
+        shown = _in_sight(frame.pixels, view, ground)
+        if shown.any():
+            sightings += _sightings(index, frame.pixels, view=view, passage=passage)
+        images.append(frame.digest)
+        views.append(view)
+        in_sight.append(shown)
+    seen = np.array(in_sight, dtype=np.bool_)
     lens_m = views[int(seen.sum(axis=1).argmax())].centre[:2]
     found = sorted(
-        (_finding(group, frames, lens_m=lens_m, passage=passage) for group in _things(sightings)),
+        (_finding(group, images, lens_m=lens_m, passage=passage) for group in _things(sightings)),
         key=lambda finding: -finding.share_of_passage,
     )
     in_view = float(seen.any(axis=0).mean())
     visible = int(seen.any(axis=1).sum())
     return Report(
         method=METHOD,
-        frames=tuple(frame.digest for frame in frames),
+        frames=tuple(images),
         cited=tuple(dict.fromkeys(finding.frame for finding in found)),
         findings=tuple(found),
         blocked=bool(found),
@@ -113,7 +122,7 @@ def shows_passage(camera: Camera, *, position: Point, heading_rad: float, passag
     return bool(View(camera, position=position, heading_rad=heading_rad).shows(floor_samples(passage)).any())
 
 
-def _in_sight(pixels: Pixels, view: View, ground: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _in_sight(pixels: Pixels, view: View, ground: Floats) -> Flags:
     """Which floor points (N, 2) the frame shows, and nothing that stands before them hides.
 
     The floor ends at the horizon: a patch that also fills the picture above it is something upright, whatever its
@@ -142,9 +151,7 @@ def floor_samples(passage: tuple[Point, ...]) -> Floats:
     return grid[inside_passage(grid, passage, inset_m=0.0)]
 
 
-def inside_passage(
-    points: Floats, passage: tuple[Point, ...], *, inset_m: float
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def inside_passage(points: Floats, passage: tuple[Point, ...], *, inset_m: float) -> Flags:
     """Which floor points (N, 2) lie at least `inset_m` inside the passage."""
     ring = np.array(passage, dtype=np.float32)
     depths = [cv2.pointPolygonTest(ring, (float(x), float(y)), True) for x, y in points]
@@ -191,7 +198,7 @@ def _gap(one: _Sighting, other: _Sighting) -> float:
 
 
 def _finding(
-    group: list[_Sighting], frames: Sequence[OrientedFrame], *, lens_m: Floats, passage: tuple[Point, ...]
+    group: list[_Sighting], images: Sequence[Digest], *, lens_m: Floats, passage: tuple[Point, ...]
 ) -> FloorObject:
     areas: dict[int, int] = {}
     for sighting in group:
@@ -212,7 +219,7 @@ def _finding(
     across = np.array([-ahead[1], ahead[0]]) / max(float(np.hypot(*ahead)), 1e-6)
     width_m = float(np.ptp(contact @ across))
     return FloorObject(
-        frame=frames[best].digest,
+        frame=images[best],
         kind="obstruction",
         box_px=(left, top, right - left, bottom - top),
         floor_point_m=(round(float(contact[:, 0].mean()), 3), round(float(contact[:, 1].mean()), 3)),
