@@ -90,12 +90,12 @@ def analyse(frames: Iterable[OrientedFrame], *, camera: Camera, position: Point,
     sightings: list[_Sighting] = []
     for index, frame in enumerate(frames):
         view = View(camera, position=position, heading_rad=frame.heading_rad)
-        shown = _in_sight(frame.pixels, view, ground)
-        if shown.any():
+        floor = _in_sight(frame.pixels, view, ground)
+        if floor.any():
             sightings += _sightings(index, frame.pixels, view=view, passage=passage)
         images.append(frame.digest)
         views.append(view)
-        in_sight.append(shown)
+        in_sight.append(floor)
     seen = np.array(in_sight, dtype=np.bool_)
     lens_m = views[int(seen.sum(axis=1).argmax())].centre[:2]
     found = sorted(
