@@ -17,30 +17,36 @@ RETRY_S = 0.5
 REAL_TIME = 1.0
 STALLED_S = 10.0
 """A clock that shows the same instant for so long, wall seconds, counts like one that does not answer."""
+LEAST_PACE = 0.05
+"""So does one that goes on by less than this share of real time meanwhile: it would stretch each deadline at will."""
 ROUNDING_S = 1e-3
 FURTHEST_S = 60.0
-"""How far beyond the instant that was asked for a robot in lockstep may say that it ran, mission seconds."""
+"""How far beyond the instant that it can have reached a robot may say that it is, mission seconds."""
+BEHIND_S = 300.0
+"""How far behind mission time a robot may be and be waited for, mission and wall seconds."""
 
 
 class RobotClock:
     """Mission time as the robot last told it: never ahead of the robot, however slow it is, and never backwards.
 
     `read` returns the robot's mission time; `speed` is what it is meant to reach, and only says how often to ask.
-    While the robot does not answer, or its clock stands, time goes on from the last reading as fast as the machine's,
-    so that whatever waits for the robot ends; once it answers, time stands until the robot has come that far. A reading
-    that takes long is waited for in a thread: what is decided meanwhile, such as a stop, is decided at the last one.
+    While the robot does not answer, or its clock cannot be followed, time goes on as fast as the machine's, so that
+    whatever waits for the robot ends; once it can, time stands until the robot has come that far. A clock that stands,
+    creeps or falls far behind cannot be followed, nor one that leaps ahead until it has stayed there for STALLED_S. A
+    reading that takes long is waited for in a thread: what is decided meanwhile, such as a stop, is decided at the last
+    one.
     """
 
     def __init__(self, read: Callable[[], float], speed: float) -> None:
-        self._read, self._speed = read, speed
+        self._read, self._speed = read, max(speed, LEAST_PACE)
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="robot clock")
         self._reading: Future[float] | None = None
-        self._every_s = max(SHORTEST_S, READ_EVERY_S / speed)
+        self._every_s = max(SHORTEST_S, READ_EVERY_S / self._speed)
         self._lock = threading.Lock()
-        self._latest_s = self._told_s = read()
-        self._told_at_s = self._advanced_at_s = time.monotonic()
+        self._latest_s = self._told_s = self._shown_s = self._kept_s = read()
+        self._told_at_s = self._advanced_at_s = self._kept_at_s = self._possible_at_s = time.monotonic()
         self._due_s = self._told_at_s + self._every_s
-        self._silent = False
+        self._stands_in_from: tuple[float, float] | None = None
 
     def now(self) -> Moment:
         """Both clocks now."""
@@ -48,8 +54,10 @@ class RobotClock:
             if time.monotonic() >= self._due_s:
                 self._ask()
             reached_s = self._told_s
-            if self._silent:
-                reached_s += (time.monotonic() - self._told_at_s) * min(self._speed, REAL_TIME)
+            if self._stands_in_from is not None:
+                now_s, pace = time.monotonic(), min(self._speed, REAL_TIME)
+                from_s, at_s = self._stands_in_from
+                reached_s = max(self._told_s + (now_s - self._told_at_s) * pace, from_s + (now_s - at_s) * pace)
             self._latest_s = max(self._latest_s, reached_s)
             return Moment(mission_s=self._latest_s, wall_s=time.time())
 
@@ -72,18 +80,34 @@ class RobotClock:
             self._stand_in(RETRY_S)
             return
         now_s = time.monotonic()
-        if told_s > self._told_s:
-            self._advanced_at_s = now_s
-        elif now_s - self._advanced_at_s > STALLED_S:
+        if not self._can_follow(told_s, now_s):
             self._stand_in(self._every_s)
             return
-        self._silent = False
+        self._stands_in_from = None
         self._told_s, self._told_at_s, self._due_s = told_s, now_s, now_s + self._every_s
 
+    def _can_follow(self, told_s: float, now_s: float) -> bool:
+        """Whether mission time is what this reading says, taken at `now_s` of the machine's monotonic clock."""
+        if told_s > self._shown_s:
+            self._advanced_at_s = now_s
+        self._shown_s = told_s
+        if told_s <= self._told_s + (now_s - self._told_at_s) * max(self._speed, REAL_TIME) + FURTHEST_S:
+            self._possible_at_s = now_s
+        elif now_s - self._possible_at_s <= STALLED_S:
+            return False
+        if told_s < self._latest_s - BEHIND_S:
+            return False
+        if told_s >= self._kept_s + LEAST_PACE * STALLED_S:
+            self._kept_s, self._kept_at_s = told_s, now_s
+        patience_s = STALLED_S if told_s >= self._kept_s else BEHIND_S
+        return now_s - self._advanced_at_s <= STALLED_S and now_s - self._kept_at_s <= patience_s
+
     def _stand_in(self, again_s: float) -> None:
-        """The machine's clock stands in for the robot's until the robot says that its own goes on."""
-        self._silent = True
-        self._due_s = time.monotonic() + again_s
+        """The machine's clock stands in for the robot's until that one can be followed."""
+        now_s = time.monotonic()
+        if self._stands_in_from is None:
+            self._stands_in_from = (self._latest_s, now_s)
+        self._due_s = now_s + again_s
 
 
 class LockstepClock:

@@ -16,7 +16,7 @@ from harness.contracts import ids
 from harness.contracts.effects import AnyEffect
 from harness.contracts.observations import AnySample, Camera
 from harness.contracts.reasons import Explanation
-from harness.contracts.values import Count, Name, Point, Value
+from harness.contracts.values import Count, MissionTime, Name, Point, Value
 
 PROTOCOL = "1.1"
 """The version of the provider protocol that this release's providers speak; a card that names none speaks 1.0."""
@@ -151,7 +151,7 @@ class RobotStatus(Value):
     """
 
     robot_id: Name
-    at_s: float
+    at_s: MissionTime
     posture: BodyPosture
     armed: bool
     hardware_stop: bool

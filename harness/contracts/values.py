@@ -29,6 +29,9 @@ class Moment(Value):
     wall_s: float
 
 
+LATEST_TIME_S = 253_402_300_799.0
+"""The end of the year 9999: what is later has no date."""
+MissionTime = Annotated[float, msgspec.Meta(ge=0, le=LATEST_TIME_S)]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from harness.contracts import errors
 from harness.contracts.ids import MissionId, RequestId
 from harness.contracts.reasons import Explanation, Fact, Reason, plain
-from harness.contracts.values import Value
+from harness.contracts.values import MissionTime, NonNegative, Value
 
 ROBOT_REASONS: Mapping[str, frozenset[str]] = {
     "acknowledgement_lost": frozenset(),
@@ -111,8 +111,8 @@ class Attachment(Value):
 class ClockReading(Value):
     """The robot's mission time. `speed` 0 is lockstep; `monotonic_s` is the serving machine's monotonic clock."""
 
-    at_s: float
-    speed: float
+    at_s: MissionTime
+    speed: NonNegative
     monotonic_s: float
 
 
