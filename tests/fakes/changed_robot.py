@@ -40,6 +40,31 @@ def behind(seconds: float) -> Change:
     return lambda path, answer: shifted(answer)
 
 
+def creeping(pace: float) -> Change:
+    """Its clock goes on at this pace from its next reading on; the body and its samples go on as before."""
+    began: list[float] = []
+
+    def crept(path: str, answer: Any) -> Any:
+        if path != "/clock":
+            return answer
+        began.append(answer["at_s"])
+        return answer | {"at_s": began[0] + pace * (answer["at_s"] - began[0])}
+
+    return crept
+
+
+def leaping(seconds: float, *, readings: int) -> Change:
+    """So many readings of its clock are so far ahead."""
+    left = iter(range(readings))
+
+    def leapt(path: str, answer: Any) -> Any:
+        if path != "/clock" or next(left, None) is None:
+            return answer
+        return answer | {"at_s": answer["at_s"] + seconds}
+
+    return leapt
+
+
 class ChangedRobot:
     """`change` counts from the first start on, where `after_reads` further readings have passed. `starts_twice`: each
     start reaches the robot two times, as over a network that redelivers."""

@@ -17,7 +17,17 @@ from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
 from tests.builders.shops import Shop, free_port, regen, running
-from tests.fakes.changed_robot import Change, ChangedRobot, behind, between, gone, of_another_robot, unchanged
+from tests.fakes.changed_robot import (
+    Change,
+    ChangedRobot,
+    behind,
+    between,
+    creeping,
+    gone,
+    leaping,
+    of_another_robot,
+    unchanged,
+)
 
 
 @dataclass(frozen=True)
@@ -119,6 +129,27 @@ def test_a_robot_that_turns_bad_under_way_completes_nothing_and_the_next_mission
         assert newest(shop).status in ("failed", "cancelled")
         code, after, told = shop.go("go-to-place")
         assert (code, after["status"], after["goal_verdict"]) == (0, "succeeded", "satisfied"), told
+
+
+@pytest.mark.long
+def test_a_robot_whose_clock_creeps_holds_no_mission_and_the_next_one_runs(admitted: Admitted, tmp_path: Path) -> None:
+    """Its deadlines are in mission time: at a thousandth of real time they would take hours."""
+    with changed_shop(admitted, tmp_path, creeping(0.001), lockstep=False) as (shop, robot):
+        _, outcome, told = shop.go("go-to-place")
+        assert robot.struck and outcome["status"] in ("succeeded", "awaiting_human"), told
+        requests = [one.request_id for one in shop.starts()]
+        assert len(requests) == len(set(requests)), "a retry is a start of its own, and none began twice"
+        robot.begin(unchanged)
+        closed(shop)
+        code, after, told = shop.go("go-to-place")
+        assert (code, after["status"]) == (0, "succeeded"), told
+
+
+def test_a_single_reading_of_the_clock_a_year_ahead_ends_no_mission(admitted: Admitted, tmp_path: Path) -> None:
+    with changed_shop(admitted, tmp_path, leaping(3e7, readings=1), lockstep=False) as (shop, robot):
+        code, outcome, told = shop.go("go-to-place")
+        assert robot.struck == 1
+        assert (code, outcome["status"], outcome["goal_verdict"]) == (0, "succeeded", "satisfied"), told
 
 
 def test_a_blocked_base_at_a_site_without_zones_ends_with_a_question_and_not_with_a_traceback(
