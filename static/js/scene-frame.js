@@ -20,6 +20,15 @@ for (const button of document.querySelectorAll("[data-full-screen]")) {
   });
 }
 
+function openAnew({ currentTarget: frame }) {
+  frame.src = frame.src;
+}
+
+// A frame that is left while its document is read ends halfway, and viser's client finds no place to draw in.
 document.body.addEventListener("live:resync", () => {
-  for (const frame of document.querySelectorAll(".scene iframe")) frame.src = frame.src;
+  if (document.body.dataset.link === "opening") return;
+  for (const frame of document.querySelectorAll(".scene iframe")) {
+    if (frame.contentDocument?.readyState === "loading") frame.addEventListener("load", openAnew, { once: true });
+    else openAnew({ currentTarget: frame });
+  }
 });
