@@ -2,9 +2,11 @@
 
 import socket
 from collections.abc import Sequence
+from traceback import walk_tb
 
 import msgspec
 import ray
+from ray._private.node import Node
 
 from harness.contracts.reasons import because
 from harness.contracts.simulation import Simulator
@@ -14,6 +16,9 @@ from rsi_reviews.regression import executors
 from rsi_reviews.regression.errors import WorkersLost
 
 LOCAL = "local"
+STARTS = 3
+"""How often an own node is started: Ray gives one up whose agents take more than 15 s to start, as they do at first on
+a slow or busy machine, where their modules are not compiled yet (ray-project/ray#65983)."""
 KNOCK_S = 5.0
 HTTP2_HELLO = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes((0, 0, 0, 4, 0, 0, 0, 0, 0))
 """The client's preface and its empty SETTINGS frame (RFC 9113, section 3.4): a cluster's head node speaks gRPC."""
@@ -59,17 +64,21 @@ class RayCluster:
 
     def _join(self) -> None:
         own = self._address == LOCAL
-        try:
-            self._knock()
-            ray.init(
-                address=self._address,
-                num_cpus=self._cpus if own else None,
-                include_dashboard=False if own else None,
-                log_to_driver=False,
-                configure_logging=False,
-            )
-        except Exception as error:  # Ray raises a bare Exception for a node that does not come up
-            raise WorkersLost(because("cluster_unreachable", error=str(error)), where=self._address) from error
+        for left in reversed(range(STARTS if own else 1)):
+            try:
+                self._knock()
+                ray.init(
+                    address=self._address,
+                    num_cpus=self._cpus if own else None,
+                    include_dashboard=False if own else None,
+                    log_to_driver=False,
+                    configure_logging=False,
+                )
+                return
+            except Exception as error:  # Ray raises a bare Exception for a node that does not come up
+                _end_given_up(error)
+                if not left:
+                    raise WorkersLost(because("cluster_unreachable", error=str(error)), where=self._address) from error
 
     def _knock(self) -> None:
         """Checks that something at the port speaks gRPC: Ray waits minutes for a cluster that is not there."""
@@ -81,3 +90,11 @@ class RayCluster:
             frame = connection.recv(9, socket.MSG_WAITALL)
         if len(frame) < 9 or frame[3] != SETTINGS_FRAME:
             raise ConnectionError("what answers at this port is not a Ray cluster")
+
+
+def _end_given_up(error: Exception) -> None:
+    """End the processes of a node that Ray gave up: it leaves them running, and only the traceback knows the node."""
+    for frame, _ in walk_tb(error.__traceback__):
+        node = frame.f_locals.get("self")
+        if isinstance(node, Node):
+            node.kill_all_processes(check_alive=False, wait=True)

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from multiprocessing import active_children
 from pathlib import Path
+from threading import Lock
+from types import SimpleNamespace
 
 import pytest
 
@@ -84,6 +86,26 @@ def test_ray_gives_the_same_results(here: tuple[CaseResult, ...]) -> None:
 def test_a_cluster_that_is_not_there_is_a_sentence() -> None:
     with raises_saying(WorkersLost, match="Ray could not be reached"):
         measured(CASES[:1], (BASELINE,), executor=ray_cluster(address="127.0.0.1:1"))
+
+
+def test_a_node_that_ray_gives_up_is_ended_and_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = import_module("rsi_reviews.regression.ray_cluster")
+    agents: list[subprocess.Popen[bytes]] = []
+
+    def wait(self: object) -> None:
+        raise TimeoutError(f"{self} timed out during startup")
+
+    def init(**_: object) -> None:
+        agents.append(subprocess.Popen(["sleep", "600"]))
+        node = module.Node.__new__(module.Node)
+        process = SimpleNamespace(process=agents[-1], use_valgrind=False, use_valgrind_profiler=False)
+        node.all_processes, node.removal_lock = {"agent": [process]}, Lock()
+        wait(node)
+
+    monkeypatch.setattr(module.ray, "init", init)
+    with raises_saying(WorkersLost, match="Ray could not be reached"):
+        measured(CASES[:1], (BASELINE,), executor=ray_cluster())
+    assert [agent.returncode is not None for agent in agents] == [True] * module.STARTS
 
 
 def test_a_run_that_is_cut_short_goes_on_where_it_ended(tmp_path: Path, here: tuple[CaseResult, ...]) -> None:
