@@ -8,7 +8,6 @@ as if it had never been sent; one that is under way is waited for.
 import asyncio
 import re
 from collections.abc import Callable
-from contextlib import suppress
 
 from cachetools import LRUCache
 from msgspec.structs import replace
@@ -28,7 +27,7 @@ from harness.contracts.ids import sha256
 
 KEPT_S = 86400.0
 PATIENCE_S = 20.0
-"""How long the second sender of a key waits for the first request to end."""
+"""How long another sender of a key waits for those before it."""
 UNKEPT = 4096
 """Answers that are kept in memory because their store was held by another process."""
 KEY = re.compile("[!-~]{1,200}")
@@ -74,33 +73,41 @@ class Idempotency:
         )
         name = (caller, key)
         try:
+            async with asyncio.timeout(PATIENCE_S):
+                while (other := self._under_way.get(name)) is not None:
+                    await other.wait()
+        except TimeoutError:
+            await refused(scope, status=409, code="under_way", wait_s=STORE_AGAIN_S)(scope, receive, send)
+            return
+        over = self._under_way[name] = asyncio.Event()
+        try:
+            await self._alone(scope, _body_again(body, receive), send, claim)
+        finally:
+            del self._under_way[name]
+            over.set()
+
+    async def _alone(self, scope: Scope, receive: Receive, send: Send, claim: StoredAnswer) -> None:
+        """Answer while no other request with this key is under way."""
+        try:
             known = await self._known(claim)
         except StoreUnavailable:
             await refused(scope, status=503, code="store_unavailable", wait_s=STORE_AGAIN_S)(scope, receive, send)
             return
         if known is not None:
-            await _again(scope, claim, known, under_way=name in self._under_way)(scope, receive, send)
+            await _again(scope, claim, known)(scope, receive, send)
             return
-        done = self._under_way[name] = asyncio.Event()
         writes = RequestWrites()
         mark, answer = WRITES.set(writes), _RecordingSend(send)
         try:
-            await self._app(scope, _body_again(body, receive), answer)
+            await self._app(scope, receive, answer)
         finally:
             WRITES.reset(mark)
-            try:
-                await self._end(claim, answer, writes, secret=str(scope["path"]).startswith(SECRET_ANSWERS))
-            finally:
-                del self._under_way[name]
-                done.set()
+            await self._end(claim, answer, writes, secret=str(scope["path"]).startswith(SECRET_ANSWERS))
 
     async def _known(self, claim: StoredAnswer) -> StoredAnswer | None:
-        """What is known of the first request with this key, once that is over; None: this is the first, or it did
-        nothing. Raises StoreUnavailable."""
+        """What is known of the first request with this key; None: this is the first, or it did nothing. Raises
+        StoreUnavailable."""
         name = (claim.caller, claim.key)
-        if (first := self._under_way.get(name)) is not None:
-            with suppress(TimeoutError):
-                await asyncio.wait_for(first.wait(), PATIENCE_S)
         known = await run_in_threadpool(self._store.begin, claim, forget_before_s=self._clock() - KEPT_S)
         if known is None or known.status or known.request != claim.request or name not in self._unkept:
             return known
@@ -140,11 +147,9 @@ class _RecordingSend:
         await self._send(message)
 
 
-def _again(scope: Scope, now: StoredAnswer, known: StoredAnswer, *, under_way: bool) -> Response:
+def _again(scope: Scope, now: StoredAnswer, known: StoredAnswer) -> Response:
     if known.request != now.request:
         return refused(scope, status=409, code="key_reused")
-    if known.status == 0 and under_way:
-        return refused(scope, status=409, code="under_way", wait_s=STORE_AGAIN_S)
     if known.status == 0:
         return refused(scope, status=409, code="outcome_unknown")
     if not known.body:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Event
 
 import pytest
 from fastapi import FastAPI
@@ -22,6 +23,7 @@ from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.web.idempotency import Idempotency
 from harness.adapters.stores.accounts import SqlAccounts
+from harness.adapters.stores.accounts_rows import StoredAnswer
 from harness.bootstrap import edit_harness
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
@@ -29,6 +31,7 @@ from rsi_reviews.candidate_queries import selected
 from rsi_reviews.deciders import DECIDERS
 from tests.builders.accounts import quick_accounts
 from tests.builders.consoles import BASE, OWNER
+from tests.builders.timeouts import TIMEOUT_S
 
 PLACE = {"name": "Bay", "x_m": 1.0, "y_m": 1.0, "reason": "a new bay"}
 PATH = "/api/v1/places/bay_1"
@@ -175,6 +178,28 @@ def test_the_second_sender_of_a_key_waits_for_the_first_and_gets_its_answer() ->
     assert program.calls == 1
 
 
+def test_the_second_sender_waits_also_while_the_first_one_is_only_being_recorded() -> None:
+    class Slow(SqlAccounts):
+        def begin(self, claim: StoredAnswer, *, forget_before_s: float) -> StoredAnswer | None:
+            known = super().begin(claim, forget_before_s=forget_before_s)
+            if known is None:
+                assert recorded.wait(TIMEOUT_S)
+            return known
+
+    async def both() -> tuple[tuple[int, bytes], tuple[int, bytes]]:
+        first = asyncio.create_task(sent(app))
+        await asyncio.sleep(0.05)
+        second = asyncio.create_task(sent(app))
+        await asyncio.sleep(0.05)
+        recorded.set()
+        return await first, await second
+
+    recorded, program = Event(), Program()
+    app = Idempotency(program, store=Slow(), clock=lambda: 1000.0)
+    assert asyncio.run(both()) == ((200, b'{"call":1}'), (200, b'{"call":1}'))
+    assert program.calls == 1
+
+
 def test_an_answer_that_could_not_be_stored_is_given_again_from_memory(tmp_path: Path) -> None:
     program, store = Program(), SqlAccounts(tmp_path / "accounts.db")
     app = Idempotency(program, store=store, clock=lambda: 1000.0)
@@ -182,7 +207,8 @@ def test_an_answer_that_could_not_be_stored_is_given_again_from_memory(tmp_path:
     async def held_meanwhile() -> int:
         program.goes_on.clear()
         first = asyncio.create_task(sent(app))
-        await asyncio.sleep(0.3)
+        while not program.calls:
+            await asyncio.sleep(0.01)
         other = sqlite3.connect(tmp_path / "accounts.db", isolation_level=None)
         other.execute("BEGIN IMMEDIATE")
         program.goes_on.set()
