@@ -2,7 +2,7 @@
 
 import asyncio
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -152,6 +152,16 @@ async def sent(app: Idempotency, body: bytes = b"{}") -> tuple[int, bytes]:
     return int(str(told[0]["status"])), b"".join(bytes(one.get("body", b"")) for one in told[1:])  # type: ignore[arg-type]
 
 
+async def both(app: Idempotency, go_on: Callable[[], None]) -> tuple[tuple[int, bytes], tuple[int, bytes]]:
+    """Two requests under one key, and what holds the first lets go only after the second came."""
+    first = asyncio.create_task(sent(app))
+    await asyncio.sleep(0.05)
+    second = asyncio.create_task(sent(app))
+    await asyncio.sleep(0.05)
+    go_on()
+    return await first, await second
+
+
 def test_a_request_that_committed_before_it_found_the_log_held_is_not_done_again() -> None:
     program = Program()
     program.commits, program.busy, program.status = 1, True, 503
@@ -162,18 +172,10 @@ def test_a_request_that_committed_before_it_found_the_log_held_is_not_done_again
 
 
 def test_the_second_sender_of_a_key_waits_for_the_first_and_gets_its_answer() -> None:
-    async def both() -> tuple[tuple[int, bytes], tuple[int, bytes]]:
-        program.goes_on.clear()
-        first = asyncio.create_task(sent(app))
-        await asyncio.sleep(0.05)
-        second = asyncio.create_task(sent(app))
-        await asyncio.sleep(0.05)
-        program.goes_on.set()
-        return await first, await second
-
     program = Program()
+    program.goes_on.clear()
     app = Idempotency(program, store=SqlAccounts(), clock=lambda: 1000.0)
-    first, second = asyncio.run(both())
+    first, second = asyncio.run(both(app, program.goes_on.set))
     assert first == second == (200, b'{"call":1}')
     assert program.calls == 1
 
@@ -186,17 +188,9 @@ def test_the_second_sender_waits_also_while_the_first_one_is_only_being_recorded
                 assert recorded.wait(TIMEOUT_S)
             return known
 
-    async def both() -> tuple[tuple[int, bytes], tuple[int, bytes]]:
-        first = asyncio.create_task(sent(app))
-        await asyncio.sleep(0.05)
-        second = asyncio.create_task(sent(app))
-        await asyncio.sleep(0.05)
-        recorded.set()
-        return await first, await second
-
     recorded, program = Event(), Program()
     app = Idempotency(program, store=Slow(), clock=lambda: 1000.0)
-    assert asyncio.run(both()) == ((200, b'{"call":1}'), (200, b'{"call":1}'))
+    assert asyncio.run(both(app, recorded.set)) == ((200, b'{"call":1}'), (200, b'{"call":1}'))
     assert program.calls == 1
 
 
